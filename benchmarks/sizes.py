@@ -89,7 +89,7 @@ def walks():
             ctx.game.step()
         ctx.record.stop()
         with Path("walk.ggr").open("rb") as stream:
-            found = blocks.contents_of(blocks.BlockSource(stream), Decoder(MemoryBudget(1 << 26, "it"))).found
+            found = blocks.read_contents(blocks.BlockSource(stream), Decoder(MemoryBudget(1 << 26, "it"))).found
         size = sum(block.size for block in found if block.type == blocks.TURNS)
         yield f"a move in the recording of a random walk of {agents:,}", size / turns / agents, "bytes"
 

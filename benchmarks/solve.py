@@ -20,7 +20,7 @@ from scipy.optimize import linprog
 
 from gamms.scenario import Scenario
 from gamms.solve import double_oracle, openspiel, solve
-from gamms.solve.solution import rewards_of, setup_of
+from gamms.solve.solution import find_rewards, make_setup
 from gamms.solve.stages import ValueIteration
 from gamms.solve.table import explore
 
@@ -136,9 +136,11 @@ def large(sides):
         found, exact = solve(chased(side, turns)).value, by_brute_force(side, turns)
         print(f"{side} x {side}, {turns} turns: {found:.9f}, {abs(found - exact):.1e} from brute force", flush=True)
     for side in sides:
-        setup = setup_of(chased(side, 2 * side), ("cops", "robbers"), {}, turns=None, seed=None, max_states=2 * side**4)
+        setup = make_setup(
+            chased(side, 2 * side), ("cops", "robbers"), {}, turns=None, seed=None, max_states=2 * side**4
+        )
         table, exploring = timed(lambda one=setup: explore(one, by_winner=False))
-        rewards = rewards_of(table, "score", 1.0, "cops")
+        rewards = find_rewards(table, "score", 1.0, "cops")
         stages, solving = timed(lambda one=table, gains=rewards: ValueIteration(one, gains, 1e-9))
         sweeps = len(stages.values) - 1
         actions, memory = len(table.usual.after), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -107,13 +107,13 @@ def main():
         match_by_peer(chosen.match)
         return
     import gamms
-    from gamms.ir.graph import shortest_edges
+    from gamms.ir.graph import find_shortest_edges
 
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
         gamms.osm.helsinki(ctx, buildings=False)
         graph = ctx.graph
         columns = graph.columns()
-        lengths = shortest_edges(columns)
+        lengths = find_shortest_edges(columns)
         graph.match_track(columns.xy[:1])  # so that the index of edges is ready
         cases = {}
         for case, (every, noise_m, lasting_s) in CASES.items():

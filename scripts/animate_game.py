@@ -21,7 +21,7 @@ from gamms.visual.backends.svg import svg
 from gamms.visual.camera import Camera
 from gamms.visual.captions import CaptionBar, Captions
 from gamms.visual.labels import Labels
-from gamms.visual.page import Page, style_of
+from gamms.visual.page import Page, make_style
 
 TITLE = "Capture the flag in central Helsinki: blue_1 takes the red flag and brings it home"
 FOLLOWED = "blue_1"
@@ -72,7 +72,7 @@ def frames_of_turn(ctx: Context, bar: CaptionBar, labels: Labels) -> Iterator[Fr
     if visual.viewpoint.followed is None:
         visual.follow(FOLLOWED, VIEW_M)
     visual.drawing.motion.begin_turn()
-    style = style_of(ctx, captions=True, legend=False, street_names=False)
+    style = make_style(ctx, captions=True, legend=False, street_names=False)
     artists = {name: one for name, one in artists_of(ctx).items() if one.get_layer() > GROUND_LAYER}
     page = Page(WIDTH, HEIGHT, (), style)
     for step in range(1, FRAMES_PER_TURN + 1):

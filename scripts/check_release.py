@@ -78,7 +78,7 @@ PROBES = {  # what an extra is for; without it, each raises MissingExtra
     "try: gamms.osm.graph_from_xml('a.osm')\nexcept gamms.errors.BadFile: pass",
     "osm-online": "import gamms\ntry: gamms.osm.graph_from_place('Nowhere')\nexcept gamms.errors.NetworkError: pass",
     "llm": "import gamms; gamms.llm.Strategy('http://localhost:1/v1', 'm', 'Go.')",
-    "accel": "import gamms; gamms.experiment.statistics.mean_interval([1.0, 2.0, 4.0])",
+    "accel": "import gamms; gamms.experiment.statistics.estimate_mean([1.0, 2.0, 4.0])",
     "frames": _CONTEXT + "ctx.graph.frames.to_polars(); ctx.graph.frames.to_igraph()",
     "plot": _HUNT + "gamms.experiment.run(hunt, range(2), {'max_turns': [1, 2]}).plot()",
     "parquet": _HUNT + "import os; gamms.experiment.run(hunt, range(2), out='rows')\n"
@@ -94,7 +94,7 @@ PROBES = {  # what an extra is for; without it, each raises MissingExtra
     "with hunt.batch(2) as games: torch.from_dlpack(games.observe('pursuers').vector().values)",
     "torchrl": _HUNT + "gamms.rl.torchrl_env(hunt, num_games=2).rollout(2)",
     "train": _HUNT + "gamms.rl.sb3_env(hunt, num_games=2, team='pursuers').reset()",
-    "onnx": "import gamms\ntry: gamms.rl.networks.onnx_logits(b'', 'a.onnx')\nexcept gamms.errors.BadFile: pass",
+    "onnx": "import gamms\ntry: gamms.rl.networks.load_onnx_logits(b'', 'a.onnx')\nexcept gamms.errors.BadFile: pass",
     "web": _HUNT + "with gamms.web.serve(hunt) as live: live.wait()",
 }
 

@@ -25,21 +25,21 @@ import networkx as nx
 import numpy as np
 
 import gamms
-from gamms.ir.geometry import line_strings
+from gamms.ir.geometry import make_line_strings
 from gamms.osm.geojson import read_lines
-from gamms.osm.modes import rule_of
+from gamms.osm.modes import make_rule
 from gamms.osm.network import (
     RoadNetwork,
-    both_ways,
-    chosen_roads,
-    largest_part,
-    network_of_columns,
-    network_of_segments,
-    segments_of,
+    cut_segments,
+    find_largest_part,
+    make_network_of_columns,
+    make_network_of_segments,
+    make_two_way,
+    select_roads,
 )
 from gamms.osm.osmium_reader import MapFile
 from gamms.osm.reader import read_ways
-from gamms.osm.topology import degrees, simplify
+from gamms.osm.topology import count_road_ends, simplify
 
 OUT = Path(__file__).parents[1] / "src" / "gamms" / "data" / "districts"
 WALK = gamms.osm.modes()["walk"]
@@ -97,7 +97,7 @@ def read_city(city: City, archives: Path) -> RoadNetwork:
     if not city.archive:
         with gamms.create_context() as ctx:
             ctx.graph.load(OUT.parent / "helsinki.gamms")
-            return joined(network_of_columns(ctx.graph.columns()))
+            return joined(make_network_of_columns(ctx.graph.columns()))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / Path(city.member).name
         with tarfile.open(archives / city.archive) as archive:
@@ -106,17 +106,17 @@ def read_city(city: City, archives: Path) -> RoadNetwork:
             ways = read_lines(file, lambda _: None)
             is_open = np.array([WALK({key: str(value) for key, value in of.items()}) is not None for of in ways.tags])
         else:
-            ways = read_ways(MapFile(file), lambda _: None, rule_of(WALK))
+            ways = read_ways(MapFile(file), lambda _: None, make_rule(WALK))
             is_open = np.ones(len(ways.tags), np.bool_)
-    segments = segments_of(ways)
+    segments = cut_segments(ways)
     kept = is_open[segments.ways]
     ends = {"sources": segments.sources[kept], "targets": segments.targets[kept], "ways": segments.ways[kept]}
-    return joined(network_of_segments(largest_part(replace(segments, **ends)), ways.tags))
+    return joined(make_network_of_segments(find_largest_part(replace(segments, **ends)), ways.tags))
 
 
 def joined(network: RoadNetwork) -> RoadNetwork:
     """Return a network from junction to junction: two-way, without tags, loops and second roads between two of them."""
-    roads = replace(both_ways(network), tags=[{}], ways=np.zeros(len(network.sources), np.int64), back_ways=None)
+    roads = replace(make_two_way(network), tags=[{}], ways=np.zeros(len(network.sources), np.int64), back_ways=None)
     while True:
         roads = simplify(roads)
         ends = np.sort(np.column_stack((roads.sources, roads.targets)), axis=1)
@@ -125,7 +125,7 @@ def joined(network: RoadNetwork) -> RoadNetwork:
         kept = np.sort(order[is_first & (ends[order, 0] != ends[order, 1])])
         if len(kept) == len(roads.sources):
             return roads
-        roads = chosen_roads(roads, kept)
+        roads = select_roads(roads, kept)
 
 
 def graph_of(network: RoadNetwork) -> "nx.Graph[int]":
@@ -149,8 +149,8 @@ def draw_district(name: str, city: RoadNetwork, graph: "nx.Graph[int]", used: se
         roads = np.flatnonzero(inside[city.sources] & inside[city.targets])
         if len(roads) - len(junctions) < (LEAST_ROADS - 1) * FEWEST:  # joining roads adds no rings
             continue
-        district = joined(chosen_roads(city, roads))
-        is_sized = FEWEST <= len(district.xy) <= MOST and degrees(district).max() <= MOST_ROADS
+        district = joined(select_roads(city, roads))
+        is_sized = FEWEST <= len(district.xy) <= MOST and count_road_ends(district).max() <= MOST_ROADS
         has_rings = len(district.sources) >= LEAST_ROADS * len(district.xy)
         if is_sized and has_rings:
             return numbered(district), junctions
@@ -190,7 +190,7 @@ def save(network: RoadNetwork, out: Path) -> None:
     """Save a district in the format of `ctx.graph.save`, with an edge in each direction of each road."""
     graph: nx.DiGraph[int] = nx.DiGraph(attribution=network.attribution, crs=network.crs)
     graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy.tolist()))
-    lines = line_strings(network.points, np.repeat(np.arange(len(network.sources)), np.diff(network.offsets)))
+    lines = make_line_strings(network.points, np.repeat(np.arange(len(network.sources)), np.diff(network.offsets)))
     ends = zip(network.sources.tolist(), network.targets.tolist(), lines, network.lengths.tolist(), strict=True)
     for road, (u, v, line, length) in enumerate(ends):
         graph.add_edge(u, v, id=2 * road, linestring=line, length=length)

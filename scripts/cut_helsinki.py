@@ -20,26 +20,26 @@ import numpy as np
 import shapely
 
 import gamms
-from gamms.ir.geometry import line_strings
+from gamms.ir.geometry import make_line_strings
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
-from gamms.osm.footprints import WallRules, footprints_of
-from gamms.osm.load import for_mode, part_of, read_network, recipe_of, selection_of
-from gamms.osm.modes import as_travel, tolerance_of
+from gamms.osm.footprints import WallRules, make_footprints
+from gamms.osm.load import adapt_recipe, make_recipe, make_selection, part_of, read_network
+from gamms.osm.modes import as_travel, find_tolerance
 from gamms.osm.network import (
     BACKWARD_TAGS,
     OsmRoads,
     RoadNetwork,
     RoadSegments,
-    largest_part,
-    network_of_segments,
-    segments_of,
-    ways_back,
+    cut_segments,
+    find_largest_part,
+    find_ways_back,
+    make_network_of_segments,
 )
 from gamms.osm.osmium_reader import MapFile
 from gamms.osm.reader import read_footprints, read_ways
 from gamms.osm.topology import consolidate, simplify
-from gamms.osm.walls import SimplifyTolerance, WallFaces, faces_of
+from gamms.osm.walls import SimplifyTolerance, WallFaces, make_faces
 
 WEST, SOUTH, EAST, NORTH = (
     24.9350,
@@ -86,16 +86,18 @@ def shipped_extract() -> Path:
 def cut(pbf: Path) -> RoadNetwork:
     """The simplified network of the largest connected part inside the box."""
     ways = inside_box(read_ways(MapFile(pbf), lambda _: None))
-    roads = outdoors(segments_of(ways), ways)
-    return rounded(simplify(network_of_segments(largest_part(roads), ways.tags)))
+    roads = outdoors(cut_segments(ways), ways)
+    return rounded(simplify(make_network_of_segments(find_largest_part(roads), ways.tags)))
 
 
 def save_modes(pbf: Path, out: Path) -> None:
     """Save the streets for several modes of travel in the box, uncut, with merged junctions."""
     travel = as_travel(["walk", "bike", "drive"])
-    recipe = for_mode(recipe_of(1.0, tolerance_of(travel), None, retain_all=False, simplify=True), travel, None, None)
+    recipe = adapt_recipe(
+        make_recipe(1.0, find_tolerance(travel), None, retain_all=False, simplify=True), travel, None, None
+    )
     selection = part_of(
-        selection_of(recipe._replace(around_buildings=True), travel),
+        make_selection(recipe._replace(around_buildings=True), travel),
         lambda tags: tags.get("highway") not in NOT_OUTDOORS,
         (WEST, SOUTH, EAST, NORTH),
     )
@@ -110,13 +112,13 @@ def save_modes(pbf: Path, out: Path) -> None:
 def walls(pbf: Path, crs: str) -> WallFaces:
     """The walls of all buildings with their centre in the box, rounded like the roads."""
     outlines = read_footprints(MapFile(pbf), WallRules({"building": True}, wall_estimates()))
-    shapes = footprints_of(outlines)
+    shapes = make_footprints(outlines)
     centers = shapely.get_coordinates(shapely.point_on_surface(shapely.make_valid(shapes)))
     west_south, east_north = (WEST, SOUTH), (EAST, NORTH)
     is_there = ~shapely.is_empty(shapes)
     is_there[is_there] = ((centers >= west_south) & (centers <= east_north)).all(axis=1)
     chosen = [wall for wall, is_in in zip(outlines.about, is_there.tolist(), strict=True) if is_in]
-    faces = faces_of(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), SimplifyTolerance())
+    faces = make_faces(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), SimplifyTolerance())
     return replace(faces, corners=np.round(faces.corners * GRID) / GRID)
 
 
@@ -153,12 +155,12 @@ def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     """One edge per road, with its tags and `oneway`; for saving a map that is to be cut later."""
     graph: nx.MultiDiGraph[int] = nx.MultiDiGraph(attribution=network.attribution, crs=network.crs)
     graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy.tolist()))
-    lines = line_strings(network.points, np.repeat(np.arange(len(network.sources)), np.diff(network.offsets)))
+    lines = make_line_strings(network.points, np.repeat(np.arange(len(network.sources)), np.diff(network.offsets)))
     ends = zip(network.sources.tolist(), network.targets.tolist(), strict=True)
     for road, (u, v) in enumerate(ends):
         tags = {**network.tags[network.ways[road]], "oneway": not network.two_way[road]}
         if network.modes and network.two_way[road]:
-            back = network.tags[ways_back(network)[road]]
+            back = network.tags[find_ways_back(network)[road]]
             differing = {name: back.get(name) for name in {**tags, **back} if name != "oneway"}
             differing = {name: value for name, value in differing.items() if value != tags.get(name)}
             tags.update({BACKWARD_TAGS: differing} if differing else {})

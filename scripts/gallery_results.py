@@ -9,8 +9,8 @@ import sys
 from typing import Any
 
 from gamms import scenario
-from gamms.cli.gallery import records
-from gamms.experiment.statistics import mean_interval, rate_interval
+from gamms.cli.gallery import list_statistics
+from gamms.experiment.statistics import estimate_mean, estimate_rate
 
 GAMES = 100
 
@@ -22,7 +22,7 @@ def main(names: list[str]) -> None:
     for name in names or scenario.gallery():
         results[name] = measured(name)
         file.write_text(json.dumps(dict(sorted(results.items())), indent=1) + "\n", encoding="utf-8")
-        print(f"{name}: {records()[name]}")
+        print(f"{name}: {list_statistics()[name]}")
 
 
 def measured(name: str, games: int = GAMES) -> dict[str, Any]:
@@ -41,10 +41,10 @@ def measured(name: str, games: int = GAMES) -> dict[str, Any]:
     found: dict[str, Any] = {"games": games, "wins": {}, "turns": turns}
     if any(winners):
         teams = [*game.spec.teams, ""]
-        rates = {team: rate_interval(winners.count(team), games) for team in teams if team in winners}
+        rates = {team: estimate_rate(winners.count(team), games) for team in teams if team in winners}
         found["wins"] = {team: [winners.count(team), *_ends(rate)] for team, rate in rates.items()}
     else:
-        means = {key: mean_interval([result.scores[key] for result in results]) for key in results[0].scores}
+        means = {key: estimate_mean([result.scores[key] for result in results]) for key in results[0].scores}
         found["scores"] = {key: [round(mean.value, 3), *_ends(mean)] for key, mean in means.items()}
     return found
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from gamms import suite
 from gamms.scenario import Scenario
-from gamms.suite.protocol import task_file, with_digest
+from gamms.suite.protocol import add_digest, find_task_file
 
 STRATEGIES = "gamms.strategies:"
 EXIT = 0  # the first of the exits of each district
@@ -26,7 +26,7 @@ def main() -> None:
     """Write the file of the tasks."""
     made = [make_task(kind, city) for city in suite.CITIES["test"] for kind in TURNS]
     text = json.dumps([task._asdict() for task in made], indent=1, sort_keys=True)
-    task_file(2).write_text(f"{text}\n", encoding="utf-8")
+    find_task_file(2).write_text(f"{text}\n", encoding="utf-8")
     print(*(task.name for task in made), sep="\n")
 
 
@@ -70,7 +70,7 @@ def make_task(kind: str, city: str) -> suite.Task:
         maps,
         baselines,
     )
-    return with_digest(task)
+    return add_digest(task)
 
 
 def named(function: str, given: dict[str, Any] | None = None) -> Any:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import pages
 import syntax
 
-from gamms.arguments import with_attributes
+from gamms.arguments import add_attributes
 
 SRC = Path(__file__).parent.parent / "src"
 
@@ -195,7 +195,7 @@ def docstring_of(found: Found) -> str:
 
 
 def _docstring_of_function(found: Found) -> str:
-    """Return the docstring that a function has at run time, where `as_declared` and `with_options` complete it."""
+    """Return the docstring that a function has at run time, where `as_declared` and `spell_out_options` complete it."""
     text, keywords = ast.get_docstring(found.node) or "", found.node.args.kwarg
     for mark in (one for one in found.node.decorator_list if isinstance(one, ast.Call)):
         match ast.unparse(mark.func):
@@ -204,9 +204,9 @@ def _docstring_of_function(found: Found) -> str:
                 contract = find(found.module, method.value.id)
                 declared = next(one for one in contract.node.body if _name_of(one) == method.attr)
                 return _docstring_of_function(Found(contract.module, declared))
-            case "with_options" if isinstance(keywords.annotation, ast.Subscript):
+            case "spell_out_options" if isinstance(keywords.annotation, ast.Subscript):
                 options = find(found.module, ast.unparse(keywords.annotation.slice))
-                text = with_attributes(text, keywords.arg, _docstrings_of(options))
+                text = add_attributes(text, keywords.arg, _docstrings_of(options))
     return text
 
 

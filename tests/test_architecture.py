@@ -88,7 +88,7 @@ def packages_imported_by(nodes):
         yield from (name.split(".")[1] for name in names if name.startswith("gamms."))
 
 
-def test_a_file_says_what_it_is_for():
+def test_a_file_states_its_purpose():
     for path in MODULES:
         docstring = ast.get_docstring(tree_of(path))
         assert docstring, f"{shown(path)} has no module docstring"
@@ -110,7 +110,7 @@ def test_a_name_says_what_is_inside():
     assert vague == [], "use a word of the domain"
 
 
-def test_a_package_says_what_it_may_import():
+def test_a_package_states_its_allowed_imports():
     for path in PACKAGES:
         is_empty = len(path.read_text().splitlines()) == 1
         docstring = ast.get_docstring(tree_of(path)) or ""
@@ -135,7 +135,7 @@ def test_the_package_root_lists_exactly_what_is_public():
 
 
 @pytest.mark.parametrize("path", [path for path in PACKAGES if path.parent != SRC], ids=shown)
-def test_a_package_lists_what_it_offers(path):
+def test_a_package_lists_its_public_names(path):
     module = __import__(".".join(("gamms", *path.parent.relative_to(SRC).parts)), fromlist=["x"])
     offered = getattr(module, "__all__", [])
     assert len(set(offered)) == len(offered)
@@ -195,7 +195,7 @@ print([m for m in {HEAVY} if m in sys.modules])
     assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).strip() == "[]"
 
 
-def test_a_command_loads_what_it_needs_when_it_runs():
+def test_a_command_loads_its_libraries_when_it_runs():
     """All commands are listed without NumPy and without what plays games, as for `gamms --version` and `--help`."""
     code = "import sys, gamms.cli.commands; print(*sys.modules)"
     loaded = subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).split()
@@ -345,7 +345,7 @@ PLAYS = {
     },
     "calls a rule": {
         "game/settings.py apply",
-        "game/settings.py _player_of",  # makes what `apply` calls
+        "game/settings.py _make_player",  # makes what `apply` calls
         "game/cursor/cursor.py call",  # of batches
     },
 }
@@ -435,7 +435,7 @@ def test_what_handles_all_columns_of_a_batch_names_none():
     named = {
         (method.name, node.attr)
         for method in of_games.body
-        if isinstance(method, ast.FunctionDef) and method.name in ("reset", "checkpoint", "_remembered")
+        if isinstance(method, ast.FunctionDef) and method.name in ("reset", "checkpoint", "_get_remembered_columns")
         for node in ast.walk(method)
         if isinstance(node, ast.Attribute) and node.attr in columns and ast.unparse(node.value) == "self"
     }

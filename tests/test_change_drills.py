@@ -347,7 +347,7 @@ print(live == replayed, live.count("#010203"))
 CURFEW = '''
 
 
-@shown_as_called
+@show_as_call
 def curfew(turns: int) -> Rule:
     """Make a rule that ends the game after a number of turns, won by nobody."""
 
@@ -399,7 +399,7 @@ def shortest_name() -> Resolver:
 
 
 def test_a_resolver_of_conflicts_is_one_function_which_the_core_plays(tmp_path):
-    before = "\n\ndef _by_key("
+    before = "\n\ndef _resolve_by_key("
     source = changed(
         tmp_path,
         ("rules/conflicts.py", before, RESOLVER + before),
@@ -426,7 +426,7 @@ print(gamms.scenario.Scenario(**little, conflicts={{"resolve": "shortest_name"}}
 WIND = """
     wind: float = game_field(
         float,
-        _same,
+        _return_value,
         captured=to_plain,
         restored=float,
         axis="game",

@@ -15,7 +15,7 @@ from gamms import experiment, folders, limits, recorder, scenario, tournament, w
 from gamms.errors import BadFile, GammsError, TooLarge
 from gamms.game import Result
 from gamms.scenario import Scenario
-from gamms.tournament.entries import found_entries
+from gamms.tournament.entries import find_entries
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes, links and devices of POSIX")
 
@@ -84,7 +84,7 @@ def make_entries(folder):
 
 def read_entries(folder):
     given = {name: f"{folder / name / 'play.py'}:play" for name in ("one", "two")}
-    found_entries(given, folder, folder / "out", [])
+    find_entries(given, folder, folder / "out", [])
 
 
 KINDS = {
@@ -187,7 +187,7 @@ def folder(path, _):
     ("kind", "name"),
     [*FILES, *((kind, "lock") for kind in ("experiment", "study", "tournament")), ("entries", "one/weights")],
 )
-def test_what_is_no_file_is_refused_at_once_and_never_written_through(made, tmp_path, kind, name, put):
+def test_a_path_that_is_not_a_file_is_refused_at_once_and_never_written(made, tmp_path, kind, name, put):
     elsewhere = tmp_path / "mine"
     elsewhere.write_text("mine")
     shutil.copytree(made / kind, tmp_path / kind)
@@ -246,15 +246,15 @@ def test_a_file_of_lines_takes_no_more_memory_than_is_allowed(tmp_path, line):
     file = tmp_path / "journal.jsonl"
     file.write_text(f"{line}\n" * (300_000 // len(line)))
     with limits.allowing("200k"), pytest.raises(TooLarge, match="--max-memory 8G"):
-        folders.lines_in(file, "a row")
+        folders.read_json_lines(file, "a row")
     tracemalloc.start()
     try:
-        folders.lines_in(file, "a row")
+        folders.read_json_lines(file, "a row")
         taken = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     with limits.allowing(taken // 2), pytest.raises(TooLarge):
-        folders.lines_in(file, "a row")
+        folders.read_json_lines(file, "a row")
 
 
 # -- one value in the place of another -------------------------------------------------------------------------------
@@ -303,7 +303,7 @@ def test_another_value_in_the_row_of_a_tournament_is_used_or_refused(made, choos
     place = made / "row.jsonl"
     place.write_text(f"{text}\n")
     try:
-        rows = folders.lines_in(place, "a row", tournament.games.Row)
+        rows = folders.read_json_lines(place, "a row", tournament.games.Row)
     except BadFile:
         return
     json.dumps(rows).encode()
@@ -314,14 +314,14 @@ def test_another_value_in_the_row_of_a_tournament_is_used_or_refused(made, choos
 
 def test_writers_of_one_file_at_a_time_do_not_disturb_each_other(tmp_path):
     file = tmp_path / "table.csv"
-    with folders.whole_file(file) as first:
+    with folders.open_whole_file(file) as first:
         first.write_text("first")
-        with folders.whole_file(file) as second:
+        with folders.open_whole_file(file) as second:
             assert second != first
             second.write_text("second")
         assert file.read_text() == "second"
         assert first.read_text() == "first"
-        with folders.whole_file(file) as third:
+        with folders.open_whole_file(file) as third:
             third.write_text("third")
     assert file.read_text() == "first"
     assert [*tmp_path.iterdir()] == [file]
@@ -332,7 +332,7 @@ def test_the_rest_of_a_killed_writer_is_replaced_with_its_permissions(tmp_path):
     rest = tmp_path / ".table.csv.part"
     rest.write_text("a very long rest")
     rest.chmod(0o600)
-    with folders.whole_file(file) as beside:
+    with folders.open_whole_file(file) as beside:
         assert beside == rest
         assert beside.read_text() == ""
         beside.write_text("new")
@@ -352,7 +352,7 @@ def test_something_else_in_the_place_of_an_unfinished_file_is_left_alone(tmp_pat
         rest.mkdir()
     else:
         os.mkfifo(rest)
-    with folders.whole_file(file) as beside:
+    with folders.open_whole_file(file) as beside:
         beside.write_text("new")
     assert file.read_text() == "new"
     assert not (tmp_path / "elsewhere").exists()
@@ -362,12 +362,12 @@ def test_something_else_in_the_place_of_an_unfinished_file_is_left_alone(tmp_pat
 def test_after_an_error_a_file_is_unchanged_and_nothing_is_beside_it(tmp_path):
     file = tmp_path / "table.csv"
     file.write_text("old")
-    with pytest.raises(RuntimeError), folders.whole_file(file) as beside:
+    with pytest.raises(RuntimeError), folders.open_whole_file(file) as beside:
         beside.write_text("new")
         raise RuntimeError
     with (
         pytest.raises(FileNotFoundError, match=r"no folder '.*none' to write 'x\.csv' into"),
-        folders.whole_file(tmp_path / "none" / "x.csv") as beside,
+        folders.open_whole_file(tmp_path / "none" / "x.csv") as beside,
     ):
         beside.write_text("new")
     assert file.read_text() == "old"

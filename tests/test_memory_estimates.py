@@ -26,7 +26,7 @@ from gamms.errors import TooLarge
 from gamms.graph.networkx_bridge import Grid
 from gamms.graph.tracks import read_gpx
 from gamms.ir import packing
-from gamms.ir.tables import table_of
+from gamms.ir.tables import make_table
 from gamms.limits import MemoryBudget, allowing
 from gamms.solve import pursuit
 from gamms.strategies import random_walk
@@ -172,7 +172,7 @@ def sample(points: int) -> Call:
 
 def table(rows: int) -> Call:
     given = [{f"column_{row % 40}": row} for row in range(rows)]
-    return lambda: table_of(given)
+    return lambda: make_table(given)
 
 
 def chased(size: int) -> Call:

@@ -8,7 +8,7 @@ import pytest
 
 from gamms import plain
 from gamms.errors import BadValue
-from gamms.plain import MOST_DEPTH, is_plain, to_plain, why_not_plain
+from gamms.plain import MOST_DEPTH, describe_flaw, is_plain, to_plain
 
 
 class Color(enum.IntEnum):
@@ -33,7 +33,7 @@ PLAIN += [Color.RED, Pair(1, 2), np.int8(3), np.bool_(True), nested(MOST_DEPTH)]
 
 @pytest.mark.parametrize("value", PLAIN, ids=repr)
 def test_a_plain_value_stays_equal_and_is_of_built_in_types(value):
-    assert why_not_plain(value) == ""
+    assert describe_flaw(value) == ""
     found = to_plain(value)
     assert np.array_equal(found, value) if isinstance(value, np.ndarray) else found == value
     assert type(found).__module__ in ("builtins", "numpy")
@@ -56,7 +56,7 @@ def test_a_plain_value_stays_equal_and_is_of_built_in_types(value):
     ids=["object", "function", "key", "array of texts", "depth", "complex"],
 )
 def test_what_is_not_plain_is_named_with_its_place(value, why):
-    assert why_not_plain(value) == why
+    assert describe_flaw(value) == why
     assert not is_plain(value)
 
 

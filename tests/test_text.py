@@ -5,7 +5,7 @@ import pytest
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
-from gamms.text import printable, printable_line, shown
+from gamms.text import make_printable, make_printable_line, shown
 
 HUGE = 1 << 20_000  # of more digits than Python writes out
 
@@ -50,8 +50,10 @@ def test_messages_name_integers_of_any_length(call):
 
 def test_control_characters_are_written_as_escapes():
     text = "a\x1b]0;b\x07\x9b2J\r\u202ec\ud800\n\ue000ü \u200d 😀\U000e0001"
-    assert printable(text) == r"a\u001b]0;b\u0007\u009b2J\u000d\u202ec\ud800" + "\n\ue000ü \u200d 😀" + r"\U000e0001"
-    assert printable_line("a\nb") == r"a\nb"
+    assert (
+        make_printable(text) == r"a\u001b]0;b\u0007\u009b2J\u000d\u202ec\ud800" + "\n\ue000ü \u200d 😀" + r"\U000e0001"
+    )
+    assert make_printable_line("a\nb") == r"a\nb"
 
 
 def test_hints_look_at_a_bounded_number_of_names():

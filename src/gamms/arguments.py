@@ -41,7 +41,7 @@ def as_int(value: object, name: str) -> int:
         BadValue: it does not fit into 64 bits.
     """
     try:
-        number = index_of(value)
+        number = convert_index(value)
     except TypeError:
         raise BadType(f"{name} must be an integer, not {shown(value)} ({type(value).__name__}).") from None
     if not -_INT64 <= number < _INT64:
@@ -49,7 +49,7 @@ def as_int(value: object, name: str) -> int:
     return number
 
 
-def index_of(value: object) -> int:
+def convert_index(value: object) -> int:
     """Return the plain int of an integer of any type.
 
     Raises:
@@ -246,7 +246,7 @@ def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hi
             raise BadType(f"{taker} takes no keyword {shown(name)}.{way_out}")
 
 
-def names_keywords(function: Callable[P, T], hint: str = "") -> Callable[P, T]:
+def explain_call_errors(function: Callable[P, T], hint: str = "") -> Callable[P, T]:
     """Decorate a function: errors about arguments that do not fit show how it is called.
 
     An error about an unknown keyword names the most similar one; `**` takes all keywords.
@@ -300,7 +300,7 @@ class DescribedFunction(NamedCall):
         return cast("Self", twin)
 
 
-def takes_no_context(use: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+def refuse_context(use: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Decorate a function that makes a part of a map: a context among its arguments is an error.
 
     Args:
@@ -308,7 +308,7 @@ def takes_no_context(use: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        checked = names_keywords(function)
+        checked = explain_call_errors(function)
         way_out = use.format(name=function.__name__)
 
         @wraps(function)
@@ -343,7 +343,7 @@ def refuse_call(
     """
     if error.__traceback__ is None or error.__traceback__.tb_next is not None:
         return  # raised by the code of the function
-    signature = signature_of(function)
+    signature = find_signature(function)
     try:
         signature.bind(*args, **kwargs)
     except TypeError as flaw:
@@ -353,10 +353,10 @@ def refuse_call(
         unknown = None if takes_all else next((key for key in kwargs if key not in signature.parameters), None)
         if unknown is not None:
             said = f"it takes no keyword {shown(unknown)}.{nearest(unknown, signature.parameters)}"
-        raise BadType(f"{name} is called as {form_of_call(name, signature)}; {said}") from None
+        raise BadType(f"{name} is called as {describe_call(name, signature)}; {said}") from None
 
 
-def form_of_call(name: str, signature: "Signature") -> str:
+def describe_call(name: str, signature: "Signature") -> str:
     """Return how a function is called: its parameters without types, and the first few optional ones."""
     parts: list[str] = []
     optional = 0
@@ -376,14 +376,14 @@ def form_of_call(name: str, signature: "Signature") -> str:
     return f"{name.rpartition('.')[2]}({', '.join(part for part in parts if part != 'self')})"
 
 
-def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
-    """Decorate a factory: the rules and other functions that it makes print as its call; see `names_keywords`.
+def show_as_call(make: Callable[P, F]) -> Callable[P, F]:
+    """Decorate a factory: the rules and other functions that it makes print as its call; see `explain_call_errors`.
 
     A first argument `ctx` prints as `ctx`.
     """
     code: Any = getattr(make, "__code__", None)
     words = ["ctx"] if code.co_varnames[:1] == ("ctx",) else []
-    checked = names_keywords(make)
+    checked = explain_call_errors(make)
 
     @wraps(make)
     def call(*args: P.args, **kwargs: P.kwargs) -> F:
@@ -576,14 +576,14 @@ def as_function_of(value: object, name: str, argument: str, most: int = 1) -> An
         hint = "; pass a function itself, without calling it." if value is None else "."
         raise BadType(f"{name} must be a function of {argument}, not {shown(value)} ({type(value).__name__}){hint}")
     made_by = getattr(value, "__name__", "it")
-    if getattr(annotations_of(value).get("return"), "__origin__", None) is Callable:
+    if getattr(find_annotations(value).get("return"), "__origin__", None) is Callable:
         raise BadType(f"{made_by} makes such a function: call it, {made_by}(…), and pass what it returns.")
-    if not _takes(value, 1) and (most == 1 or not _takes(value, most)):
+    if not _is_accepting(value, 1) and (most == 1 or not _is_accepting(value, most)):
         raise BadType(
-            f"{name} must be a function of {argument} alone, and {made_by}{signature_of(value)} is not. If it "
+            f"{name} must be a function of {argument} alone, and {made_by}{find_signature(value)} is not. If it "
             f"makes such a function, call it, {made_by}(…), and pass what it returns."
         )
-    if isinstance(value, type) and _takes_nothing(value):
+    if isinstance(value, type) and _is_without_arguments(value):
         raise BadType(
             f"{name} must be a function of {argument}, and {made_by} is a class: pass an object of it, {made_by}(), "
             f"which is called with {argument}."
@@ -594,14 +594,14 @@ def as_function_of(value: object, name: str, argument: str, most: int = 1) -> An
     return value
 
 
-def _takes_nothing(kind: type) -> bool:
+def _is_without_arguments(kind: type) -> bool:
     """Return whether a class makes objects without arguments, so that a call with an argument fails."""
     makers = (type(kind), "__call__"), (kind, "__init__"), (kind, "__new__")
     usual: list[object] = [type.__call__, object.__init__, object.__new__]
     return [getattr(owner, name) for owner, name in makers] == usual
 
 
-def _takes(function: Callable[..., Any], given: int) -> bool:
+def _is_accepting(function: Callable[..., Any], given: int) -> bool:
     """Return whether a Python function accepts a number of arguments; True for other callables."""
     # NOTE: from the code object, because inspect.signature takes 10 us and every agent comes here.
     bound = int(hasattr(function, "__self__"))
@@ -615,7 +615,7 @@ def _takes(function: Callable[..., Any], given: int) -> bool:
     return required <= given and missing <= 0 and has_places
 
 
-def annotations_of(function: object) -> dict[str, Any]:
+def find_annotations(function: object) -> dict[str, Any]:
     """Return the annotations of a function; {} if they cannot be evaluated, which can happen since Python 3.14."""
     try:
         return getattr(function, "__annotations__", {})
@@ -623,7 +623,7 @@ def annotations_of(function: object) -> dict[str, Any]:
         return {}
 
 
-def signature_of(function: Callable[..., Any]) -> "Signature":
+def find_signature(function: Callable[..., Any]) -> "Signature":
     """Return the signature of a function, also if its annotations cannot be evaluated.
 
     Raises:
@@ -649,7 +649,7 @@ class _DependentDefault:
 _DOTS = _DependentDefault()
 
 
-def with_options(*inherited: type, **defaults: object) -> Callable[[Documented], Documented]:
+def spell_out_options(*inherited: type, **defaults: object) -> Callable[[Documented], Documented]:
     """Spell out the keywords of `**options: Unpack[…]` in the signature and the docstring of a function.
 
     The attributes of the TypedDict replace the entry `options` of the docstring.
@@ -663,16 +663,16 @@ def with_options(*inherited: type, **defaults: object) -> Callable[[Documented],
     from inspect import Parameter, cleandoc
 
     def shown_in(function: Documented) -> Documented:
-        signature = signature_of(function)
+        signature = find_signature(function)
         *others, rest = signature.parameters.values()
         options = next(iter(get_args(rest.annotation)), None)
-        for name, kind in annotations_of(options).items():
+        for name, kind in find_annotations(options).items():
             others.append(Parameter(name, Parameter.KEYWORD_ONLY, default=defaults.get(name, _DOTS), annotation=kind))
-        shown_signature = without_long_types(signature.replace(parameters=others))
+        shown_signature = remove_long_types(signature.replace(parameters=others))
         function.__signature__ = shown_signature  # type: ignore[attr-defined] # inspect reads it
         if function.__doc__ and options is not None:  # Python may run without docstrings
             described = [cleandoc(one.__doc__ or "") for one in (*inherited, options)]
-            function.__doc__ = with_attributes(cleandoc(function.__doc__), rest.name, described)
+            function.__doc__ = add_attributes(cleandoc(function.__doc__), rest.name, described)
         return function
 
     return shown_in
@@ -681,7 +681,7 @@ def with_options(*inherited: type, **defaults: object) -> Callable[[Documented],
 _LONG_TYPE = 24  # characters of a type that `help` shows
 
 
-def without_long_types(signature: "Signature") -> "Signature":
+def remove_long_types(signature: "Signature") -> "Signature":
     """Return a signature without types that are too long to read in `help`; the docstring describes the arguments."""
     from inspect import Parameter, Signature, formatannotation
 
@@ -696,7 +696,7 @@ def without_long_types(signature: "Signature") -> "Signature":
     return signature.replace(parameters=parameters, return_annotation=result)
 
 
-def with_attributes(text: str, entry: str, described: Iterable[str]) -> str:
+def add_attributes(text: str, entry: str, described: Iterable[str]) -> str:
     """Return a dedented docstring with an entry replaced by the attributes in other docstrings."""
     parts = [one.partition("\nAttributes:\n")[2].rstrip() for one in described]
     attributes = "\n".join(filter(None, parts))
@@ -708,7 +708,7 @@ def as_declared(contract: Callable[..., Any]) -> Callable[[Documented], Document
     """Show the signature and the docstring of the method of a contract, for the one that implements it."""
 
     def shown_in(method: Documented) -> Documented:
-        method.__signature__ = without_long_types(signature_of(contract))  # type: ignore[attr-defined] # inspect reads it
+        method.__signature__ = remove_long_types(find_signature(contract))  # type: ignore[attr-defined] # inspect reads it
         method.__doc__ = contract.__doc__
         return method
 
@@ -788,7 +788,7 @@ _MANY = 16  # keywords
 _MISSPELT = 0.8  # how much a keyword is like the one that is meant: `start` is an attribute, and not `strategy`
 
 
-def misspelt(given: Collection[str], known: Collection[str], kind: str = "keyword") -> list[str]:
+def explain_misspelled(given: Collection[str], known: Collection[str], kind: str = "keyword") -> list[str]:
     """Return a sentence for each given keyword that is unknown but looks like a known one; of many, for the first.
 
     Unknown names are allowed here, so only names very similar to a missing one are returned. `kind` says what
@@ -796,10 +796,12 @@ def misspelt(given: Collection[str], known: Collection[str], kind: str = "keywor
     """
     missing = tuple([name for name in known if name not in given])
     unknown = islice((name for name in given if name not in known), _MANY)
-    return [f"Unknown {kind} {shown(name)}.{hint}" for name in unknown if (hint := _misspelt_hint(name, missing))]
+    return [
+        f"Unknown {kind} {shown(name)}.{hint}" for name in unknown if (hint := _describe_misspelling(name, missing))
+    ]
 
 
 @lru_cache(maxsize=64, typed=True)
-def _misspelt_hint(name: str, missing: tuple[str, ...]) -> str:
+def _describe_misspelling(name: str, missing: tuple[str, ...]) -> str:
     """Return the hint that a name resembles a missing one; cached, because agents have the same attributes."""
     return nearest(name, missing, _MISSPELT)

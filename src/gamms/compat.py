@@ -144,23 +144,23 @@ _SEARCHED = (
 )
 
 
-def part_with(name: str) -> str:
+def suggest_part(name: str) -> str:
     """Return the hint that parts of a context have a name; nothing if none has."""
-    return _there_is([f"{called}.{name}" for called, (module, kind) in _PARTS.items() if _has(module, kind, name)])
+    return _join_places([f"{called}.{name}" for called, (module, kind) in _PARTS.items() if _has(module, kind, name)])
 
 
 def place_of(name: str) -> str:
     """Return the hint that packages or parts of a context have a name; nothing if none has."""
     packages = [f"gamms.{one}.{name}" for one in _SEARCHED if name in import_module(f"gamms.{one}").__all__]
     parts = [f"{called}.{name}" for called, (module, kind) in _PARTS.items() if _has(module, kind, name)]
-    return _there_is([*packages, *parts])
+    return _join_places([*packages, *parts])
 
 
 def _has(module: str, kind: str, name: str) -> bool:
     return hasattr(getattr(import_module(module), kind), name)
 
 
-def _there_is(places: Sequence[str]) -> str:
+def _join_places(places: Sequence[str]) -> str:
     return f" There is {' and '.join(places[:3])}." if places else ""
 
 
@@ -173,9 +173,9 @@ class Surface:
 
     def __dir__(self) -> list[str]:
         """Return the names of the part, except settings, and names for engines and for programs of 1.0.0."""
-        return sorted({*self._known_names()} - {*AS_KEYWORDS.get(self._called, "").split()})
+        return sorted({*self._list_known_names()} - {*AS_KEYWORDS.get(self._called, "").split()})
 
-    def _known_names(self) -> set[str]:
+    def _list_known_names(self) -> set[str]:
         hidden = f"{OLD_NAMES.get(self._called, '')} {FOR_ENGINES.get(self._called, '')}"
         return {*super().__dir__()} - {*hidden.split()}
 
@@ -189,16 +189,16 @@ class Surface:
                 raise AttributeError(f"{self._called}.{name} is {moved} now.")
             if name.startswith("_"):
                 raise UnknownAttribute(self._called, name, ())
-            raise UnknownAttribute(self._called, name, sorted(self._known_names()), type(self)._elsewhere)
+            raise UnknownAttribute(self._called, name, sorted(self._list_known_names()), type(self)._elsewhere)
 
         def __getitem__(self, key: object) -> Any:
             # Also called by loops, with 0.
             names = [one for one in dir(self) if not one.startswith("_")]
             hint = f" Write {self._called}.{key}." if key in names else self._items
-            raise BadType(f"{self._called} is neither a list nor a dict.{hint or _few(names)}")
+            raise BadType(f"{self._called} is neither a list nor a dict.{hint or _join_first_names(names)}")
 
 
-def _few(names: Sequence[str]) -> str:
+def _join_first_names(names: Sequence[str]) -> str:
     """Return a sentence with the first few names of a part."""
     return f" It has, among others: {', '.join(names[:_FEW])}." if names else ""
 

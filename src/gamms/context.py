@@ -9,12 +9,12 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
-from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
-from gamms.compat import Surface, part_with
-from gamms.deciding import DecidePhase, Guarded, add_copies, leaving_last_turn, refused_while_deciding
+from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, explain_call_errors
+from gamms.compat import Surface, suggest_part
+from gamms.deciding import DecidePhase, Guarded, add_copies, leave_last_turn, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
 from gamms.readonly import NotPickled
-from gamms.text import printable, shown
+from gamms.text import make_printable, shown
 from gamms.typing.context import contexts
 from gamms.typing.visualization_engine import live_engines
 
@@ -72,14 +72,14 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
 
     _called = "ctx"
     _not_pickled = DecidePhase._not_pickled
-    _elsewhere = part_with
+    _elsewhere = suggest_part
 
     agent_engine: Any
     graph_engine: Any
     sensor_engine: Any
     _shows_nothing = False  # whether a NoEngine is made when the visual engine is first asked for
 
-    @partial(names_keywords, hint=" Call gamms.create_context(…), which makes a context and its engines.")
+    @partial(explain_call_errors, hint=" Call gamms.create_context(…), which makes a context and its engines.")
     def __init__(
         self,
         internal_context: typing.IInternalContext | None = None,
@@ -141,7 +141,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
 
     @visual_engine.setter
     def visual_engine(self, engine: typing.IVisualizationEngine | Enum | None) -> None:
-        self._visual_engine = _visual_engine(self, engine, {}) if isinstance(engine, visual.Engine) else engine
+        self._visual_engine = _make_visual_engine(self, engine, {}) if isinstance(engine, visual.Engine) else engine
 
     @property
     def record(self) -> "Recorder":
@@ -180,7 +180,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
                 self._game = Game(self)
         return self._game
 
-    @leaving_last_turn
+    @leave_last_turn
     def use_game(self, game: object) -> None:
         """Set the turn engine: the one that the program has of a fork; see `gamms.game.game.UnreadFork`."""
         from gamms.game import Game
@@ -243,7 +243,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
             self._rng = self.stream("context")
         return self._rng
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def reseed(self, seed: int, rng_state: Mapping[str, Any] | None = None) -> None:
         """Derive all further random draws, also of agents, from another seed.
 
@@ -262,12 +262,12 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         if rng_state is not None:
             self.rng.bit_generator.state = rng_state
 
-    @leaving_last_turn
+    @leave_last_turn
     def rng_state(self) -> Any:
         """Return the state of `rng`; None before its first use."""
         return None if self._rng is None else self._rng.bit_generator.state
 
-    @leaving_last_turn
+    @leave_last_turn
     def stream(self, *names: str | int) -> "Generator":
         """Return the random stream of one purpose; it depends only on the seed and the names.
 
@@ -280,7 +280,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         plain = (str(name) if isinstance(name, str) else as_int(name, "The name of a stream") for name in names)
         return kernels.stream(self._seed, *plain)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def fork(self, seed: int) -> "tuple[Context, dict[int, Any]]":
         """Return a context with the same map and copies of the agents and sensors, for `ctx.game.fork`.
 
@@ -293,7 +293,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         memo = dict[int, Any]()
         return self.capture(self.agent.storage.snapshot(dict), only_plain=False).make_fork(seed, memo), memo
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def capture(self, agents: "AgentsSnapshot", *, only_plain: bool) -> "_CapturedContext":
         """Return what a fork of the context is made of.
 
@@ -306,7 +306,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         """
         return _CapturedContext(self, agents, self.sensor.storage.capture(only_plain=only_plain))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_alive(self) -> None:
         """Start the scenario."""
         self._alive = True
@@ -315,7 +315,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         """Whether the scenario has ended (or has not begun)."""
         return not self._alive
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def terminate(self) -> None:
         """End the scenario: close all engines, each before the engines that it depends on."""
         if not self._alive:
@@ -338,11 +338,11 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
 
     def _repr_png_(self) -> bytes | None:
         """Return the current state as PNG for notebooks; None if it cannot be drawn."""
-        return None if self.is_terminated() else getattr(self.visual, "_repr_png_", _shown_as_text)()
+        return None if self.is_terminated() else getattr(self.visual, "_repr_png_", _show_as_text)()
 
     def _repr_html_(self) -> str | None:
         """Return the current state as SVG for notebooks, if PNG is not available; else None."""
-        return None if self.is_terminated() else getattr(self.visual, "_repr_html_", _shown_as_text)()
+        return None if self.is_terminated() else getattr(self.visual, "_repr_html_", _show_as_text)()
 
     def __repr__(self) -> str:
         seed = "" if self._phase.is_deciding else f"seed={self._seed}, "
@@ -432,11 +432,11 @@ class _CapturedContext:
         return ahead
 
 
-def _shown_as_text() -> None:
+def _show_as_text() -> None:
     """Stand in for the display of an engine that has none in notebooks, which then print its repr."""
 
 
-@names_keywords
+@explain_call_errors
 def create_context(
     graph_engine: "graph.Engine | str" = graph.Engine.MEMORY,
     vis_engine: "visual.Engine | str" = visual.Engine.NO_VIS,
@@ -468,23 +468,23 @@ def create_context(
         BadValue, BadType: a bad seed, or a `graph_path` without SQLITE.
         BadFile (ValueError): `graph_path` is not the database of a graph.
     """
-    keywords = _keywords(vis_kwargs, "vis_kwargs")
+    keywords = _check_keywords(vis_kwargs, "vis_kwargs")
     graph_engine = as_member(graph.Engine, graph_engine) or graph_engine
     vis_engine = as_member(visual.Engine, vis_engine) or vis_engine
-    ctx = Context(logger=_configured_logger(_keywords(logger_config, "logger_config")))
+    ctx = Context(logger=_configure_logger(_check_keywords(logger_config, "logger_config")))
     if seed is not None:
         ctx._seed = as_int(seed, "seed")
         ctx.is_seeded = True
     ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
     try:
-        path = _database_path(graph_engine, graph_path)
+        path = _find_database_path(graph_engine, graph_path)
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=path)  # type: ignore[arg-type] # it is checked there
         ctx.agent_engine = agent.AgentEngine(ctx)
         ctx.sensor_engine = sensor.SensorEngine(ctx)
         if vis_engine is visual.Engine.NO_VIS and not keywords:
             ctx._shows_nothing = True
         else:
-            ctx._visual_engine = _visual_engine(ctx, vis_engine, keywords)
+            ctx._visual_engine = _make_visual_engine(ctx, vis_engine, keywords)
     except BaseException:
         ctx.internal_context.terminate()
         raise
@@ -510,12 +510,12 @@ def _call_each(verbs: list[Callable[[], object]]) -> None:
             _call_each(verbs)
 
 
-def _keywords(given: object, name: str) -> dict[str, Any]:
+def _check_keywords(given: object, name: str) -> dict[str, Any]:
     mapping = {} if given is None else as_mapping(given, name)
     return {as_text(key, f"Each key of {name}"): value for key, value in mapping.items()}
 
 
-def _visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> typing.IVisualizationEngine:
+def _make_visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> typing.IVisualizationEngine:
     if engine is visual.Engine.OFFSCREEN:
         from gamms.visual.engine import OffscreenEngine
 
@@ -530,7 +530,7 @@ def _visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> ty
     )
 
 
-def _database_path(engine: object, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":
+def _find_database_path(engine: object, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":
     if engine is not graph.Engine.SQLITE:
         if path is not None:
             raise BadValue(f"graph_path={shown(path)} needs graph_engine=gamms.graph.Engine.SQLITE.")
@@ -538,7 +538,7 @@ def _database_path(engine: object, path: str | os.PathLike[str] | None) -> "memo
     return None if path is None else memory.PathLike(str(as_path(path, "graph_path")))
 
 
-def _configured_logger(config: dict[str, Any]) -> logging.Logger:
+def _configure_logger(config: dict[str, Any]) -> logging.Logger:
     level = config.get("level")
     if level is None:
         level = os.environ.get("GAMMS_LOG_LEVEL", "INFO").upper()
@@ -553,12 +553,12 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
     logger = logging.getLogger("gamms")
     if logging.getLevelName(logger.level) != level:  # NOTE: to set it empties the caches of all loggers
         logger.setLevel(level)
-    logger.addFilter(_made_printable)
+    logger.addFilter(_make_printable)
     return logger
 
 
-def _made_printable(record: logging.LogRecord) -> bool:
+def _make_printable(record: logging.LogRecord) -> bool:
     """Remove control characters from a log message, for example from the name of a file in it."""
-    record.msg = printable(record.getMessage())
+    record.msg = make_printable(record.getMessage())
     record.args = None
     return True

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Self, SupportsIndex, Type
 
 from gamms.arguments import as_int, refuse_call
 from gamms.errors import BadType, BadValue, IllegalMutation
-from gamms.readonly import NotPickled, ShallowCopied, Shareable, frozen, set_attributes
+from gamms.readonly import NotPickled, ShallowCopyMixin, Shareable, freeze, set_attributes
 from gamms.text import shown
 
 T = TypeVar("T")
@@ -200,10 +200,10 @@ class DecidePhase(NotPickled):
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the agents that decide here."""
-        deciders = self._deciders()
+        deciders = self._find_deciders()
         return deciders.names if isinstance(deciders, Deciders) else (deciders.name,)
 
-    def _deciders(self) -> Any:
+    def _find_deciders(self) -> Any:
         if self.agent is not AWAITED:
             return self.agent
         phase, deciders = _of_task.get()
@@ -218,7 +218,7 @@ class DecidePhase(NotPickled):
         if self.agent is UNREAD:
             self.read_last_turn()
         if self.agent is not None:
-            deciders = self._deciders()
+            deciders = self._find_deciders()
             who = deciders.described if isinstance(deciders, Deciders) else f"The strategy of agent {deciders.name!r}"
             raise IllegalMutation(
                 f"{who} may not {action}: while agents decide, nothing changes. "
@@ -247,7 +247,7 @@ class DecidePhase(NotPickled):
 
     def shown(self, value: T) -> T:
         """The value; while a strategy is running, a read-only copy of it."""
-        return cast("T", frozen(value)) if self.is_deciding else value
+        return cast("T", freeze(value)) if self.is_deciding else value
 
     @contextmanager
     def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
@@ -274,7 +274,7 @@ class DecidePhase(NotPickled):
 UNDECIDED = DecidePhase()  # the phase of objects without a context, in which no agent ever decides
 
 
-def phase_of(ctx: object) -> DecidePhase:
+def get_phase(ctx: object) -> DecidePhase:
     """Return the phase of a context; for foreign context classes, a phase in which no agent ever decides."""
     phase = getattr(ctx, "_phase", None)
     return phase if isinstance(phase, DecidePhase) else UNDECIDED
@@ -307,7 +307,7 @@ class Guarded(Shareable):
         object.__delattr__(self, name)
 
 
-class ContextPart(Guarded, ShallowCopied):
+class ContextPart(Guarded, ShallowCopyMixin):
     """Mix-in: a part of a context, which is copied only together with the context."""
 
     __slots__ = ()
@@ -331,7 +331,7 @@ def add_copies(memo: dict[int, Any], copies: dict[int, Any]) -> None:
     memo.setdefault(id(memo), []).extend(kept)
 
 
-def copied_part(part: PartOfContext, memo: dict[int, Any], attributes: object = None) -> PartOfContext:
+def copy_part(part: PartOfContext, memo: dict[int, Any], attributes: object = None) -> PartOfContext:
     """Return a copy of a part for a copy of its context.
 
     Args:
@@ -346,24 +346,24 @@ def copied_part(part: PartOfContext, memo: dict[int, Any], attributes: object = 
     return twin
 
 
-def refused_while_deciding(method: Method) -> Method:
+def refuse_while_deciding(method: Method) -> Method:
     """Refuse a verb while a strategy is running, before it does anything."""
-    return _guarded(method, makes_last_turn=True)
+    return _guard_method(method, makes_last_turn=True)
 
 
-def leaving_last_turn(method: Method) -> Method:
+def leave_last_turn(method: Method) -> Method:
     """Refuse a verb while a strategy is running; the end of the last turn is not made for it.
 
     The verb replaces it, or does not affect it.
     """
-    return _guarded(method, makes_last_turn=False)
+    return _guard_method(method, makes_last_turn=False)
 
 
 CHANGING_VERBS: set[str] = {"setattr", "__setattr__"}
 """The names of the methods that change a game or a part of it, and of functions that set attributes."""
 
 
-def _guarded(method: Method, *, makes_last_turn: bool) -> Method:
+def _guard_method(method: Method, *, makes_last_turn: bool) -> Method:
     CHANGING_VERBS.add(method.__name__)
 
     @wraps(method)
@@ -384,7 +384,7 @@ def _guarded(method: Method, *, makes_last_turn: bool) -> Method:
     return cast("Method", guarded)
 
 
-def outside_of_deciding(method: Method) -> Method:
+def lift_decide_phase(method: Method) -> Method:
     """Decorate a read-only method that calls code of the program, such as drawers, to lift the restrictions."""
 
     @wraps(method)
@@ -427,7 +427,7 @@ class Protected(Generic[T]):
         value = self._read(instance)
         phase = instance._phase
         # NOTE: the first test saves a call in each read of `ctx.game.data` by a rule, a fifth of its time.
-        return value if phase.agent is None or not phase.is_deciding else frozen(value)
+        return value if phase.agent is None or not phase.is_deciding else freeze(value)
 
     def __set__(self, instance: Guarded, value: T) -> None:
         if not isinstance(value, self._kind):

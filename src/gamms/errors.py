@@ -51,14 +51,14 @@ class GammsError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Rebuilt without its constructor, which takes the parts of the message: worker pools return errors.
-        return _rebuilt, (type(self), self.args, dict(self.__dict__))
+        return _rebuild_error, (type(self), self.args, dict(self.__dict__))
 
     def __str__(self) -> str:
         # KeyError shows the repr of its message; a sentence should read like one.
         return str(self.args[0]) if self.args else ""
 
 
-def _rebuilt(kind: type[GammsError], args: tuple[Any, ...], attributes: dict[str, Any]) -> GammsError:
+def _rebuild_error(kind: type[GammsError], args: tuple[Any, ...], attributes: dict[str, Any]) -> GammsError:
     error = kind.__new__(kind, *args)
     error.args = args
     error.__dict__.update(attributes)
@@ -76,8 +76,8 @@ def nearest(name: object, known: Iterable[object], alike: float = _ALIKE) -> str
     """Return the hint of an error message: the known names most like `name`; nothing if none is, or too many are."""
     from difflib import SequenceMatcher, get_close_matches
 
-    wanted = _searchable(name)
-    names = [_searchable(one) for one in islice(known, _MANY)]
+    wanted = _make_searchable(name)
+    names = [_make_searchable(one) for one in islice(known, _MANY)]
     near = get_close_matches(wanted, names, _GUESSES + 1, alike)
     ratios = [SequenceMatcher(None, one, wanted).ratio() for one in near]
     best = [one for one, ratio in zip(near, ratios, strict=True) if ratio == ratios[0]]
@@ -85,7 +85,7 @@ def nearest(name: object, known: Iterable[object], alike: float = _ALIKE) -> str
     return f" Did you mean {' or '.join(sorted(map(repr, best)))}?" if 0 < len(best) <= _GUESSES else ""
 
 
-def _searchable(name: object) -> str:
+def _make_searchable(name: object) -> str:
     return str.__str__(name)[:_LONG] if isinstance(name, str) else shown(name)
 
 
@@ -93,7 +93,7 @@ class UnknownName(GammsError, KeyError):
     """An unknown name or id."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] | None = None, hint: str = "") -> None:
-        way_out = "" if known is None else _way_out(name, known) or " There are none."
+        way_out = "" if known is None else _suggest_names(name, known) or " There are none."
         super().__init__(f"Unknown {kind} {shown(name)}.{way_out}{hint}")
 
 
@@ -113,11 +113,11 @@ class UnknownAttribute(GammsError, AttributeError):
         super().__init__(f"{owner} has no attribute {name!r}.")
         self._wanted = name
         self._known = [one for one in known if not one.startswith("_")]
-        self._elsewhere = elsewhere or _nowhere
+        self._elsewhere = elsewhere or _give_no_hint
 
     def __str__(self) -> str:
         # Looked for here, because `hasattr` and imports of submodules show no message.
-        return super().__str__() + (self._elsewhere(self._wanted) or _way_out(self._wanted, self._known))
+        return super().__str__() + (self._elsewhere(self._wanted) or _suggest_names(self._wanted, self._known))
 
     @staticmethod
     def hint_of(error: BaseException) -> str:
@@ -128,15 +128,15 @@ class UnknownAttribute(GammsError, AttributeError):
         if type(error) is not AttributeError:
             return ""
         if isinstance(error.obj, Mapping):
-            return _key_hint(error.obj, str(error.name))
+            return _explain_key(error.obj, str(error.name))
         if error.obj is None and str(error).startswith("'dict' object has no attribute '"):  # that was set
-            return _key_hint({}, str(error).split("'")[3])
+            return _explain_key({}, str(error).split("'")[3])
         if not type(error.obj).__module__.startswith("gamms."):
             return ""
-        return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
+        return _suggest_names(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
 
 
-def _key_hint(mapping: Mapping[object, object], name: str) -> str:
+def _explain_key(mapping: Mapping[object, object], name: str) -> str:
     """Return the hint for a key of a mapping that was read or set as an attribute."""
     if name in mapping:
         return f" It is a key: write [{name!r}]."
@@ -144,7 +144,7 @@ def _key_hint(mapping: Mapping[object, object], name: str) -> str:
     return nearest(name, methods) or f" Keys are read and set in brackets: write [{name!r}]."
 
 
-def _nowhere(_name: str) -> str:
+def _give_no_hint(_name: str) -> str:
     """Return the hint for a name that is not looked for elsewhere."""
     return ""
 
@@ -166,7 +166,7 @@ def suggest_names(package: str, known: Iterable[str]) -> None:
     vars(sys.modules[package])["__getattr__"] = refuse  # set here, so that type checkers still know all names
 
 
-def _way_out(name: object, known: Iterable[object]) -> str:
+def _suggest_names(name: object, known: Iterable[object]) -> str:
     """Return the known names most like `name`, else the first few."""
     names = list(islice(known, _MANY))
     others = ", among others" if len(names) > _FEW else ""
@@ -252,11 +252,11 @@ def install_command(*extras: str) -> str:
         declared = requires(DISTRIBUTION) or []
     except PackageNotFoundError:  # run from its source
         return f'pip install ".[{",".join(extras)}]" in a checkout of GAMMS'
-    libraries = dict.fromkeys(chain.from_iterable(_libraries(extra, declared) for extra in extras))
+    libraries = dict.fromkeys(chain.from_iterable(_list_libraries(extra, declared) for extra in extras))
     return " ".join(("pip install", *(f'"{one}"' for one in libraries)))
 
 
-def _libraries(extra: str, declared: list[str]) -> Iterator[str]:
+def _list_libraries(extra: str, declared: list[str]) -> Iterator[str]:
     """Yield the requirements of an extra, including the extras that it refers to."""
     for line in declared:
         requirement, _, marker = line.partition(";")
@@ -265,7 +265,7 @@ def _libraries(extra: str, declared: list[str]) -> Iterator[str]:
         name, bracket, rest = requirement.strip().partition("[")
         if name == DISTRIBUTION and bracket:
             for other in rest.partition("]")[0].split(","):
-                yield from _libraries(other.strip(), declared)
+                yield from _list_libraries(other.strip(), declared)
         else:
             yield requirement.strip()
 
@@ -332,13 +332,13 @@ class MissingFile(GammsError, FileNotFoundError):
 
     def __init__(self, what: str | None, path: object) -> None:
         of_what = "" if what is None else f" for {what}"
-        super().__init__(f"There is no file {str(path)!r}{of_what}.{_similar_file(str(path))}")
+        super().__init__(f"There is no file {str(path)!r}{of_what}.{_suggest_file(str(path))}")
 
 
 _YAML = (".yaml", ".yml")
 
 
-def _similar_file(path: str) -> str:
+def _suggest_file(path: str) -> str:
     """Return the hint of an error message: the file of the same folder and kind whose name is most like a path's."""
     folder, name = os.path.split(path)
     kind = os.path.splitext(name)[1]  # noqa: PTH122 - pathlib is loaded late

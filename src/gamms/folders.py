@@ -39,7 +39,7 @@ _ESCAPED = "backslashreplace"  # halves of surrogate pairs
 _held: set[Path] = set()  # folders of this process, whose locks do not exclude each other
 
 
-def home_folder() -> Path:
+def find_home_folder() -> Path:
     """Return the home folder of the user; if it is unknown, as in some containers, the folder of temporary files."""
     try:
         return Path.home()
@@ -49,7 +49,7 @@ def home_folder() -> Path:
 
 def cache_folder(name: str) -> Path:
     """The folder of that name in the user's own cache folder; it may have to be made."""
-    home = home_folder()
+    home = find_home_folder()
     if sys.platform == "win32":
         caches = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
     elif sys.platform == "darwin":
@@ -60,7 +60,7 @@ def cache_folder(name: str) -> Path:
 
 
 @contextmanager
-def made_folder(folder: Path) -> Iterator[None]:
+def make_folder(folder: Path) -> Iterator[None]:
     """Create a folder for a `with` block; after an error, remove it if it is empty.
 
     Raises:
@@ -87,7 +87,7 @@ def made_folder(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Lock a folder against other runs, in this and other processes; the lock of a dead process is void.
 
     The lock file exists only during the lock, so that a refused run leaves no folder.
@@ -101,9 +101,9 @@ def locked(folder: Path) -> Iterator[None]:
     if real in _held:
         raise refusal
     file = real / LOCK
-    with made_folder(folder), opened(file, "ab") as stream:
+    with make_folder(folder), opened(file, "ab") as stream:
         # Another run may have deleted the file between the two calls.
-        if not _locks(stream) or not (file.exists() and os.path.samestat(file.stat(), os.fstat(stream.fileno()))):
+        if not _lock_file(stream) or not (file.exists() and os.path.samestat(file.stat(), os.fstat(stream.fileno()))):
             raise refusal
         _held.add(real)
         try:
@@ -116,10 +116,10 @@ def locked(folder: Path) -> Iterator[None]:
 
 if sys.platform == "win32":  # pragma: no cover
 
-    def _holds(_: int) -> bool:
+    def _lock_descriptor(_: int) -> bool:
         return False
 
-    def _locks(file: BinaryIO) -> bool:
+    def _lock_file(file: BinaryIO) -> bool:
         import msvcrt
 
         try:
@@ -130,7 +130,7 @@ if sys.platform == "win32":  # pragma: no cover
 
 else:
 
-    def _holds(number: int) -> bool:
+    def _lock_descriptor(number: int) -> bool:
         """Lock an open file or folder until all its descriptors are closed, for other threads, too."""
         import fcntl
 
@@ -140,7 +140,7 @@ else:
             return False
         return True
 
-    def _locks(file: BinaryIO) -> bool:
+    def _lock_file(file: BinaryIO) -> bool:
         """Lock a file until this process closes it; forked children do not have the lock."""
         import fcntl
 
@@ -160,17 +160,17 @@ def write_whole(path: Path, data: bytes, *, through_links: bool = False) -> None
     Args:
         path: the file.
         data: the new content.
-        through_links: see `whole_file`.
+        through_links: see `open_whole_file`.
 
     Raises:
         OSError: it cannot be written; nothing has changed then.
     """
-    with whole_file(path, through_links=through_links) as beside:
+    with open_whole_file(path, through_links=through_links) as beside:
         beside.write_bytes(data)
 
 
 @contextmanager
-def whole_file(path: Path, *, through_links: bool = False) -> Iterator[Path]:
+def open_whole_file(path: Path, *, through_links: bool = False) -> Iterator[Path]:
     """Open a file that replaces `path` at the end of the `with` block; after an error, `path` is unchanged.
 
     Args:
@@ -182,17 +182,17 @@ def whole_file(path: Path, *, through_links: bool = False) -> Iterator[Path]:
         OSError: the file cannot be written; nothing has changed.
     """
     if through_links and path.exists() and not path.is_file() and not path.is_dir():
-        with naming(path, path):
+        with add_path_to_errors(path, path):
             yield path
         return
     real = Path(os.path.realpath(path)) if through_links else path
-    with place_beside(real) as beside, naming(path, beside):
+    with make_place_beside(real) as beside, add_path_to_errors(path, beside):
         yield beside
         beside.replace(real)
 
 
 @contextmanager
-def place_beside(real: Path, *, is_folder: bool = False) -> Iterator[Path]:
+def make_place_beside(real: Path, *, is_folder: bool = False) -> Iterator[Path]:
     """Yield the path of an unfinished file beside `real`; it is deleted at the end, unless it was moved.
 
     The path is the same each time, so that the next writer replaces the file that a killed program has left. While
@@ -206,7 +206,7 @@ def place_beside(real: Path, *, is_folder: bool = False) -> Iterator[Path]:
         OSError: the folder cannot be made.
     """
     beside = real.with_name(f".{real.name}.part")
-    lock = _claimed(beside, is_folder=is_folder)
+    lock = _claim_place(beside, is_folder=is_folder)
     if lock is None:
         beside = real.with_name(f".{real.name}.{os.getpid()}.{threading.get_ident()}.part")
         if is_folder:
@@ -222,7 +222,7 @@ def place_beside(real: Path, *, is_folder: bool = False) -> Iterator[Path]:
             os.close(lock)
 
 
-def _claimed(place: Path, *, is_folder: bool) -> int | None:
+def _claim_place(place: Path, *, is_folder: bool) -> int | None:
     """Make an empty file or folder, and return a descriptor that locks it; None: another writer has it."""
     for _ in range(_CLAIMS):
         number = None
@@ -232,7 +232,7 @@ def _claimed(place: Path, *, is_folder: bool) -> int | None:
                     place.mkdir()
             number = os.open(place, os.O_RDONLY if is_folder else os.O_RDWR | os.O_CREAT | _SAFE, 0o666)
             kind = stat.S_IFMT(os.fstat(number).st_mode)
-            is_mine = kind == (stat.S_IFDIR if is_folder else stat.S_IFREG) and _holds(number)
+            is_mine = kind == (stat.S_IFDIR if is_folder else stat.S_IFREG) and _lock_descriptor(number)
             if is_mine and os.path.samestat(place.lstat(), os.fstat(number)):
                 if not (any(place.iterdir()) if is_folder else os.fstat(number).st_size):
                     return number
@@ -254,7 +254,7 @@ def _delete(place: Path) -> None:
 
 
 @contextmanager
-def naming(path: Path, beside: Path) -> Iterator[None]:
+def add_path_to_errors(path: Path, beside: Path) -> Iterator[None]:
     """Add the path of the file to system errors in the block.
 
     Errors of `write` name no file, and others name a temporary file that the caller does not know.
@@ -291,7 +291,7 @@ def write_csv(file: Path, columns: Iterable[str], rows: Iterable[Iterable[object
         writer.writerows(map(as_cell, row) for row in rows)
 
 
-def without_link(file: Path) -> Path:
+def remove_link(file: Path) -> Path:
     """Return the path of a file in a folder of results, after removing a link in its place.
 
     Raises:
@@ -322,10 +322,10 @@ def opened(file: Path, mode: Literal["rb", "ab", "r+b"]) -> BinaryIO:
         BadFile: it is a link, a folder, a pipe, a socket or a device.
         OSError: it cannot be opened.
     """
-    return open(file, mode, opener=_regular)
+    return open(file, mode, opener=_open_regular)
 
 
-def _regular(path: str, flags: int) -> int:
+def _open_regular(path: str, flags: int) -> int:
     try:
         number = os.open(path, flags | _SAFE, 0o666)
     except OSError as error:
@@ -355,7 +355,7 @@ def _refuse(path: Path, wanted: str) -> NoReturn:
     )
 
 
-def bytes_of(file: Path, most: int | None = None) -> bytes:
+def read_bytes(file: Path, most: int | None = None) -> bytes:
     """Read a regular file.
 
     Args:
@@ -377,7 +377,7 @@ def bytes_of(file: Path, most: int | None = None) -> bytes:
     return data
 
 
-def json_in(file: Path, what: str, kind: type[T]) -> T:
+def read_json(file: Path, what: str, kind: type[T]) -> T:
     """Read a JSON file, and check the type of its value.
 
     Args:
@@ -390,14 +390,14 @@ def json_in(file: Path, what: str, kind: type[T]) -> T:
         TooLarge: it would take more memory than is allowed.
         OSError: it cannot be read.
     """
-    data = _bounded(file)
+    data = _read_bounded(file)
     try:
-        return as_kind(_value(data), kind)
+        return as_kind(_parse_value(data), kind)
     except BadFile as error:
         raise BadFile(f"{str(file)!r} is not {what}: {error}. Use another folder.") from None
 
 
-def lines_in(file: Path, what: str, *kinds: type[object]) -> list[dict[str, Any]]:
+def read_json_lines(file: Path, what: str, *kinds: type[object]) -> list[dict[str, Any]]:
     """Read a file of JSON lines; an empty list if the file does not exist.
 
     An unterminated last line, left by a killed program, is ignored.
@@ -413,14 +413,14 @@ def lines_in(file: Path, what: str, *kinds: type[object]) -> list[dict[str, Any]
         OSError: it cannot be read.
     """
     try:
-        data = _bounded(file)
+        data = _read_bounded(file)
     except FileNotFoundError:
         return []
     found: list[dict[str, Any]] = []
     shapes: list[type[object]] = [dict[str, Any], *kinds]
     for number, line in enumerate(data[: data.rfind(b"\n") + 1].splitlines(), 1):
         try:
-            value = _value(line)
+            value = _parse_value(line)
             for kind in shapes:
                 as_kind(value, kind)
         except BadFile as error:
@@ -441,7 +441,7 @@ def add_lines(file: Path, lines: Iterable[Mapping[str, object]]) -> None:
         BadFile: the file is not a regular file.
         OSError: the file cannot be written.
     """
-    with naming(file, file), opened(file, "ab") as stream:
+    with add_path_to_errors(file, file), opened(file, "ab") as stream:
         stream.write(as_lines(lines))
 
 
@@ -475,15 +475,15 @@ def as_kind(value: object, kind: type[T]) -> T:
         raise BadFile(reason(error)) from None
 
 
-def _bounded(file: Path) -> bytes:
+def _read_bounded(file: Path) -> bytes:
     """Return the bytes of a file of JSON whose values take no more memory than is allowed."""
-    data = bytes_of(file)
+    data = read_bytes(file)
     values = sum(data.count(sign) * size for sign, size in _BYTES_PER_VALUE.items())
     refuse_above(len(data) * _BYTES_PER_LETTER + values, f"Reading {str(file)!r}")
     return data
 
 
-def _value(data: bytes) -> Any:
+def _parse_value(data: bytes) -> Any:
     """Parse JSON strictly.
 
     Raises:
@@ -492,7 +492,7 @@ def _value(data: bytes) -> Any:
     """
     try:
         text = data.decode()
-        value = json.loads(text, parse_int=_integer, parse_constant=_constant)
+        value = json.loads(text, parse_int=_parse_integer, parse_constant=_refuse_constant)
     except RecursionError:
         raise BadFile(f"it is nested more than {_DEEPEST} levels deep") from None
     except ValueError as error:
@@ -507,7 +507,7 @@ def _value(data: bytes) -> Any:
 def _check_depth(value: object) -> None:
     level: list[object] = [value]
     for _ in range(_DEEPEST):
-        level = list(chain.from_iterable(_items_of(holder) for holder in level))
+        level = list(chain.from_iterable(_list_items(holder) for holder in level))
     if level:
         raise BadFile(f"it is nested more than {_DEEPEST} levels deep")
 
@@ -519,19 +519,19 @@ def _check_texts(value: object) -> None:
         raise BadFile("it has a text with half of a surrogate pair") from None
 
 
-def _items_of(value: object) -> Iterable[object]:
+def _list_items(value: object) -> Iterable[object]:
     if isinstance(value, dict):
         return value.values()
     return value if isinstance(value, list) else ()
 
 
-def _integer(text: str) -> int:
+def _parse_integer(text: str) -> int:
     if len(text) > _MOST_DIGITS:
         raise ValueError(f"an integer has {len(text):,} digits")
     return int(text)
 
 
-def _constant(name: str) -> float:
+def _refuse_constant(name: str) -> float:
     if name == "NaN":
         raise ValueError("NaN is no number")
     return float(name)

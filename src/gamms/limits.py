@@ -88,7 +88,8 @@ def refuse_above(estimated: float, what: str) -> None:
     """
     if not estimated <= max_memory():
         raise TooLarge(
-            f"{what} would take about {_shown(estimated)} of memory; {_shown(max_memory())} are allowed. {_WAY}",
+            f"{what} would take about {_format_size(estimated)} of memory; {_format_size(max_memory())} are allowed. "
+            f"{_WAY}",
             estimated,
         )
 
@@ -133,13 +134,13 @@ class MemoryBudget:
         self._left_at_once -= size
         if self.left < 0:
             raise TooLarge(
-                f"{self._what} unpacks to more than {_shown(self.total)} of values, which honest files of its size "
-                "do not; it is not read further."
+                f"{self._what} unpacks to more than {_format_size(self.total)} of values, which honest files of its "
+                "size do not; it is not read further."
             )
         if self._left_at_once < 0:
             raise TooLarge(
-                f"{self._what} holds a value that would take more than the {_shown(max_memory())} of memory that are "
-                f"allowed. {_WAY}"
+                f"{self._what} holds a value that would take more than the {_format_size(max_memory())} of memory that "
+                f"are allowed. {_WAY}"
             )
 
 
@@ -184,7 +185,7 @@ class KeyBudget:
         return key
 
 
-def _shown(size: float) -> str:
+def _format_size(size: float) -> str:
     """A number of bytes for people."""
     if size != size or size >= 1e18:  # noqa: PLR0124 - NaN differs from itself; beyond are no memories
         return "an astronomical amount"

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.text import as_text, shown, without_address, written
+from gamms.text import as_text, remove_addresses, shown, written
 
 Plain: TypeAlias = Any
 """A plain value; type checkers know no type of lists and dicts, which are invariant, that holds all of them."""
@@ -36,7 +36,7 @@ _AS_BUILT_IN: dict[type, str] = {int: "__int__", float: "__float__", str: "__str
 
 def is_plain(value: Plain) -> bool:
     """Return whether a value is plain."""
-    return not why_not_plain(value)
+    return not describe_flaw(value)
 
 
 def to_plain(value: Plain) -> Plain:
@@ -45,7 +45,7 @@ def to_plain(value: Plain) -> Plain:
     Numbers, texts and containers of other classes become Python's own, and anything else a text that is the same in
     every run.
     """
-    return _converted(value, 0, _described)
+    return _convert(value, 0, _describe)
 
 
 def as_json(value: Plain) -> Plain:
@@ -63,7 +63,7 @@ def as_json(value: Plain) -> Plain:
     return hex(value) if isinstance(value, int) and value.bit_length() > _MOST_BITS else value
 
 
-def plain_subset(values: Mapping[Plain, Plain], left_out: list[Plain] | None = None) -> dict[Plain, Plain]:
+def select_plain(values: Mapping[Plain, Plain], left_out: list[Plain] | None = None) -> dict[Plain, Plain]:
     """Return the plain items of a dict, as from `to_plain`; other items are omitted, also in nested dicts.
 
     Args:
@@ -71,18 +71,18 @@ def plain_subset(values: Mapping[Plain, Plain], left_out: list[Plain] | None = N
         left_out: collects the keys of values that were omitted in whole or in part.
     """
     if left_out is None:
-        return _converted_dict(values, 0, lambda _: ...)
+        return _convert_dict(values, 0, lambda _: ...)
     missing: list[Plain] = []
 
     def note(value: Plain) -> Plain:
         missing.append(value)
         return ...
 
-    part = _converted_dict(values, 0, note)
+    part = _convert_dict(values, 0, note)
     if missing:  # seldom: then key by key
         for key, value in values.items():
             missing.clear()
-            _converted(value, 1, note)
+            _convert(value, 1, note)
             if missing:
                 left_out.append(key)
     return part
@@ -106,7 +106,7 @@ def is_same(one: Plain, other: Plain) -> bool:
 # -- is it plain ------------------------------------------------------------------------------------------------
 
 
-def why_not_plain(value: Plain, depth: int = 0) -> str:
+def describe_flaw(value: Plain, depth: int = 0) -> str:
     """Return where and why a value is not plain, such as "['brain'][2] is of type Brain"; "" if it is plain."""
     if type(value) in _SCALARS or isinstance(value, _BUILT_IN):
         return ""
@@ -114,25 +114,25 @@ def why_not_plain(value: Plain, depth: int = 0) -> str:
         is_number = value.dtype.kind in "biuf" and value.dtype.itemsize <= 8 and value.ndim <= MOST_DIMENSIONS
         return "" if is_number else f" is of dtype {value.dtype} and shape {value.shape}"
     if isinstance(value, list | tuple | dict | set | frozenset):
-        return _flaw_within(value, depth)
+        return _find_flaw(value, depth)
     return f" is of type {type(value).__name__}"
 
 
-def _flaw_within(value: Plain, depth: int) -> str:
+def _find_flaw(value: Plain, depth: int) -> str:
     if depth >= MOST_DEPTH:
         return f" is nested more than {MOST_DEPTH} levels deep, or holds itself"
     if isinstance(value, list | tuple):
-        return "" if _SCALARS.issuperset(map(type, value)) else _first_flaw(enumerate(value), depth)
+        return "" if _SCALARS.issuperset(map(type, value)) else _find_first_flaw(enumerate(value), depth)
     if not _SCALARS.issuperset(map(type, value)):
         for key in value:
             if not _is_key(key):
                 return f" has the key {shown(key)}, which cannot be written"
-    return _first_flaw(value.items(), depth) if isinstance(value, dict) else ""
+    return _find_first_flaw(value.items(), depth) if isinstance(value, dict) else ""
 
 
-def _first_flaw(items: Iterable[tuple[Plain, Plain]], depth: int) -> str:
+def _find_first_flaw(items: Iterable[tuple[Plain, Plain]], depth: int) -> str:
     for place, one in items:
-        if flaw := why_not_plain(one, depth + 1):
+        if flaw := describe_flaw(one, depth + 1):
             return f"[{shown(place)}]{flaw}"
     return ""
 
@@ -140,13 +140,13 @@ def _first_flaw(items: Iterable[tuple[Plain, Plain]], depth: int) -> str:
 def _is_key(key: Plain) -> bool:
     if isinstance(key, tuple | frozenset):
         return all(map(_is_key, key))
-    return type(key) in _SCALARS or (not why_not_plain(key) and not isinstance(key, np.ndarray))
+    return type(key) in _SCALARS or (not describe_flaw(key) and not isinstance(key, np.ndarray))
 
 
 # -- make it plain ----------------------------------------------------------------------------------------------
 
 
-def _converted(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Plain:
+def _convert(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Plain:
     """Convert a value to a plain value; `other` replaces values that are not plain, or returns `...` to omit them."""
     if isinstance(value, np.generic):
         value = value.item()
@@ -156,34 +156,34 @@ def _converted(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Pla
     if built_in is not None:  # an enum, for example
         return getattr(built_in, _AS_BUILT_IN[built_in])(value)
     if depth < MOST_DEPTH and isinstance(value, Mapping):
-        return _converted_dict(value, depth, other)
+        return _convert_dict(value, depth, other)
     if depth < MOST_DEPTH and isinstance(value, _SEQUENCES):
-        return _converted_list(value, depth)
+        return _convert_list(value, depth)
     return other(value)
 
 
-def _converted_dict(value: Mapping[Plain, Plain], depth: int, other: Callable[[Plain], Plain]) -> dict[Plain, Plain]:
-    converted = {_converted_key(key): _converted(one, depth + 1, other) for key, one in value.items()}
+def _convert_dict(value: Mapping[Plain, Plain], depth: int, other: Callable[[Plain], Plain]) -> dict[Plain, Plain]:
+    converted = {_convert_key(key): _convert(one, depth + 1, other) for key, one in value.items()}
     return {key: one for key, one in converted.items() if one is not ...}
 
 
-def _converted_list(value: Plain, depth: int) -> Plain:
+def _convert_list(value: Plain, depth: int) -> Plain:
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return np.array(value)
     if isinstance(value, set | frozenset):
-        keys = map(_converted_key, value)
+        keys = map(_convert_key, value)
         return frozenset(keys) if isinstance(value, frozenset) else set(keys)
     # NOTE: scalars take a twentieth of the time (benchmarks: teams).
     are_scalars = _SCALARS.issuperset(map(type, value))
-    items = list(value) if are_scalars else [_converted(one, depth + 1, _described) for one in value]
+    items = list(value) if are_scalars else [_convert(one, depth + 1, _describe) for one in value]
     return tuple(items) if isinstance(value, tuple) else items
 
 
-def _converted_key(key: Plain) -> Plain:
+def _convert_key(key: Plain) -> Plain:
     if _is_exact_key(key):
         return key
-    key = _converted(key, MOST_DEPTH - 1, _described)
-    return key if _is_exact_key(key) else _described(key)
+    key = _convert(key, MOST_DEPTH - 1, _describe)
+    return key if _is_exact_key(key) else _describe(key)
 
 
 def _is_exact_key(key: Plain) -> bool:
@@ -191,13 +191,13 @@ def _is_exact_key(key: Plain) -> bool:
     return kind in _SCALARS or (kind in (tuple, frozenset) and all(map(_is_exact_key, key)))
 
 
-def _described(value: Plain) -> str:
+def _describe(value: Plain) -> str:
     """Return the `repr` of an object without memory addresses."""
     try:
         text = repr(value)
     except Exception:  # noqa: BLE001 - of an object of the user, which has none
         text = object.__repr__(value)
-    return without_address(text)
+    return remove_addresses(text)
 
 
 # -- shapes of stored values ------------------------------------------------------------------------------------
@@ -240,14 +240,16 @@ def refuse_misfit(value: Plain, shape: Shape, place: str, nodes: Container[int],
         raise BadValue(f"{place}{path}{owner} must be {misfit.wanted}, not {shown(misfit.value)}.")
 
 
-def _fitting(wanted: str, fits: Callable[[Plain], bool]) -> Shape:
+def _make_shape(wanted: str, fits: Callable[[Plain], bool]) -> Shape:
     """Return the shape of values for which a function returns True."""
     return lambda value, _: None if fits(value) else Misfit((), wanted, value)
 
 
 def whole(least: int = 0, most: int = MOST_WHOLE) -> Shape:
     """Return the shape of integers in a range."""
-    return _fitting(f"an integer from {least} to {most}", lambda value: type(value) is int and least <= value <= most)
+    return _make_shape(
+        f"an integer from {least} to {most}", lambda value: type(value) is int and least <= value <= most
+    )
 
 
 def _is_finite(value: Plain) -> bool:
@@ -258,7 +260,9 @@ def _is_finite(value: Plain) -> bool:
 
 def between(least: float, most: float) -> Shape:
     """Return the shape of numbers in a range."""
-    return _fitting(f"a number from {least:g} to {most:g}", lambda value: _is_finite(value) and least <= value <= most)
+    return _make_shape(
+        f"a number from {least:g} to {most:g}", lambda value: _is_finite(value) and least <= value <= most
+    )
 
 
 def _is_name(value: Plain) -> bool:
@@ -269,12 +273,14 @@ def _is_name(value: Plain) -> bool:
     return True
 
 
-ANYTHING = _fitting("a value", lambda _: True)
-TEXT = _fitting("a text", lambda value: isinstance(value, str))
-NUMBER = _fitting("a finite number", _is_finite)
-NAME = _fitting("a name, such as a text or an integer", _is_name)
+ANYTHING = _make_shape("a value", lambda _: True)
+TEXT = _make_shape("a text", lambda value: isinstance(value, str))
+NUMBER = _make_shape("a finite number", _is_finite)
+NAME = _make_shape("a name, such as a text or an integer", _is_name)
 ID = whole(-_MOST_ID, _MOST_ID)  # of a node that may have been removed from the map
-ARRAY_OF_ONE = _fitting("an array of one game", lambda value: isinstance(value, np.ndarray) and value.shape[:1] == (1,))
+ARRAY_OF_ONE = _make_shape(
+    "an array of one game", lambda value: isinstance(value, np.ndarray) and value.shape[:1] == (1,)
+)
 
 
 def NODE(value: Plain, nodes: Container[int]) -> Misfit | None:  # noqa: N802 - a shape, as the ones above
@@ -284,7 +290,7 @@ def NODE(value: Plain, nodes: Container[int]) -> Misfit | None:  # noqa: N802 - 
 
 def among(values: Container[Plain], wanted: str) -> Shape:
     """Return the shape of integers that are among some values, which are described in words."""
-    return _fitting(wanted, lambda value: type(value) is int and value in values)
+    return _make_shape(wanted, lambda value: type(value) is int and value in values)
 
 
 def optional(shape: Shape) -> Shape:

@@ -44,7 +44,7 @@ class NotPickled:
         raise BadType(self._not_pickled)
 
 
-class ShallowCopied(NotPickled):
+class ShallowCopyMixin(NotPickled):
     """Mix-in: refuses to be pickled and copied deeply; `copy.copy` makes a copy that shares all attributes."""
 
     __slots__ = ()
@@ -163,7 +163,7 @@ class Unfreezable(GammsError):
     """An object is mutable, and not a container that can be copied read-only."""
 
 
-def frozen(value: object) -> Any:
+def freeze(value: object) -> Any:
     """Return a deep read-only copy.
 
     Mappings become a `ReadOnlyMapping`, lists and deques tuples, sets frozensets, bytearrays bytes, arrays locked
@@ -172,18 +172,18 @@ def frozen(value: object) -> Any:
     Raises:
         BadValue: it is too deep, or contains itself.
     """
-    return _walked(value, _frozen, deepcopy)
+    return _walk(value, _freeze, deepcopy)
 
 
 def published(name: str, value: object) -> Any:
-    """Return a read-only copy that can be shared; like `frozen`, except that other mutable objects are refused.
+    """Return a read-only copy that can be shared; like `freeze`, except that other mutable objects are refused.
 
     Raises:
         BadType: the value contains another mutable object.
         BadValue: it is too deep, or contains itself.
     """
     try:
-        return _walked(value, _frozen, _refused)
+        return _walk(value, _freeze, _refuse_value)
     except Unfreezable as error:
         raise BadType(
             f"The fact {name!r} has {error} in it, which may change. Publish plain values and arrays, or make the "
@@ -191,54 +191,54 @@ def published(name: str, value: object) -> Any:
         ) from None
 
 
-def copied(value: object) -> Any:
+def thaw(value: object) -> Any:
     """Return a copy that shares nothing that can change; its containers and arrays may be written to.
 
     Raises:
         BadValue: it is too deep, or contains itself.
     """
-    return _walked(value, _copied, deepcopy)
+    return _walk(value, _copy, deepcopy)
 
 
-def _walked(value: object, walk: Callable[[Any, Otherwise], Any], otherwise: Otherwise) -> Any:
+def _walk(value: object, walk: Callable[[Any, Otherwise], Any], otherwise: Otherwise) -> Any:
     try:
         return walk(value, otherwise)
     except RecursionError:
         raise BadValue("A value is nested too deeply, or contains itself.") from None
 
 
-def _frozen(value: object, otherwise: Otherwise) -> Any:  # noqa: PLR0911 - one line for each kind of container
+def _freeze(value: object, otherwise: Otherwise) -> Any:  # noqa: PLR0911 - one line for each kind of container
     if type(value) in _SCALARS:
         return value
     if isinstance(value, Mapping):
-        return ReadOnlyMapping({key: _frozen(one, otherwise) for key, one in value.items()})
+        return ReadOnlyMapping({key: _freeze(one, otherwise) for key, one in value.items()})
     if isinstance(value, tuple):
-        return _tuple_of(value, [_frozen(one, otherwise) for one in tuple.__iter__(value)])
+        return _make_tuple(value, [_freeze(one, otherwise) for one in tuple.__iter__(value)])
     if isinstance(value, (list, deque)):
-        return tuple([_frozen(one, otherwise) for one in value])
+        return tuple([_freeze(one, otherwise) for one in value])
     if isinstance(value, (set, frozenset)):
         return frozenset(value)
     if isinstance(value, (bytearray, memoryview)):
         return bytes(value)
     if type(value) is np.ndarray:
-        return _locked(value, otherwise)
-    return value if _cannot_change(value) else otherwise(value)
+        return _lock_array(value, otherwise)
+    return value if _is_immutable(value) else otherwise(value)
 
 
-def _copied(value: object, otherwise: Otherwise) -> Any:
+def _copy(value: object, otherwise: Otherwise) -> Any:
     kind = type(value)
     if kind in _SCALARS:
         return value
     if kind is dict:
-        return {key: _copied(one, otherwise) for key, one in cast("dict[Any, Any]", value).items()}
+        return {key: _copy(one, otherwise) for key, one in cast("dict[Any, Any]", value).items()}
     if kind in (list, set, deque):
-        return cast("type[list[Any]]", kind)(_copied(one, otherwise) for one in cast("list[Any]", value))
+        return cast("type[list[Any]]", kind)(_copy(one, otherwise) for one in cast("list[Any]", value))
     if isinstance(value, tuple):
-        return _tuple_of(value, [_copied(one, otherwise) for one in tuple.__iter__(value)])
-    return value if _cannot_change(value) else otherwise(value)
+        return _make_tuple(value, [_copy(one, otherwise) for one in tuple.__iter__(value)])
+    return value if _is_immutable(value) else otherwise(value)
 
 
-def _tuple_of(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
+def _make_tuple(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
     """Return the tuple itself if its items are unchanged, else a tuple of the same class with the new items."""
     if all(item is own for item, own in zip(items, tuple.__iter__(value), strict=True)):
         return value
@@ -246,7 +246,7 @@ def _tuple_of(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
     return make(items)
 
 
-def locked(array: Array) -> Array:
+def copy_locked(array: Array) -> Array:
     """Return a copy of an array of numbers that cannot be written to, nor be made so: its memory is that of `bytes`."""
     memory: Any = array.base
     if isinstance(memory, bytes):
@@ -254,17 +254,17 @@ def locked(array: Array) -> Array:
     return cast("Array", np.ndarray(array.shape, array.dtype, array.tobytes()))
 
 
-def _locked(array: "np.ndarray[Any, Any]", otherwise: Otherwise) -> "np.ndarray[Any, Any]":
+def _lock_array(array: "np.ndarray[Any, Any]", otherwise: Otherwise) -> "np.ndarray[Any, Any]":
     if not array.dtype.hasobject:
-        return locked(array)
+        return copy_locked(array)
     copy = np.empty(array.shape, object)
     for place in np.ndindex(array.shape):
-        copy[place] = _frozen(array[place], otherwise)
+        copy[place] = _freeze(array[place], otherwise)
     copy.setflags(write=False)
     return copy
 
 
-def _cannot_change(value: object) -> bool:
+def _is_immutable(value: object) -> bool:
     kind = type(value)
     if isinstance(value, np.generic):
         return kind is not np.void
@@ -274,13 +274,13 @@ def _cannot_change(value: object) -> bool:
         return True
     if is_dataclass(value) and kind.__dataclass_params__.frozen:  # type: ignore[attr-defined] # every dataclass has it
         parts = [getattr(value, field.name) for field in fields(value)]
-        return all(_frozen(part, _changed) is part for part in parts)
+        return all(_freeze(part, _refuse_change) is part for part in parts)
     return False
 
 
-def _changed(_: object) -> Any:
+def _refuse_change(_: object) -> Any:
     return object()
 
 
-def _refused(value: object) -> Any:
+def _refuse_value(value: object) -> Any:
     raise Unfreezable(f"an object of the class {type(value).__module__}.{type(value).__qualname__}")

@@ -45,10 +45,10 @@ _bounded.maxother = 80
 
 def shown(value: object) -> str:
     """Return the `repr` of a value, shortened for messages; it never raises."""
-    return printable(_bounded.repr(value)).replace("\n", " ")
+    return make_printable(_bounded.repr(value)).replace("\n", " ")
 
 
-def syntax_tree(text: str | bytes, file: str = "<text>", mode: str = "exec") -> Any:
+def parse_syntax(text: str | bytes, file: str = "<text>", mode: str = "exec") -> Any:
     """Parse Python code with `ast.parse`, in one thread at a time.
 
     Raises:
@@ -91,7 +91,7 @@ def as_text(value: object) -> str:
         return shown(value)
 
 
-def empty_range(text: str, first: int, last: int) -> str:
+def describe_empty_range(text: str, first: int, last: int) -> str:
     """Return the message for a range whose ends are exchanged, such as "5:1"."""
     return f"{shown(text)} is empty; did you mean {last}:{first}?"
 
@@ -121,22 +121,22 @@ def reason(error: BaseException) -> str:
     return (text if len(text) <= _MOST else f"{text[:_MOST]} …") or type(error).__name__
 
 
-def printable(text: str) -> str:
+def make_printable(text: str) -> str:
     r"""Return a text that a terminal can print: control characters but the line feed become escapes such as \u001b."""
-    return _CONTROLS.sub(lambda found: _escaped(found.group()), text)
+    return _CONTROLS.sub(lambda found: _escape_character(found.group()), text)
 
 
-def module_of(value: object) -> str:
+def find_module(value: object) -> str:
     """Return the name of the module that defines a function or class; it is the same in every process."""
-    return main_module(str(getattr(value, "__module__", "?")))
+    return find_main_module(str(getattr(value, "__module__", "?")))
 
 
-def main_module(name: str) -> str:
+def find_main_module(name: str) -> str:
     """Return the name of a module, `__main__` for the program in processes that were spawned, too."""
     return "__main__" if name == "__mp_main__" else name
 
 
-def without_address(text: str) -> str:
+def remove_addresses(text: str) -> str:
     """Remove memory addresses from a text, so that it is the same in every process."""
     return _ADDRESS.sub("", text)
 
@@ -193,11 +193,11 @@ def entries_of(docs: str | None) -> dict[str, str]:
     return found
 
 
-def printable_line(text: str) -> str:
-    r"""Return a text as `printable` does, and on one line: line feeds become \n."""
-    return printable(text).replace("\n", "\\n")
+def make_printable_line(text: str) -> str:
+    r"""Return a text as `make_printable` does, and on one line: line feeds become \n."""
+    return make_printable(text).replace("\n", "\\n")
 
 
-def _escaped(character: str) -> str:
+def _escape_character(character: str) -> str:
     code = ord(character)
     return f"\\u{code:04x}" if code < 1 << 16 else f"\\U{code:08x}"

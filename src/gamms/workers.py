@@ -33,21 +33,21 @@ serve()
 """
 
 
-def cores() -> int:
+def count_cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def first_done(futures: Collection[Future[T]]) -> set[Future[T]]:
+def wait_for_first(futures: Collection[Future[T]]) -> set[Future[T]]:
     """Wait until at least one future is done, or Ctrl-C is pressed; return the finished futures."""
     while not (done := wait_for(futures, SIGNALS_S, FIRST_COMPLETED).done):
         pass
     return done
 
 
-def result_of(future: Future[T]) -> T:
+def wait_for_result(future: Future[T]) -> T:
     """Wait for a result, or Ctrl-C."""
-    first_done([future])
+    wait_for_first([future])
     return future.result()
 
 
@@ -69,7 +69,7 @@ class Worker:
         if not sys.executable or getattr(sys, "frozen", False):
             raise OSError("This program is no Python interpreter that could be started again.")
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        with _ctrl_c_waits():
+        with _block_ctrl_c():
             self._process = subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us
                 [sys.executable, "-c", _SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
             )
@@ -79,7 +79,7 @@ class Worker:
         """Run a task; return whether it succeeded, and its result or exception.
 
         Args:
-            task: a function and its arguments, as `task_of` returns them.
+            task: a function and its arguments, as `make_task` returns them.
 
         Raises:
             WorkerDied: the process has ended.
@@ -94,17 +94,17 @@ class Worker:
         try:
             _send(stdin, pickle.dumps((script, task)))
         except OSError:
-            raise self._died() from None
+            raise self._make_death_error() from None
 
     def receive(self) -> tuple[bool, Any]:
         """Return the answer to the task that was sent; see `ask`."""
         stdout = cast("BinaryIO", self._process.stdout)
         while os.name == "posix" and not wait([stdout.fileno()], _LOOK_S):
             if self._process.poll() is not None:  # even if a child process keeps the pipe open
-                raise self._died()
-        answer = _received(stdout)
+                raise self._make_death_error()
+        answer = _receive_message(stdout)
         if answer is None:
-            raise self._died()
+            raise self._make_death_error()
         found: tuple[bool, Any] = pickle.loads(answer)  # noqa: S301 - from our own process
         return found
 
@@ -116,7 +116,7 @@ class Worker:
             with suppress(OSError):  # unwritten data are lost, too
                 cast("BinaryIO", pipe).close()
 
-    def _died(self) -> WorkerDied:
+    def _make_death_error(self) -> WorkerDied:
         self.end()
         return WorkerDied(f"the process that played it ended, with exit code {self._process.returncode}")
 
@@ -143,7 +143,7 @@ class WorkerPool(ThreadPoolExecutor):
         return super().submit(self._call, partial(fn, *args, **kwargs))
 
     def _call(self, call: Callable[[], object]) -> Any:
-        task = task_of(call)  # not before, for tasks that wait may be many and large
+        task = make_task(call)  # not before, for tasks that wait may be many and large
         worker: Worker | None = getattr(self._own, "worker", None)
         if worker is None:
             worker = Worker()
@@ -173,7 +173,7 @@ class WorkerPool(ThreadPoolExecutor):
 
 
 @contextmanager
-def _ctrl_c_waits() -> Iterator[None]:
+def _block_ctrl_c() -> Iterator[None]:
     """Start processes with SIGINT blocked, because Ctrl-C is handled by this process."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -185,7 +185,7 @@ def _ctrl_c_waits() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def task_of(fn: Callable[P, object], /, *args: P.args, **kwargs: P.kwargs) -> bytes:
+def make_task(fn: Callable[P, object], /, *args: P.args, **kwargs: P.kwargs) -> bytes:
     """Return a call of a function as a task for a worker."""
     return pickle.dumps((fn, args, kwargs))
 
@@ -195,7 +195,7 @@ def _send(stream: BinaryIO, data: bytes) -> None:
     stream.flush()
 
 
-def _received(stream: BinaryIO) -> bytes | None:
+def _receive_message(stream: BinaryIO) -> bytes | None:
     """Return the next message; None at the end of the stream."""
     size = stream.read(8)
     data = stream.read(int.from_bytes(size, "little"))
@@ -209,7 +209,7 @@ def serve() -> None:
     os.dup2(2, 1)  # output of strategies must not mix with results
     os.environ[_IN_WORKER] = "1"
     with suppress(OSError):
-        while (task := _received(tasks)) is not None:
+        while (task := _receive_message(tasks)) is not None:
             _send(answers, _answer(*pickle.loads(task)))  # noqa: S301 - from our own process
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.core.agents import NodeNumbers, number_nodes
-from gamms.ir.agents import AgentBlock, read_vector, speeds_of
+from gamms.ir.agents import AgentBlock, list_speeds, read_vector
 from gamms.ir.columns import Selection
 from gamms.ir.journal import Journal
 from gamms.ir.positions import Positions
@@ -97,7 +97,7 @@ def read(columns):
     rows = range(len(columns))
     progress = [columns.progress_of(row) for row in rows]
     lists |= {name: [read_vector(columns, name, row) for row in rows] for name in VECTORS}
-    return lists | {"speed": speeds_of(columns.games), "progress": progress}
+    return lists | {"speed": list_speeds(columns.games), "progress": progress}
 
 
 def test_many_agents_move_like_one_after_the_other(columns):

@@ -138,7 +138,7 @@ def test_whatever_the_action_all_of_it_happens_or_nothing(graph, action):
 
 @given(value=VECTORS)
 @pytest.mark.parametrize("attribute", ["position", "quat", "orientation"])
-def test_what_is_no_place_and_no_turn_changes_nothing(graph, attribute, value):
+def test_an_invalid_position_or_rotation_changes_nothing(graph, attribute, value):
     kite = Kite(graph)
     before = kite.shown()
     try:

@@ -32,7 +32,7 @@ def test_between_two_nodes_in_one_place_there_is_no_heading(ctx, anna):
     assert anna.orientation == (0.0, 0.0)
 
 
-def test_what_was_set_stays_whatever_the_agent_does(anna):
+def test_a_set_orientation_stays_while_the_agent_moves(anna):
     anna.orientation = (0, -3)
     move(anna, 5)
     anna.current_node_id = 8

@@ -149,7 +149,7 @@ def test_a_strategy_that_raises_leaves_the_agent_where_it_is(anna):
 
 @pytest.mark.parametrize(("node", "error"), [(99, KeyError), ("4", TypeError), (True, TypeError), (4.0, TypeError)])
 @pytest.mark.parametrize("attribute", ["current_node_id", "prev_node_id"])
-def test_an_agent_cannot_be_put_on_what_is_no_node(anna, attribute, node, error):
+def test_an_agent_cannot_be_put_on_an_unknown_node(anna, attribute, node, error):
     with pytest.raises(error):
         setattr(anna, attribute, node)
     assert where(anna) == (4, 4, (0.0, 0.0))

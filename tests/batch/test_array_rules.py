@@ -79,7 +79,7 @@ def test_an_array_rule_does_the_same_alone_and_in_batches(rule, phase, rules, or
     assert any(result.events for result in results)
 
 
-def test_an_array_rule_remembers_what_it_kept_before_a_batch():
+def test_an_array_rule_keeps_its_memory_from_before_a_batch():
     same_in_both(scene([TAG], side=4, max_turns=20), tolls(most=99), turns_before=8)
 
 
@@ -167,7 +167,7 @@ def test_a_scenario_names_it_and_records_the_same_bytes(tmp_path):
     assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
 
 
-def test_what_it_cannot_do_alone_is_refused():
+def test_an_array_rule_is_refused_in_a_single_game_where_it_needs_a_batch():
     @gamms.array_rule
     def publishes(turn):
         turn.publish("storm", turn.turn)
@@ -271,7 +271,7 @@ def test_a_rule_changes_a_turn_by_its_verbs_alone(write, play):
 
 @pytest.mark.parametrize("play", [played_alone, played_in_a_batch])
 @pytest.mark.parametrize("mistake", MISTAKES.values(), ids=MISTAKES)
-def test_a_verb_says_what_is_wrong_with_what_it_got(mistake, play):
+def test_a_verb_explains_invalid_arguments(mistake, play):
     call, kind, message = mistake
 
     @gamms.array_rule

@@ -47,7 +47,7 @@ def wary(view):
 
 
 @pytest.mark.parametrize("name", ["games", "agents", "node", "mask", "turn", "counts"])
-def test_it_cannot_write_into_what_it_is_shown(name):
+def test_a_strategy_cannot_write_into_its_view(name):
     @gamms.array_strategy
     def write(view):
         getattr(view, name).fill(0)
@@ -84,7 +84,7 @@ def test_it_knows_who_is_alive(same_as_one_by_one):
     same_as_one_by_one(scene([OUT]), [1, 2], {"blue": count})
 
 
-def test_what_it_cannot_do_is_refused():
+def test_unsupported_calls_of_array_strategies_are_refused():
     with pytest.raises(BadType, match="An array strategy must be a function of a view"):
         gamms.array_strategy(3)
 
@@ -151,7 +151,7 @@ def test_with_a_time_budget_it_is_asked_game_by_game_in_the_core(same_as_one_by_
     same_as_one_by_one(scenario, [1, 2, 3], {"red": hunt})
 
 
-def test_with_a_time_budget_it_shares_what_it_keeps_with_an_array_rule():
+def test_with_a_time_budget_a_strategy_shares_its_memory_with_an_array_rule():
     @gamms.array_strategy
     def count(view):
         asked = view.keep("asked", lambda games: {"number": np.zeros(games, np.int64)})["number"]

@@ -123,7 +123,7 @@ def test_a_context_knows_what_agents_have_sensed_from_the_next_turn_on():
         assert agent.sensors["near"].data == agent.state["sensor"]["near"][1]
 
 
-def test_a_context_shows_what_was_done_by_actions_from_outside():
+def test_a_context_shows_the_effects_of_actions_from_outside():
     with scene([TAG]).batch(3, seed=4) as games:
         games.step()
         shown = games.context(2)

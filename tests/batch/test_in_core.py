@@ -12,8 +12,8 @@ import gamms
 from gamms import strategies
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.game import batch_engine
-from gamms.game.block.columns import in_threads
-from gamms.game.strategy_specs import strategy_spec_of
+from gamms.game.block.columns import play_in_threads
+from gamms.game.strategy_specs import get_strategy_spec
 from gamms.rules.in_core import FORMS
 
 
@@ -56,7 +56,7 @@ def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
             "pool": strategies.pool([strategies.chase, strategies.stay])(ctx),
         }
     assert {*made} == {*strategies.__all__}
-    assert names_in_docs("strategies") == {name for name, one in made.items() if strategy_spec_of(one).core_steps}
+    assert names_in_docs("strategies") == {name for name, one in made.items() if get_strategy_spec(one).core_steps}
     assert names_in_docs("rules") == set(FORMS)
 
 
@@ -184,9 +184,9 @@ def test_games_go_on_where_ctrl_c_has_stopped_them(scenario, by_steps, threads, 
         if len(pressed) < 3 and options["waits"]:
             pressed.append(games.turn.tolist())
             signal.raise_signal(signal.SIGINT)
-        in_threads(*args, **options)
+        play_in_threads(*args, **options)
 
-    monkeypatch.setattr(batch_engine, "in_threads", press)
+    monkeypatch.setattr(batch_engine, "play_in_threads", press)
     monkeypatch.setattr(batch_engine, "_LONG_S", 0.0)
     with scenario.batch(3) as games, scenario.batch(3) as others:
         for _ in range(3):
@@ -205,9 +205,9 @@ def test_a_handler_of_ctrl_c_that_does_not_raise_lets_the_turn_be_played(monkeyp
     def press(*args, **options):
         if not came:
             signal.raise_signal(signal.SIGINT)
-        in_threads(*args, **options)
+        play_in_threads(*args, **options)
 
-    monkeypatch.setattr(batch_engine, "in_threads", press)
+    monkeypatch.setattr(batch_engine, "play_in_threads", press)
     try:
         with GRID.batch(3) as games:
             games.step()

@@ -66,7 +66,7 @@ def test_the_map_of_a_game_follows_from_its_seed_alone():
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_games_that_begin_again_draw_their_maps_anew(way):
+def test_games_that_begin_again_draw_their_maps_again(way):
     scenario = way(scene([TAG]))
     with scenario.batch(10, maps=MAPS) as games:
         before = games.maps.tolist()

@@ -116,7 +116,7 @@ def test_batches_on_equal_graphs_share_their_tables(monkeypatch):
     asked=st.lists(st.tuples(st.booleans(), st.lists(st.integers(0, 48), min_size=1, max_size=4)), max_size=6),
     most=st.integers(1, 9),
 )
-def test_what_was_asked_before_changes_no_answer(edges, asked, most):
+def test_earlier_queries_change_no_answer(edges, asked, most):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         small_map(ctx, edges)
         streets = StreetGraph(ctx.graph.columns(), ctx.graph.routes)
@@ -143,7 +143,7 @@ ROWS = {
 
 
 @pytest.mark.parametrize("case", ROWS)
-def test_what_is_no_row_of_a_node_is_refused(case):
+def test_an_invalid_node_row_is_refused(case):
     rows, kind, message = ROWS[case]
     here = np.array([0, 1])
     with scene().batch(2) as games:
@@ -172,7 +172,7 @@ def test_what_is_no_row_of_a_node_is_refused(case):
         ([1, 1, 1], BadValue, r"actions has the shape \(3,\), which does not broadcast to one shape"),
     ],
 )
-def test_what_is_no_number_of_a_legal_node_is_refused(actions, kind, message):
+def test_an_invalid_number_of_a_legal_node_is_refused(actions, kind, message):
     with gamms.create_context() as ctx:
         ctx.graph.add_nodes([40, 50, 60], [0.0, 1.0, 2.0], [0.0] * 3)
         ctx.graph.add_edges(range(4), [40, 50, 50, 60], [50, 40, 60, 50])
@@ -181,7 +181,7 @@ def test_what_is_no_number_of_a_legal_node_is_refused(actions, kind, message):
             streets.step([0, 1], actions)
 
 
-def test_what_is_no_name_of_a_weight_is_refused():
+def test_an_invalid_weight_name_is_refused():
     with scene().batch(2) as games:
         view = games.observe("red")
         with pytest.raises(BadType, match="weight must be"):

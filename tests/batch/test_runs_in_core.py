@@ -203,7 +203,7 @@ def test_a_listener_is_called_after_each_turn():
         assert turns == [*range(1, 31)]
 
 
-def test_a_run_goes_on_from_what_was_changed_between_two_runs():
+def test_a_run_goes_on_from_changes_between_two_runs():
     rules = [tag("red", "blue"), capture_flag({"red": 0, "blue": 24})]
 
     def change(ctx):

@@ -512,7 +512,7 @@ def slow_down(ctx):
 
 
 @pytest.mark.parametrize("phase", ["before", "deeds", "after"])
-def test_a_game_takes_along_what_it_has_by_its_seed(phase, tmp_path, caplog):
+def test_a_game_takes_along_its_seeded_state(phase, tmp_path, caplog):
     (tmp_path / "by_seed.py").write_text(OF_SEED)
     meta = {"luck": {"function": "by_seed:draw"}}
     team = {"count": 2, "sensors": ["ear"], "meta": meta, "strategy": "by_seed:planned"}

@@ -52,7 +52,7 @@ def test_nodes_that_can_be_reached_are_drawn_in_one_colour(make_ctx, add):
     assert drawn(ctx) == {}
 
 
-def test_a_recording_shows_what_was_drawn(make_ctx, add, tmp_path):
+def test_a_recording_shows_the_drawings(make_ctx, add, tmp_path):
     ctx = watched(make_ctx, add)
     ctx.record.start(tmp_path / "g.ggr")
     ctx.game.run(4)

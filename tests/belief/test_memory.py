@@ -299,7 +299,7 @@ def test_a_report_is_of_a_turn_that_was(make_ctx, add, turn, error):
     ("motion", "hint"),
     [("random_walk", "not 'random_walk'"), (belief.random_walk, "It makes a model: call it")],
 )
-def test_what_is_no_model_of_motion_is_named(make_ctx, add, motion, hint):
+def test_an_invalid_motion_model_is_named(make_ctx, add, motion, hint):
     ctx = make_ctx(5)
     add(ctx, "a", 0, "red")
     add(ctx, "prey", 4, "blue")

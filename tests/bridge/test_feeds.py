@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.bridge import Feed, Fix, FixChecks, SimulatedClock
-from gamms.bridge.lines import LONGEST_LINE, BadLine, RoadChanges, line_of, parse
+from gamms.bridge.lines import LONGEST_LINE, BadLine, RoadChanges, encode_line, parse
 from gamms.bridge.matching import PositionTracker
 from gamms.errors import BadType, BadValue
 
@@ -182,7 +182,7 @@ def test_a_line_says_where_an_agent_is():
     fix = Fix(t=1.5, lat=60.1, lon=24.9, heading=90.0, agent="anna")
     assert parse(msgspec.json.encode(fix)) == fix
     assert parse('{"type": "fix", "agent": "anna", "x": 1, "y": 2, "battery": 0.8}') == Fix(x=1, y=2, agent="anna")
-    assert parse(line_of("roads", {"turn": 3, "close": [4], "travel_time": {5: 2.5}})) == RoadChanges(
+    assert parse(encode_line("roads", {"turn": 3, "close": [4], "travel_time": {5: 2.5}})) == RoadChanges(
         turn=3, close=[4], travel_time={5: 2.5}
     )
 

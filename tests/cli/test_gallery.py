@@ -14,7 +14,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from gamms import cli, scenario
-from gamms.cli.gallery import about, records
+from gamms.cli.gallery import about, list_statistics
 from gamms.visual.constants import Layer
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
@@ -43,7 +43,7 @@ def test_the_list_says_a_line_of_each_game():
 
 
 @pytest.mark.parametrize("name", GAMES)
-def test_a_game_says_what_it_models_and_is_at_most_a_page_of_code(name):
+def test_a_game_states_its_model_and_is_at_most_a_page_of_code(name):
     game = GAMES[name]
     assert len(about(game)) >= 2
     assert re.search(r"\b(19|20)\d\d\b", about(game)[0]), "name what it is near to in the literature"
@@ -62,7 +62,7 @@ def test_a_game_paints_nothing_over_its_agents(name):
 
 @pytest.mark.parametrize("name", GAMES)
 def test_both_sides_win_games_or_there_are_no_sides(name):
-    found = records()[name]
+    found = list_statistics()[name]
     assert found.games >= 100
     assert sum(won for won, _, _ in found.wins.values()) == (0 if found.scores else found.games)
     assert all(low < mean < high for mean, low, high in found.scores.values())
@@ -85,7 +85,7 @@ def test_a_page_has_a_picture_that_opens_the_replay(folder):
     assert 'media="(prefers-color-scheme: dark)" srcset="people_and_machines_dark.png"' in page
     assert '<img src="people_and_machines.png"' in page
     assert GAMES["people_and_machines"].spec.description in page
-    assert f"By the baselines: {escape(str(records()['people_and_machines']))}." in page
+    assert f"By the baselines: {escape(str(list_statistics()['people_and_machines']))}." in page
     assert "http" not in page, "it is for reading offline"
     assert (folder / "games/people_and_machines.png").stat().st_size < 60_000
     corners = []
@@ -150,14 +150,14 @@ def test_the_hunters_of_language_model_do_what_a_server_answers():
 
 
 @pytest.mark.skipif(os.environ.get("GAMMS_ALL_PLAYS") != "1", reason="takes a quarter of an hour")
-@pytest.mark.parametrize("name", records())
+@pytest.mark.parametrize("name", list_statistics())
 def test_the_games_of_a_hundred_seeds_are_won_as_the_page_says(name):
     assert measured(name) == json.loads(RESULTS.read_text())[name]
 
 
-def test_the_page_of_the_documentation_says_of_each_game_what_it_is_and_who_wins():
+def test_the_gallery_page_describes_each_game_and_its_winners():
     words = " ".join((Path(__file__).parents[2] / "docs" / "gallery.md").read_text().split())
     for name, game in GAMES.items():
-        found = records()[name]
+        found = list_statistics()[name]
         results = str(found).partition(" of 100 games")[0]
         assert f"{game.spec.description} {'Scores' if found.scores else 'Wins'}: {results}." in words, name

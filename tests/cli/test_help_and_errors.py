@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import gamms
 from gamms import cli
 from gamms.cli import commands
-from gamms.cli.output import explained, rich_table
+from gamms.cli.output import explain_error, make_rich_table
 from gamms.errors import BadValue
 
 COMMANDS = [
@@ -234,10 +234,10 @@ def test_a_film_may_be_written_into_the_folder_of_the_game(folder):
 
 
 def test_a_long_table_says_how_many_rows_it_leaves_out():
-    table = rich_table(("number", "square"), [(str(i), str(i * i)) for i in range(1_502)])
+    table = make_rich_table(("number", "square"), [(str(i), str(i * i)) for i in range(1_502)])
     assert [column.justify for column in table.columns] == ["left", "right"]
     assert [*table.columns[0].cells][-2:] == ["499", "and 1,002 more"]
-    assert rich_table(("number",), [("1",)] * 500).row_count == 500
+    assert make_rich_table(("number",), [("1",)] * 500).row_count == 500
 
 
 def test_an_error_and_its_cause_are_printed_without_frames_of_gamms():
@@ -247,7 +247,7 @@ def test_an_error_and_its_cause_are_printed_without_frames_of_gamms():
         except BadValue as error:
             raise ValueError("no such grid") from error
     except ValueError as error:
-        said = explained(error)
+        said = explain_error(error)
     assert str(Path(gamms.__file__).parent) not in said
     assert said.count(f'File "{__file__}", line') == 2
     assert "BadValue: rows must be at least 1, not -1." in said

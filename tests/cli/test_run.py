@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from gamms import cli, recorder, recordings, scenario
 from gamms.game import Result
 from gamms.visual.themes import THEMES
-from gamms.web.bundle import css
+from gamms.web.bundle import format_css
 
 TOWN = Path(__file__).parents[1] / "osm_online/data/kluuvi.osm.gz"
 
@@ -98,7 +98,7 @@ def test_the_picture_of_a_town_has_its_parks_and_water_and_the_recording_what_th
     assert (done.exit_code, done.stderr) == (0, "")
     picture = Path("gamms-run/final.svg").read_text()
     tones = THEMES["light"].map.ground
-    assert [f'fill="{css(tone)}"' in picture for tone in (tones.green, tones.water)] == [is_drawn, is_drawn]
+    assert [f'fill="{format_css(tone)}"' in picture for tone in (tones.green, tones.water)] == [is_drawn, is_drawn]
     with recordings.context_for("gamms-run/game.ggr") as ctx:
         next(iter(ctx.record.replay("gamms-run/game.ggr")))
         assert bool(len(ctx.graph.scenery_columns().kinds)) == (scenery == ", scenery: true")

@@ -63,7 +63,7 @@ def ctx():
 
 
 # fmt: off
-def test_a_camera_is_one_line_and_so_is_seeing_what_it_sees(ctx):
+def test_a_camera_and_its_picture_take_one_line_each(ctx):
     create_grid(ctx.graph.graph, 5)
     ctx.sensor.create_sensor(
       'camera', type=gamms.sensor.SensorType.ARC, sensor_range=50, fov=2.5

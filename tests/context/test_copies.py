@@ -67,7 +67,7 @@ def test_agents_of_a_copy_that_share_a_sensor_get_more_sensors():
         ]
 
 
-def test_a_graph_is_pickled_by_what_it_holds():
+def test_a_graph_is_pickled_by_its_contents():
     with world() as ctx:
         graph = pickle.loads(pickle.dumps(ctx.graph.graph))
         assert [graph.get_edge(id) for id in graph.get_edges()] == [

@@ -167,7 +167,7 @@ def test_engines_may_be_given_by_their_names(tmp_path):
     assert path.exists()
 
 
-def test_everything_in_a_context_says_what_it_holds(tmp_path):
+def test_each_part_of_a_context_describes_its_contents(tmp_path):
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
         assert repr(ctx.agent) == "AgentEngine(0 agents)"
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))

@@ -67,7 +67,7 @@ def test_a_worker_pool_delivers_our_errors():
 
 
 @pytest.mark.parametrize("wrong", [3, b"city.gamms", ["city.gamms"]])
-def test_what_is_no_path_is_named(wrong):
+def test_an_invalid_path_is_named(wrong):
     calls = [
         lambda ctx: ctx.graph.save(wrong),
         lambda ctx: ctx.graph.load(wrong),

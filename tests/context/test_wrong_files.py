@@ -6,7 +6,7 @@ import pytest
 
 import gamms
 from gamms.errors import BadValue, MissingFolder
-from gamms.folders import made_folder
+from gamms.folders import make_folder
 from gamms.strategies import stay
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="a folder that takes no new files")
@@ -52,7 +52,7 @@ def test_a_folder_that_is_missing_is_named(street, tmp_path, kind):
 def test_a_folder_that_cannot_be_made_is_named(folder):
     with (
         pytest.raises(MissingFolder, match=rf"^'{folder}' cannot be made: the folder '/proc' takes"),
-        made_folder(Path(folder)),
+        make_folder(Path(folder)),
     ):
         pass
 

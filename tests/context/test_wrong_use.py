@@ -8,7 +8,7 @@ import pytest
 import gamms
 from gamms import osm
 from gamms.errors import BadType, UnknownName
-from gamms.game.result import what_went_wrong
+from gamms.game.result import summarize_errors
 from gamms.rules import last_team, tag
 from gamms.sensor import SensorType, agent_range, neighbor
 from gamms.sensor import range as range_sensor
@@ -198,7 +198,7 @@ def test_an_unknown_key_of_an_action_is_refused(town, action, flaw):
 
 def test_the_warning_after_a_run_keeps_the_question_mark_of_a_hint(town):
     town.agent.create_agent("ann", start_node_id=0, strategy=lambda state: state.update(action={"edgs": 1}))
-    assert what_went_wrong(town.game.run(1).errors).endswith("Did you mean 'edge'? See result.errors.")
+    assert summarize_errors(town.game.run(1).errors).endswith("Did you mean 'edge'? See result.errors.")
 
 
 def test_a_misspelt_key_of_a_flight_is_refused(town):

@@ -114,7 +114,7 @@ def test_what_a_verb_cannot_take_is_refused_in_our_own_words(ctx, case):
 
 @pytest.mark.parametrize("name", ["near", "far", "walls", "others"])
 @pytest.mark.parametrize("node", [{}, [0, 1], "x", 1.5, MANY, HUGE, math.nan], ids=lambda node: type(node).__name__)
-def test_a_sensor_refuses_what_is_no_node(ctx, name, node):
+def test_a_sensor_refuses_an_unknown_node(ctx, name, node):
     sensor = ctx.sensor.sensors[name]
     for look in (sensor.sense, lambda one: sensor.view_from(one, None), lambda one: sensor.sense_many([one])):
         with pytest.raises(GammsError, match=r"integer|64 bits"):

@@ -210,7 +210,7 @@ def test_shipped_strategies_play_fair(name):
     check_strategy(None, make, "red0")
 
 
-def test_a_strategy_may_draw_from_what_the_game_seeds_and_use_up_what_it_saw():
+def test_a_strategy_may_use_seeded_draws_and_change_its_sensor_data():
     def strategy(state):
         state["sensor"]["eyes"][1].clear()
         state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
@@ -305,7 +305,7 @@ def test_a_strategy_that_changes_the_world_is_found():
         check_strategy(stay, lambda: world, "red0")
 
 
-def test_a_strategy_that_is_awaited_is_checked_likewise():
+def test_an_awaited_strategy_is_checked_too():
     async def fair(state):
         await asyncio.sleep(0)
         state["action"] = state["legal"][int(state["rng"].integers(len(state["legal"])))]

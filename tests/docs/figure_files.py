@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 
 
 def assert_same_figure(shown, made):
@@ -10,7 +10,7 @@ def assert_same_figure(shown, made):
     if made.suffix == ".svg":
         assert made.read_text() == shown.read_text(), f"{shown} is not what its code makes: run make figures"
         return
-    before, now = (pixels_of(path.read_bytes()).astype(int) for path in (shown, made))
+    before, now = (decode_pixels(path.read_bytes()).astype(int) for path in (shown, made))
     assert now.shape == before.shape
     differs = np.abs(now - before).max(axis=2)
     # Letters and hairlines differ a little between versions of pygame.

@@ -278,7 +278,7 @@ def test_every_old_import_path_is_on_the_page_about_compatibility():
 
 
 @pytest.mark.parametrize("name", ["torchrl", "benchmarl", "rllib", "openspiel"])
-def test_a_page_about_another_library_shows_parts_of_its_program_and_what_it_prints(name):
+def test_a_page_about_another_library_shows_parts_of_its_program_and_its_output(name):
     page = DOCS / "howto" / f"{name}.md"
     commands, printed = re.search(r"```bash\n(.*?)```\n\n```text\n(.*?)```", page.read_text(), re.DOTALL).groups()
     program = (ROOT / commands.split()[-1]).read_text(encoding="utf-8")

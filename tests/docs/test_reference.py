@@ -87,7 +87,7 @@ def test_errors_of_several_classes_are_an_item():
     assert "* **UnknownName (KeyError), BadType, BadValue**: the post" in reference.page_of("gamms.strategies")
 
 
-def test_an_entry_shows_the_example_of_its_name_with_what_it_prints():
+def test_an_entry_shows_the_example_of_its_name_with_its_output():
     page = reference.page_of("gamms.limits")
     for name, said in (("allowing(", "2048 MiB"), ("parse_memory(", "536870912")):
         _, _, entry = page.partition(f"{{py:function}} {name}")

@@ -16,7 +16,7 @@ from gamms import cli, experiment
 from gamms.cli import experiments
 from gamms.errors import BadValue
 from gamms.experiment import folders
-from gamms.experiment.files import read_experiment, seeds_of
+from gamms.experiment.files import parse_seeds, read_experiment
 from gamms.scenario import ScenarioError
 
 GAME = """
@@ -142,12 +142,12 @@ def test_a_file_may_say_how_many_processes_play(folder):
 
 
 def test_seeds_may_be_a_list():
-    assert seeds_of([7, 3]) == [7, 3]
+    assert parse_seeds([7, 3]) == [7, 3]
 
 
 def test_a_range_of_seeds_with_its_ends_exchanged_is_answered_with_the_right_one():
     with pytest.raises(BadValue, match=r"^seeds: '5:1' is empty; did you mean 1:5\?$"):
-        seeds_of("5:1")
+        parse_seeds("5:1")
 
 
 @pytest.mark.parametrize("code", ["os:system", "subprocess:run", "gamms.llm:Strategy", "../players:stay"])
@@ -172,7 +172,7 @@ def test_ctrl_c_keeps_the_rows_and_says_how_to_go_on(folder):
     (folder / "hunts.yaml").write_text(HUNTS.replace("players:stay", "players:sleep").replace("0:3", "0:300"))
     program = [sys.executable, "-m", "gamms", "experiment", "hunts.yaml", "--workers", "0"]
     running = subprocess.Popen(program, stderr=subprocess.PIPE, env=dict(os.environ))
-    while not folders.rows_in(folder / "results" / "journal.jsonl"):
+    while not folders.read_rows(folder / "results" / "journal.jsonl"):
         assert running.poll() is None
         time.sleep(0.02)
     running.send_signal(signal.SIGINT)

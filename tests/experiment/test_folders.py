@@ -13,7 +13,7 @@ from small_hunts import HUNT
 from gamms import experiment
 from gamms.errors import BadFile, BadValue, WriteConflict
 from gamms.experiment import folders
-from gamms.folders import locked
+from gamms.folders import lock_folder
 from gamms.scenario import Scenario
 
 VARY = {"teams.red.count": [1, 2]}
@@ -130,7 +130,7 @@ def test_shards_that_are_not_whole_or_not_of_one_experiment_are_refused(tmp_path
 
 
 def test_a_second_run_in_a_folder_is_refused(tmp_path):
-    with locked(tmp_path), pytest.raises(WriteConflict, match="Another run is writing"):
+    with lock_folder(tmp_path), pytest.raises(WriteConflict, match="Another run is writing"):
         experiment.run(HUNT, [1], out=tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert len(experiment.run(HUNT, [1], out=tmp_path)) == 1

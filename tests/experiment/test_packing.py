@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from gamms import cli, experiment
 from gamms.errors import BadFile, BadValue, TooLarge, WriteConflict
-from gamms.folders import locked
+from gamms.folders import lock_folder
 from gamms.limits import allowing
 
 
@@ -60,7 +60,7 @@ def test_what_cannot_be_packed_is_refused(folder, tmp_path):
         experiment.pack(tmp_path, tmp_path.parent / "x.zip")
     with pytest.raises(BadValue, match="Name a file elsewhere"):
         experiment.pack(folder, folder / "x.zip")
-    with locked(folder), pytest.raises(WriteConflict):
+    with lock_folder(folder), pytest.raises(WriteConflict):
         experiment.pack(folder, tmp_path / "x.zip")
     experiment.run(HUNT, range(1), out=tmp_path / "hunts")
     (tmp_path / "hunts" / "secret").symlink_to(folder / "rows.csv")
@@ -112,7 +112,7 @@ def test_what_is_not_a_file_is_refused(tmp_path, kind):
     assert not (tmp_path / "new").exists()
 
 
-def test_a_bomb_is_refused_by_what_it_declares_and_cannot_hold_more(folder, tmp_path):
+def test_a_bomb_is_refused_by_its_declared_size_and_cannot_hold_more(folder, tmp_path):
     with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr("experiment.json", bytes(1 << 22))
     with allowing(1 << 20), pytest.raises(TooLarge, match="Unpacking"):

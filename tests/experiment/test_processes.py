@@ -15,7 +15,7 @@ import small_hunts
 from small_hunts import HUNT
 
 from gamms import experiment
-from gamms.workers import Worker, result_of, task_of
+from gamms.workers import Worker, make_task, wait_for_result
 
 HERE = Path(__file__).parent
 PROGRAM = """
@@ -58,7 +58,7 @@ def test_ctrl_c_is_not_for_a_worker_not_even_while_python_starts_there():
         for wait_s in (0.0, 0.01, 0.02, 0.05):
             time.sleep(wait_s)
             os.kill(worker.pid, signal.SIGINT)
-        assert worker.ask(task_of(len, "four")) == (True, 4)
+        assert worker.ask(make_task(len, "four")) == (True, 4)
     finally:
         worker.end()
 
@@ -88,7 +88,7 @@ def children(of):
 def test_ctrl_c_that_does_not_wake_who_waits_ends_the_wait_all_the_same():
     def is_waiting():
         frames = walk_stack(sys._current_frames()[threading.main_thread().ident])
-        return any(frame.f_code is result_of.__code__ for frame, _ in frames)
+        return any(frame.f_code is wait_for_result.__code__ for frame, _ in frames)
 
     def interrupt():
         while not is_waiting():
@@ -101,7 +101,7 @@ def test_ctrl_c_that_does_not_wake_who_waits_ends_the_wait_all_the_same():
     thread = threading.Thread(target=interrupt)
     thread.start()
     with pytest.raises(KeyboardInterrupt):
-        result_of(future)
+        wait_for_result(future)
     is_interrupted.set()
     thread.join()
     assert woken == [True]

@@ -13,48 +13,48 @@ from gamms import experiment
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment.rows import Rows
 from gamms.experiment.statistics import (
-    holm,
-    mean_interval,
-    paired,
-    rate_interval,
-    rate_interval_of_seeds,
-    sobol_indices,
+    compare_pairs,
+    correct_by_holm,
+    estimate_mean,
+    estimate_rate,
+    estimate_rate_of_seeds,
+    estimate_sobol_indices,
 )
-from gamms.experiment.tables import in_words, plot
+from gamms.experiment.tables import describe_key, plot
 
 
 def test_a_rate_has_the_interval_of_wilson():
     z, rate, n = 1.959963984540054, 0.8, 10
     centre = (rate + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(rate * (1 - rate) / n + z * z / (4 * n * n))
-    assert rate_interval(8, 10) == pytest.approx((0.8, centre - half, centre + half))
-    assert rate_interval(0, 5)[:2] == pytest.approx((0.0, 0.0))
-    assert rate_interval(5, 5).high == 1.0
-    assert math.isnan(rate_interval(0, 0).value)
+    assert estimate_rate(8, 10) == pytest.approx((0.8, centre - half, centre + half))
+    assert estimate_rate(0, 5)[:2] == pytest.approx((0.0, 0.0))
+    assert estimate_rate(5, 5).high == 1.0
+    assert math.isnan(estimate_rate(0, 0).value)
 
 
 def test_equal_games_of_a_seed_are_one_piece_of_evidence():
     rates = [1.0, 0.0, 1.0, 1.0, 0.0]
-    assert rate_interval_of_seeds(rates, 5) == pytest.approx(rate_interval(3, 5))
-    assert rate_interval_of_seeds(rates, 40) == pytest.approx(rate_interval(3, 5))
-    assert rate_interval_of_seeds([1.0] * 5, 40) == rate_interval(5, 5)
-    assert rate_interval_of_seeds([0.5] * 5, 40) == rate_interval(20, 40)  # no more evidence than independent games
-    between = rate_interval_of_seeds([1.0, 0.25, 1.0, 0.5, 0.25], 20)
-    assert rate_interval(3, 5).low < between.low < rate_interval(12, 20).low
-    assert math.isnan(rate_interval_of_seeds([], 0).value)
+    assert estimate_rate_of_seeds(rates, 5) == pytest.approx(estimate_rate(3, 5))
+    assert estimate_rate_of_seeds(rates, 40) == pytest.approx(estimate_rate(3, 5))
+    assert estimate_rate_of_seeds([1.0] * 5, 40) == estimate_rate(5, 5)
+    assert estimate_rate_of_seeds([0.5] * 5, 40) == estimate_rate(20, 40)  # no more evidence than independent games
+    between = estimate_rate_of_seeds([1.0, 0.25, 1.0, 0.5, 0.25], 20)
+    assert estimate_rate(3, 5).low < between.low < estimate_rate(12, 20).low
+    assert math.isnan(estimate_rate_of_seeds([], 0).value)
 
 
 def test_the_bootstrap_of_few_values_is_close_to_that_of_all_resamples():
     values = [0.0, 1.0, 2.0, 4.0]
     means = sorted(sum(drawn) / 4 for drawn in product(values, repeat=4))  # all 256 are as probable
-    interval = mean_interval(values)
+    interval = estimate_mean(values)
     assert interval.value == 1.75
     assert means[0] < interval.low < 1.75 < interval.high < means[-1]
-    assert interval == mean_interval(values)  # whatever was drawn before
+    assert interval == estimate_mean(values)  # whatever was drawn before
 
 
 def test_equal_values_have_no_interval():
-    assert mean_interval([3.0] * 9) == pytest.approx((3.0, math.nan, math.nan), nan_ok=True)
+    assert estimate_mean([3.0] * 9) == pytest.approx((3.0, math.nan, math.nan), nan_ok=True)
     table = made(*(("a", seed, 3, 1, "red", None) for seed in range(40))).summary()
     assert str(table).splitlines()[1:] == [
         "a    turns         40     40       0     3       -     -",
@@ -68,28 +68,28 @@ def test_the_bootstrap_of_many_values_is_close_to_that_of_the_normal_distributio
     for n in (300, 1500):
         values = np.random.default_rng(n).normal(5.0, 2.0, n)
         half = 1.96 * values.std(ddof=1) / math.sqrt(n)
-        assert mean_interval(values) == pytest.approx(
+        assert estimate_mean(values) == pytest.approx(
             (values.mean(), values.mean() - half, values.mean() + half), abs=0.03
         )
 
 
 def test_pairs_have_an_effect_size_and_an_exact_p_of_all_signs():
     differences = [1.0, 2.0, 3.0, -1.0]
-    found = paired(differences)
+    found = compare_pairs(differences)
     assert found.difference == 1.25
     assert found.effect == pytest.approx(1.25 / math.sqrt(35 / 12))
     sums = [
         sum(sign * one for sign, one in zip(signs, differences, strict=True)) for signs in product((1, -1), repeat=4)
     ]
     assert found.p == pytest.approx(sum(abs(one) >= 5.0 for one in sums) / 16)
-    assert paired([0.0, 0.0])[3:] == (0.0, 1.0)
-    assert paired([2.0, 2.0]).effect == math.inf
+    assert compare_pairs([0.0, 0.0])[3:] == (0.0, 1.0)
+    assert compare_pairs([2.0, 2.0]).effect == math.inf
 
 
 def test_p_values_are_corrected_after_holm():
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([0.9, 0.8]) == [1.0, 1.0]
-    assert holm([]) == []
+    assert correct_by_holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert correct_by_holm([0.9, 0.8]) == [1.0, 1.0]
+    assert correct_by_holm([]) == []
 
 
 def ishigami(x, a=7.0, b=0.1):
@@ -99,7 +99,7 @@ def ishigami(x, a=7.0, b=0.1):
 def test_sobol_indices_are_those_of_the_ishigami_function():
     points = experiment.sample(dict.fromkeys("xyz", (-math.pi, math.pi)), 1024)
     values = ishigami(np.array([list(point.values()) for point in points]))
-    found = sobol_indices(values, 3)
+    found = estimate_sobol_indices(values, 3)
     variance = 7.0**2 / 8 + 0.1 * math.pi**4 / 5 + 0.1**2 * math.pi**8 / 18 + 0.5
     of_x, of_y = 0.5 * (1 + 0.1 * math.pi**4 / 5) ** 2, 7.0**2 / 8
     of_xz = 0.1**2 * math.pi**8 * (1 / 18 - 1 / 50)
@@ -116,7 +116,7 @@ def test_sobol_indices_are_those_of_scipy():
     points = experiment.sample(dict.fromkeys("xyz", (0.0, 1.0)), 64)
     blocks = ishigami(np.array([list(point.values()) for point in points])).reshape(5, 1, 64)
     theirs = scipy.stats.sobol_indices(func={"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}, n=64)
-    ours = sobol_indices(blocks.ravel(), 3)
+    ours = estimate_sobol_indices(blocks.ravel(), 3)
     assert [one.value for one, _ in ours] == pytest.approx(theirs.first_order.ravel().tolist())
     assert [one.value for _, one in ours] == pytest.approx(theirs.total_order.ravel().tolist())
 
@@ -364,7 +364,7 @@ def test_power_takes_the_spread_of_rows_by_seed():
         ((repeated([2.0, 2.0], 3), 1.0), {"metric": "turns", "by": "way"}, "play more seeds"),
     ],
 )
-def test_power_says_what_it_cannot_take(given, options, message):
+def test_power_refuses_invalid_arguments(given, options, message):
     with pytest.raises(BadValue, match=message):
         experiment.power(*given, **options)
 
@@ -443,7 +443,7 @@ def test_a_plot_has_a_series_for_each_hue_and_returns_its_axes():
     ],
 )
 def test_axes_have_words_as_labels(key, words):
-    assert in_words(key) == words
+    assert describe_key(key) == words
 
 
 def test_ticks_of_whole_numbers_are_whole():

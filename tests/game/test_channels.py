@@ -191,7 +191,7 @@ def test_a_turn_that_an_illegal_message_ends_leaves_the_memory_of_the_team_as_it
         assert ctx.game.team_memories == {}
 
 
-def test_the_sender_is_told_what_was_refused():
+def test_the_sender_learns_which_messages_were_refused():
     reasons = []
     with world(ROAD) as ctx:
         ctx.agent.get_agent("ann").register_strategy(
@@ -470,7 +470,7 @@ def test_channels_cannot_be_changed_while_agents_decide():
         assert list(ctx.game.channels) == ["radio"]
 
 
-def test_a_name_hears_what_was_sent_to_it_before_its_agent_was_created_again():
+def test_a_created_agent_hears_messages_sent_earlier_to_its_name():
     with world(ROAD, plan=once([send("bob")])) as ctx:
         ctx.game.add_channel("radio", range_m=10, delay_turns=3)
         ctx.game.step()
@@ -484,7 +484,7 @@ def test_a_name_hears_what_was_sent_to_it_before_its_agent_was_created_again():
         assert [one["sender"] for one in ctx.game.messages] == ["ann"]
 
 
-def test_the_log_stays_the_same_list_and_holds_what_was_not_read():
+def test_the_log_stays_the_same_list_and_holds_unread_messages():
     with noisy() as ctx:
         log = ctx.game.messages
         ctx.game.step()

@@ -15,7 +15,7 @@ from whole_world import kind_of, objects, other, public, sensor, world
 import gamms
 from gamms.deciding import Guarded
 from gamms.game import IllegalMutation
-from gamms.readonly import ReadOnlyMapping, frozen
+from gamms.readonly import ReadOnlyMapping, freeze
 from gamms.sensor import SensorType
 
 SETTERS = {  # beside the attributes that there are, of which the law of all verbs and setters says it
@@ -385,7 +385,7 @@ def is_fixed(value):
         return all(map(is_fixed, value.values()))
     if isinstance(value, tuple):
         return all(map(is_fixed, tuple.__iter__(value)))
-    return isinstance(value, Guarded) or frozen(value) is value
+    return isinstance(value, Guarded) or freeze(value) is value
 
 
 def complaints(thing):
@@ -418,7 +418,7 @@ def refusal(what, deed):
 
 
 def test_no_verb_setter_or_attribute_is_forgotten(grid):
-    """Where this fails, mark the verb `@refused_while_deciding`, make the attribute `Protected`, or list the reader."""
+    """Where this fails, mark the verb `@refuse_while_deciding`, make the attribute `Protected`, or list the reader."""
     found = []
 
     def look(ctx, state):
@@ -441,15 +441,15 @@ def test_a_read_only_copy_is_one_all_the_way_down():
 
     thing = Thing()
     given = {"list": [1, {2}], "array": np.ones((2, 2)), "bytes": bytearray(b"a"), "thing": thing, "row": (1, [2])}
-    shown = frozen(given)
+    shown = freeze(given)
     assert shown == {**given, "list": (1, frozenset({2})), "array": shown["array"], "bytes": b"a", "row": (1, (2,))} | {
         "thing": shown["thing"]
     }
     assert shown["thing"] is not thing
-    for array in (shown["array"], frozen(np.zeros(0)), frozen(np.array("2024-01-01", "M8[D]"))):
+    for array in (shown["array"], freeze(np.zeros(0)), freeze(np.array("2024-01-01", "M8[D]"))):
         with pytest.raises(ValueError, match="WRITEABLE"):
             array.setflags(write=True)
-    objects = frozen(np.array([[1], [2, 3]], object))
+    objects = freeze(np.array([[1], [2, 3]], object))
     assert objects.tolist() == [(1,), (2, 3)]
     assert not objects.flags.writeable
 

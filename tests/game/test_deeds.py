@@ -235,7 +235,7 @@ def test_a_key_that_is_set_after_adding_must_be_unique_too(road):
         road.game.step()
 
 
-def test_a_strategy_knows_what_it_may_do(road):
+def test_a_strategy_knows_its_allowed_deeds(road):
     found = []
     road.agent.get_agent("ann").register_strategy(lambda state: found.append(dict(state)) or state.update(action=0))
     road.game.run(1)

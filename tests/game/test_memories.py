@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.core.copies import copied
-from gamms.game.team_memory import merged_memory as merged
+from gamms.game.team_memory import merge_memory as merged
 
 
 def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):

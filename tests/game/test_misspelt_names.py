@@ -95,7 +95,7 @@ def test_strategies_that_are_functions_of_the_state_are_taken_as_they_are(ctx, s
 
 @pytest.mark.parametrize("verb", ["eliminate", "respawn", "start_node", "observation"])
 @pytest.mark.parametrize("nobody", [5, None, [], {}])
-def test_what_is_no_agent_is_named(ctx, verb, nobody):
+def test_an_unknown_agent_is_named(ctx, verb, nobody):
     with pytest.raises(KeyError, match="Unknown agent"):
         getattr(ctx.game, verb)(nobody)
 
@@ -154,7 +154,7 @@ def test_an_agent_on_a_node_that_was_removed_is_named(ctx):
     assert "Agent 'anna' is on node 0, which is not on the map any more" in caught.value.__notes__[0]
 
 
-def test_an_error_in_a_context_that_a_rule_has_ended_stays_what_it_is(ctx):
+def test_an_error_in_a_context_that_a_rule_has_ended_is_unchanged(ctx):
     @ctx.game.add(phase="deeds")
     def end(ctx):
         ctx.terminate()

@@ -178,7 +178,7 @@ def test_agents_that_die_and_return_play_as_if_each_turn_had_a_plan_of_its_own(c
     assert played[0] == played[1]
 
 
-def test_a_shipped_rule_that_is_called_by_hand_does_what_it_does_as_a_rule(ctx):
+def test_a_shipped_rule_called_by_hand_acts_as_in_a_game(ctx):
     by_hand = tag("red", "blue", score=2)
 
     def call(ctx):

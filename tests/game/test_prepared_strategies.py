@@ -43,7 +43,7 @@ def test_the_strategy_of_a_team_is_prepared_too():
         assert ctx.game.run(2).scores == {"turns": 2}
 
 
-def test_a_game_that_is_reset_keeps_what_was_added_before_its_first_turn():
+def test_a_reset_game_keeps_additions_before_its_first_turn():
     with new_game(Counting(), "anna") as ctx:
         first = ctx.game.run(2)
         ctx.game.reset()
@@ -73,7 +73,7 @@ def places(ctx):
     return ctx.agent.get_agent("anna").current_node_id
 
 
-def test_a_strategy_that_draws_when_it_is_prepared_draws_anew_in_each_reset_game():
+def test_a_strategy_that_draws_in_preparation_draws_again_after_each_reset():
     seeds = [1, 2, 3, 4, 1]
     with new_game(Drawing(), "anna") as ctx:
         again = [(ctx.game.reset(seed), places(ctx))[1] for seed in seeds]

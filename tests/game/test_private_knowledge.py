@@ -78,7 +78,7 @@ def test_a_strategy_cannot_ask_what_others_were_told(world):
     assert len(caught) == 2
 
 
-def test_a_plan_of_arrays_knows_what_its_team_was_told(world):
+def test_a_plan_of_arrays_knows_the_messages_to_its_team(world):
     world.game.publish(to="red", word="fox")
     seen = []
     world.game.command("red", lambda arrays: seen.append(arrays.facts.copy()) or arrays.nodes, arrays=True)
@@ -86,7 +86,7 @@ def test_a_plan_of_arrays_knows_what_its_team_was_told(world):
     assert seen == [{"word": "fox"}]
 
 
-def test_what_nobody_could_learn_is_refused(world):
+def test_facts_without_a_recipient_are_refused(world):
     with pytest.raises(UnknownName, match="Unknown team or agent 'rad'"):
         world.game.publish(to="rad", word="fox")
     with pytest.raises(BadType, match="fact 'word' has an object"):

@@ -248,7 +248,7 @@ def test_settings_may_be_given_to_the_context():
 @pytest.mark.parametrize(
     ("rule", "phase", "error"), [(None, "during", ValueError), ("rule", "after", TypeError), (3, "before", TypeError)]
 )
-def test_what_is_no_rule_is_refused(ctx, rule, phase, error):
+def test_an_invalid_rule_is_refused(ctx, rule, phase, error):
     with pytest.raises(error):
         ctx.game.add(rule, phase=phase)
 

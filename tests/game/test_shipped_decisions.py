@@ -288,7 +288,7 @@ def test_a_rule_reads_the_states_of_its_turn():
         assert read == [[turn] * 6 for turn in range(4)]
 
 
-def test_a_change_after_the_moves_does_not_change_what_was_observed():
+def test_a_change_after_the_moves_does_not_change_observations():
     with crowd(1) as ctx:
         near = ctx.sensor.create_sensor("near", SensorType.NEIGHBOR)
         agent = ctx.agent.get_agent("a0")

@@ -62,7 +62,7 @@ def test_copies_forks_batches_and_resumed_games_know_the_start_as_well():
         assert events_of(resumed, 5) == whole
 
 
-def test_an_agent_that_is_deleted_and_created_again_starts_anew():
+def test_an_agent_deleted_and_created_again_has_a_new_start():
     with game() as ctx:
         ctx.game.run(3)
         ctx.agent.delete_agent("old")

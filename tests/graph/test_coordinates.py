@@ -141,7 +141,7 @@ def test_map_units_outside_the_projection_are_refused(helsinki, x, y):
 
 
 @pytest.mark.parametrize("value", ["60", None, True, [1, "a"], [[1], [1, 2]]])
-def test_what_is_no_number_is_refused(helsinki, value):
+def test_an_invalid_number_is_refused(helsinki, value):
     with pytest.raises(BadType):
         helsinki.to_latlon(value, 0.0)
 
@@ -209,14 +209,14 @@ def test_the_scale_of_a_crs_is_that_of_its_place(crs, scale):
     pyproj = pytest.importorskip("pyproj")
     to_map = pyproj.Transformer.from_crs("EPSG:4326", pyproj.CRS.from_user_input(crs), always_xy=True)
     xy = np.column_stack(to_map.transform(*HELSINKI.T))
-    found = projection.ground_scale(projection.crs_of(crs)[0], xy)
+    found = projection.compute_ground_scale(projection.parse_crs(crs)[0], xy)
     assert found == pytest.approx(scale, abs=0.002)
     assert ("is not true to scale at this map" in projection.scale_fault(crs, xy)) == (abs(scale - 1.0) > 0.01)
 
 
 def test_far_outside_of_a_projection_nothing_is_true():
     far = np.array([(1e9, 0.0), (1e9, 100.0)])
-    assert math.isnan(projection.ground_scale("EPSG:32635", far))
+    assert math.isnan(projection.compute_ground_scale("EPSG:32635", far))
     assert "outside of its area" in projection.scale_fault("EPSG:32635", far)
 
 
@@ -238,8 +238,8 @@ def test_without_pyproj_only_zones_of_utm_are_judged(monkeypatch):
 @pytest.mark.parametrize("crs", ["EPSG:32635", "epsg:32635", 32635, "32635", " EPSG : 32635 "])
 def test_a_zone_has_one_name_however_it_is_written(crs, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    assert projection.crs_of(crs) == ("EPSG:32635", False)
-    assert projection.crs_of("epsg:4326") == projection.crs_of(4326) == ("EPSG:4326", True)
+    assert projection.parse_crs(crs) == ("EPSG:32635", False)
+    assert projection.parse_crs("epsg:4326") == projection.parse_crs(4326) == ("EPSG:4326", True)
     graph = Graph()
     graph.crs = str(crs)
     assert graph.crs == "EPSG:32635"
@@ -335,7 +335,7 @@ def test_in_an_empty_graph_nothing_is_nearest():
     apart=st.floats(0, 4) | st.just(1.0),
     seed=st.integers(0, 9),
 )
-def test_placed_nodes_keep_what_was_asked_for(n, radius, apart, seed):
+def test_placed_nodes_keep_the_requested_attributes(n, radius, apart, seed):
     graph = cloud([(i % 7, i // 7) for i in range(49)])
     graph.remove_node(124)
     near = None if radius is None else (2.5, 3)

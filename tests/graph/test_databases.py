@@ -239,7 +239,7 @@ def test_what_cannot_be_written_at_the_end_is_saved_beside(reopened, ctx):
     assert nodes_of(reopened()) == [1]
 
 
-def test_what_was_saved_elsewhere_after_a_conflict_is_not_saved_again(reopened, tmp_path):
+def test_changes_saved_elsewhere_after_a_conflict_are_not_saved_twice(reopened, tmp_path):
     winner, loser = reopened(), reopened()
     add(winner, 1)
     winner.terminate()

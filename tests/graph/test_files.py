@@ -22,7 +22,7 @@ from gamms import limits
 from gamms.errors import BadFile, BadValue
 from gamms.graph import Engine, Graph, map_file
 from gamms.graph.map_file import SavedMap
-from gamms.graph.obstacles import checked_face
+from gamms.graph.obstacles import check_face
 from gamms.graph.store import GraphStore
 from gamms.ir import packed_bytes, packing
 from gamms.limits import MemoryBudget
@@ -82,7 +82,7 @@ def contents(draw):
         graph.remove_node(draw(st.sampled_from(nodes)))
     corner = st.tuples(coordinate, coordinate, coordinate)
     faces = [
-        checked_face(id, *draw(st.tuples(corner, corner, corner, corner)), draw(ids))
+        check_face(id, *draw(st.tuples(corner, corner, corner, corner)), draw(ids))
         for id in draw(st.sets(ids, max_size=3))
     ]
     graph.crs, graph.attribution = draw(st.none() | st.text()), draw(st.none() | st.text())
@@ -394,7 +394,7 @@ def test_a_file_of_a_newer_version_says_so(saved):
 def test_a_decompression_bomb_is_not_unpacked(honest):
     deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
     bomb = deflate.compress(bytes(40_000_000)) + deflate.flush()
-    data = _sealed(packed_bytes.varint(40_000_000 if honest else 10) + bomb)
+    data = _sealed(packed_bytes.encode_varint(40_000_000 if honest else 10) + bomb)
     tracemalloc.start()
     with pytest.raises(BadFile), limits.allowing(1 << 24):
         map_file.decode(data)

@@ -119,7 +119,7 @@ PROGRAMMES = {
 
 
 @pytest.mark.parametrize("name", PROGRAMMES)
-def test_no_answer_depends_on_what_was_built_when(graph, model, name):
+def test_no_answer_depends_on_when_tables_were_built(graph, model, name):
     programme = LongProgramme(graph, model(), seed=name)
     for _ in range(500):
         programme.step(PROGRAMMES[name])

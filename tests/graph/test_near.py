@@ -156,7 +156,7 @@ def test_a_node_alone_sees_itself(graph):
     assert list(graph.within(1, 0.0, 0.1, (1.0, 0.0)).nodes) == [1]
 
 
-def test_what_was_sensed_is_never_changed_by_a_later_call(graph):
+def test_sensor_data_is_never_changed_by_a_later_call(graph):
     graph.add_nodes([1, 2], [0.0, 1.0], [0.0, 0.0])
     graph.add_edge({"id": 1, "source": 1, "target": 2, "length": 1.0})
     nodes, edges = graph.within(1, 5.0)

@@ -39,7 +39,7 @@ def answers(places, edges, weight, share):
         length = math.dist(places[source], places[target]) * detour
         edge = {"id": id, "source": int(ids[source]), "target": int(ids[target]), "length": length}
         graph.add_edge(edge if toll is None and id else {**edge, "toll": toll or 0})
-    with mock.patch.object(routes.CachedRoutes, "_left", share):
+    with mock.patch.object(routes.CachedRoutes, "_count_left", share):
         return [
             (path_of(graph, source, target, weight), graph.distance(source, target, weight))
             for target in range(NODES)
@@ -83,7 +83,7 @@ def test_many_distances_and_those_from_the_nearest_are_single_ones_to_the_bit(pl
     known = [min((row[to] for row in pairs), default=math.inf) for to in range(NODES)]
     for share in (searched, tables):
         fresh = graph._fork(graph._store.fork(), graph._phase)
-        with mock.patch.object(routes.CachedRoutes, "_left", share):
+        with mock.patch.object(routes.CachedRoutes, "_count_left", share):
             assert fresh.routes.distances_from_nearest(sources, range(NODES), weight) == known
             fresh = graph._fork(graph._store.fork(), graph._phase)
             assert fresh.routes.distances(sources, range(NODES), weight).tolist() == pairs
@@ -126,7 +126,7 @@ def test_a_path_that_is_cut_by_its_weight_is_no_path():
     graph = Graph()
     graph.add_nodes(range(3), [0, 1, 2], [0, 0, 0])
     graph.add_edge({"id": 0, "source": 0, "target": 1, "length": 1.0, "toll": math.inf})
-    with mock.patch.object(routes.CachedRoutes, "_left", searched):
+    with mock.patch.object(routes.CachedRoutes, "_count_left", searched):
         with pytest.raises(NoPath, match="from node 0 to node 1"):
             graph.shortest_path(0, 1, "toll")
         assert graph.distance(0, 1, "toll") == math.inf

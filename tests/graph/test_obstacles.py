@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, DuplicateId, UnknownName
-from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
+from gamms.graph.obstacles import Obstacles, check_face, check_faces
 
 WALL = {"tr": (2, 1, 3), "tl": (0, 1, 3), "br": (2, 1, 0), "bl": (0, 1, 0), "type": 4}
 
@@ -181,10 +181,10 @@ def test_after_any_changes_nearness_equals_brute_force(steps, d, x, y):
     obstacles, model = Obstacles(), {}
     for kind, *rest in steps:
         if kind == "one" and rest[0] not in model:
-            obstacles.add(checked_face(rest[0], *rest[1], 2))
+            obstacles.add(check_face(rest[0], *rest[1], 2))
             model[rest[0]] = rest[1]
         elif kind == "many":
-            new = checked_faces(rest[0], None, 1, obstacles)
+            new = check_faces(rest[0], None, 1, obstacles)
             obstacles.add_many(new)
             model.update(zip(new.ids.tolist(), rest[0], strict=True))
         elif kind.startswith("remove"):

@@ -181,7 +181,7 @@ def test_nodes_in_a_triangle_equal_those_by_half_planes(points, data):
     ],
     ids=repr,
 )
-def test_what_is_no_polygon_is_refused(town, shape):
+def test_an_invalid_polygon_is_refused(town, shape):
     with pytest.raises(BadValue):
         town.graph.inside(shape)
 

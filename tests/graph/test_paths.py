@@ -27,7 +27,7 @@ class Slow(Graph):
 
     weights = IGraph.weights
     shortest_path = IGraph.shortest_path
-    _routes_now = IGraph._routes_now
+    _get_routes = IGraph._get_routes
     distance = IGraph.distance
     distances = IGraph.distances
     distance_matrix = IGraph.distance_matrix
@@ -252,7 +252,7 @@ def test_memory_is_bounded_and_the_oldest_goes_first():
     ask("a", revision=2)
     assert made[4:] == ["too large", "too large", "a"]
     assert kept.bytes == each
-    assert store._bytes(table(7)) == store._ENTRY_BYTES + 7
+    assert store._count_bytes(table(7)) == store._ENTRY_BYTES + 7
 
 
 def test_many_targets_stay_within_the_bound(monkeypatch):

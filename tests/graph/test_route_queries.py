@@ -99,7 +99,7 @@ def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, 
     graph, _ = build([(u, v, math.dist(places[u], places[v]) + length // 5) for u, v, length in edges], places)
     far = [graph.distance(source, target) for target in targets]
     known = targets[far.index(min(far))] if targets and min(far) < math.inf else None
-    with mock.patch.object(routes.CachedRoutes, "_left", return_value=left):
+    with mock.patch.object(routes.CachedRoutes, "_count_left", return_value=left):
         fresh, _ = build([(u, v, math.dist(places[u], places[v]) + length // 5) for u, v, length in edges], places)
         assert fresh.routes.nearest(source, targets) == known
         if known is not None:
@@ -142,7 +142,7 @@ def test_an_engine_with_the_defaults_of_the_contract_answers_alike(town):
         graph = property(lambda self: plain)
 
     class Plain(Graph):
-        _routes_now = gamms.graph.IGraph._routes_now
+        _get_routes = gamms.graph.IGraph._get_routes
 
     plain = Plain()
     plain.attach_networkx_graph(town.to_networkx())

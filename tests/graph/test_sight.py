@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue
-from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
+from gamms.graph.obstacles import Obstacles, check_face, check_faces
 from gamms.typing.obstacles import IObstacles
 
 
@@ -119,12 +119,12 @@ def test_after_any_edits_the_cells_answer_as_a_scan_does(edits, place, d, target
     obstacles, model = Obstacles(), {}
     for kind, a, b, length in edits:
         if kind == "add":
-            new = checked_faces(np.round(walls(a, 400.0, b, length)), None, 0, obstacles)
+            new = check_faces(np.round(walls(a, 400.0, b, length)), None, 0, obstacles)
             obstacles.add_many(new)
             model.update(zip(new.ids.tolist(), new.corners, strict=True))
         elif kind == "one":
             id = int(obstacles.free_ids(1)[0])
-            face = checked_face(id, (*a, 4), (*b, 4), (*a, 0), (*b, 0), 0)
+            face = check_face(id, (*a, 4), (*b, 4), (*a, 0), (*b, 0), 0)
             obstacles.add(face)
             model[id] = np.array(face[1:5])
         else:
@@ -142,8 +142,8 @@ def test_after_any_edits_the_cells_answer_as_a_scan_does(edits, place, d, target
 
 def test_a_few_huge_faces_do_not_make_every_search_a_wide_one():
     obstacles = Obstacles()
-    obstacles.add_many(checked_faces(walls(5000, 1000.0, 0), None, 0, obstacles))
-    obstacles.add_many(checked_faces(walls(40, 1000.0, 1, length=1e6), None, 0, obstacles))
+    obstacles.add_many(check_faces(walls(5000, 1000.0, 0), None, 0, obstacles))
+    obstacles.add_many(check_faces(walls(40, 1000.0, 1, length=1e6), None, 0, obstacles))
     assert list(obstacles.near(5.0, 500.0, 500.0))
-    assert len(obstacles._between((495.0, 495.0), (505.0, 505.0))) < 300
+    assert len(obstacles._find_between((495.0, 495.0), (505.0, 505.0))) < 300
     assert all(face[0] in obstacles.near(0.0, *corner[:2]) for face in islice(obstacles, 500) for corner in face[1:5])

@@ -386,7 +386,7 @@ DAMAGES = {
 
 def changed(change, data):
     """The bytes of a file with other contents."""
-    return map_file.framed(change(map_file.unframed(data, data[:8], 3)), data[:8], 3)
+    return map_file.frame_file(change(map_file.unframe_file(data, data[:8], 3)), data[:8], 3)
 
 
 @pytest.mark.parametrize("name", DAMAGES)
@@ -434,7 +434,7 @@ def test_rows_that_are_no_table_are_refused(counts, rows):
 def test_a_small_file_is_not_believed_to_hold_a_large_table():
     deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
     part = deflate.compress(bytes(1 << 20)) + deflate.flush(zlib.Z_FULL_FLUSH)
-    body = packed_bytes.varint(1 << 28) + part * (1 << 8) + deflate.flush()
+    body = packed_bytes.encode_varint(1 << 28) + part * (1 << 8) + deflate.flush()
     data = struct.pack("<8sIII", b"GAMMSEYE", 3, len(body), zlib.crc32(body)) + body
     with pytest.raises(BadFile, match="too many for the size of the file"):
         visibility.decode(data, KEY, 20_000)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from loopback import Refusal, completion, new_game, outcomes, text_of
 
 import gamms
-from gamms.llm.questions import WrongAnswer, answer_in, as_template, objects_in, question_of
+from gamms.llm.questions import WrongAnswer, answer_in, as_template, find_objects, question_of
 
 
 def east(request):
@@ -326,7 +326,7 @@ def test_whatever_a_model_answers_is_legal_or_does_not_count(talking_game, answe
     state = ctx.game.observation("anna")
     question = question_of(state, ctx, as_template(None))
     try:
-        choice = answer_in(objects_in(json.dumps(answer)), question, state, ctx).choice
+        choice = answer_in(find_objects(json.dumps(answer)), question, state, ctx).choice
     except WrongAnswer:
         return
 

@@ -7,7 +7,7 @@ import pytest
 
 import gamms
 from gamms.llm import Strategy
-from gamms.visual.captions import captions_of
+from gamms.visual.captions import write_captions
 
 URL = "http://localhost:1/v1"
 WRONG = [
@@ -79,4 +79,4 @@ def test_strategies_that_ask_another_one_cannot_await_it():
 
 
 def test_films_say_nothing_of_decisions():
-    assert captions_of([{"turn": 1, "kind": "llm", "agent": "anna"}]) == []
+    assert write_captions([{"turn": 1, "kind": "llm", "agent": "anna"}]) == []

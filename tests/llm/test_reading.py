@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from loopback import new_game, outcomes, text_of
 
 from gamms.llm import Strategy
-from gamms.llm.questions import WrongAnswer, objects_in
+from gamms.llm.questions import WrongAnswer, find_objects
 
 MOVE = '{"move": 1}'
 USUAL = {
@@ -60,7 +60,7 @@ def test_a_usual_form_of_an_answer_counts_at_the_first_call(server, strategy_of,
     assert (table["outcome"].tolist(), table["calls"].tolist()) == (["answer"], [1])
 
 
-def test_fields_that_nobody_asked_for_are_kept_in_the_record(server, strategy_of, tmp_path):
+def test_unrequested_fields_are_kept_in_the_record(server, strategy_of, tmp_path):
     written = {"move": "1", "why": "é", "plan": {"then": [4.0, None]}}
     server.script = lambda request: "Well: " + json.dumps(written)
     calls = tmp_path / "calls.jsonl"
@@ -117,7 +117,7 @@ def test_components_of_a_direction_may_be_texts(server, strategy_of):
         assert drone.position == (5.0, 0.0, 9.0)
 
 
-def test_a_message_may_have_fields_that_nobody_asked_for(server, strategy_of):
+def test_a_message_may_have_unrequested_fields(server, strategy_of):
     message = {"channel": "radio", "to": None, "body": "here", "priority": "high"}
     server.script = lambda request: {"move": 0, "messages": [message]}
     with new_game(strategy_of(constrain="text")) as ctx:
@@ -129,7 +129,7 @@ def test_a_message_may_have_fields_that_nobody_asked_for(server, strategy_of):
 
 
 @pytest.mark.parametrize("template", [None, "$moves", lambda state: "which move?"])
-def test_the_next_question_says_what_was_wrong_with_the_last_answer(server, strategy_of, template):
+def test_the_next_question_explains_the_flaw_of_the_last_answer(server, strategy_of, template):
     server.script = lambda request: {"move": 9}
     with new_game(strategy_of(attempts=1, template=template)) as ctx:
         ctx.game.run(1)
@@ -235,7 +235,7 @@ HOSTILE = {
 def test_a_hostile_answer_takes_bounded_time(answer):
     began = time.process_time()
     with suppress(WrongAnswer):
-        assert len(objects_in(answer)) <= 100
+        assert len(find_objects(answer)) <= 100
     assert time.process_time() - began < 5.0  # 0.3 s on a slow machine; a quadratic reader takes minutes
 
 
@@ -252,7 +252,7 @@ JSON = st.recursive(
 @given(pieces=st.lists(PIECES, max_size=60))
 def test_any_text_is_read_or_refused(pieces):
     try:
-        objects = objects_in("".join(pieces))
+        objects = find_objects("".join(pieces))
     except WrongAnswer:
         return
     assert all(isinstance(one, dict) for one in objects)
@@ -260,4 +260,4 @@ def test_any_text_is_read_or_refused(pieces):
 
 @given(value=st.dictionaries(st.text(), JSON), before=st.text("ab \n[]}:,"), after=st.text("ab \n[]}:,{"))
 def test_an_object_that_json_has_written_is_found_in_any_prose(value, before, after):
-    assert objects_in(before + json.dumps(value) + after) == [value]
+    assert find_objects(before + json.dumps(value) + after) == [value]

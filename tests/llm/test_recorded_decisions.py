@@ -61,7 +61,7 @@ def test_a_recording_replays_without_any_strategy(played):
         assert [event for event in ctx.game.events if event["kind"] == "llm"] == result.events
 
 
-def test_what_was_not_recorded_is_an_error_without_a_server(played):
+def test_an_unrecorded_decision_is_an_error_without_a_server(played):
     _, calls, _ = played
     message = r"agent 'anna' in turn 1 is not in '.*game.jsonl'.*its seed"
     ctx = new_game(replaying(calls, price_in=1.0), ["anna", "bert"], seed=2)

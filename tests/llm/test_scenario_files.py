@@ -78,7 +78,7 @@ def test_what_a_file_says_wrongly_is_named_without_a_key(server, tmp_path_factor
     assert not (tmp_path.parent / "calls.jsonl").exists()
 
 
-def test_what_was_decided_is_kept_in_the_folder_of_the_scenario(server, tmp_path, monkeypatch):
+def test_decisions_are_stored_in_the_folder_of_the_scenario(server, tmp_path, monkeypatch):
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     gamms.scenario.load(file_of(tmp_path, server.url, calls="calls.jsonl"), **ALLOWED).play(seed=1)

@@ -67,7 +67,7 @@ def test_nothing_is_kept_before_flush(database):
     assert list(reader.query_keys("nodes")) == [2, 1, 3]
 
 
-def test_a_failed_insert_keeps_what_was_written_before(database):
+def test_a_failed_insert_keeps_earlier_rows(database):
     store = database()
     fill(store)
     with pytest.raises(KeyError):

@@ -58,7 +58,7 @@ NO_STREETS = {
     ids=[*NO_MAPS, *NO_STREETS, *(f"{name} of walls" for name in NO_MAPS)],
 )
 @pytest.mark.parametrize("name", ["map.osm", "map"])
-def test_what_is_no_map_is_refused_at_the_call_with_its_name_and_the_way_out(tmp_path, read, content, name):
+def test_an_invalid_map_is_refused_at_the_call_by_its_name_with_the_way_out(tmp_path, read, content, name):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(BadFile) as caught:
@@ -153,9 +153,9 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, mon
         read(path)
     monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
     with pytest.raises(MissingExtra, match=r"\(extra 'osm'\): pip install "):
-        projection.crs_of("EPSG:31256")
-    assert projection.crs_of("EPSG:4326") == ("EPSG:4326", True)
-    assert projection.crs_of("EPSG:32635") == ("EPSG:32635", False)
+        projection.parse_crs("EPSG:31256")
+    assert projection.parse_crs("EPSG:4326") == ("EPSG:4326", True)
+    assert projection.parse_crs("EPSG:32635") == ("EPSG:32635", False)
 
 
 @pytest.mark.parametrize("read", [graph_from_xml, graph_from_file, obstacle_from_file])

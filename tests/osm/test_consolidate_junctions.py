@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms.osm
-from gamms.osm.network import chosen_roads, components, network_of_lines
-from gamms.osm.topology import chains_of, consolidate, degrees
+from gamms.osm.network import components, make_network_of_lines, select_roads
+from gamms.osm.topology import consolidate, count_road_ends, find_chains
 
 place = st.integers(-400, 400).map(lambda n: n / 16 + n * n / 1e5)
 places = st.lists(st.tuples(place, place), min_size=2, max_size=14, unique=True)
@@ -21,7 +21,7 @@ places = st.lists(st.tuples(place, place), min_size=2, max_size=14, unique=True)
 def network(xy, roads, lengths=None):
     ends = np.array(roads, np.int64).reshape(-1, 2)
     lengths = np.array([math.dist(xy[a], xy[b]) for a, b in roads] if lengths is None else lengths, float)
-    return network_of_lines(np.array(xy, float), (ends[:, 0], ends[:, 1]), {}, lengths, [{}] * len(roads), None)
+    return make_network_of_lines(np.array(xy, float), (ends[:, 0], ends[:, 1]), {}, lengths, [{}] * len(roads), None)
 
 
 def dual_carriageway_crossing():
@@ -108,7 +108,7 @@ def test_total_length_is_accounted_for(net, tolerance):
 
 @settings(deadline=None)
 @given(networks(), st.sampled_from([0.5, 2.0, 8.0]))
-def test_what_was_connected_stays_connected_and_nothing_else_becomes_so(net, tolerance):
+def test_merging_keeps_exactly_the_connections(net, tolerance):
     assert parts(consolidate(net, tolerance)) == parts(net)
 
 
@@ -117,15 +117,15 @@ def test_what_was_connected_stays_connected_and_nothing_else_becomes_so(net, tol
 def test_no_junction_moves_farther_than_four_tolerances(net, tolerance):
     merged = consolidate(net, tolerance)
     gaps = np.hypot(*(net.xy[:, None] - merged.xy[None, :]).transpose(2, 0, 1))
-    assert (gaps.min(axis=1)[degrees(net) > 2] <= 4.0 * tolerance + 1e-9).all()
+    assert (gaps.min(axis=1)[count_road_ends(net) > 2] <= 4.0 * tolerance + 1e-9).all()
 
 
 @settings(deadline=None)
 @given(networks(), st.sampled_from([0.5, 2.0, 8.0]))
 def test_nothing_happens_where_no_two_junctions_are_near(net, tolerance):
-    chains = chains_of(net)
+    chains = find_chains(net)
     a, b = chains.ends.T
-    junctions = (a >= 0) & (a != b) & (np.minimum(degrees(net)[a], degrees(net)[b]) > 2)
+    junctions = (a >= 0) & (a != b) & (np.minimum(count_road_ends(net)[a], count_road_ends(net)[b]) > 2)
     if not (junctions & (chains.lengths <= 2.0 * tolerance)).any():
         assert consolidate(net, tolerance) is net
 
@@ -146,13 +146,13 @@ def test_the_order_of_nodes_and_roads_plays_no_part(net, tolerance, random):
 @settings(deadline=None)
 @given(networks())
 def test_chains_lead_over_nodes_where_two_roads_meet(net):
-    chains = chains_of(net)
+    chains = find_chains(net)
     graph = nx.MultiGraph(zip(net.sources.tolist(), net.targets.tolist(), strict=True))
     assert chains.lengths.sum() == pytest.approx(net.lengths.sum())
     ends = [node for node in chains.ends.ravel().tolist() if node >= 0]
     assert sorted(ends) == sorted(node for node, degree in graph.degree if degree != 2 for _ in range(degree))
     for chain in range(len(chains.ends)):
-        piece = chosen_roads(net, np.flatnonzero(chains.of_road == chain))
+        piece = select_roads(net, np.flatnonzero(chains.of_road == chain))
         assert nx.is_connected(nx.MultiGraph(zip(piece.sources.tolist(), piece.targets.tolist(), strict=True)))
 
 

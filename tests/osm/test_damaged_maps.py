@@ -144,7 +144,7 @@ def test_a_deleted_node_cuts_its_ways(write, about):
 
 
 @pytest.mark.parametrize("about", DELETED)
-def test_a_deleted_barrier_stops_nobody(write, about):
+def test_a_deleted_barrier_does_not_block(write, about):
     bollard = node(2, 0.0, 20.0, {"barrier": "bollard"})
     ways = way(7, [1, 2]), way(8, [2, 3])
     assert graph_from_file(write(ROW[0], bollard, *ROW[2:], *ways), osm_type="drive").graph["barriers"] == 1

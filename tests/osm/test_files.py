@@ -12,7 +12,7 @@ import pytest
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import OSMType, graph_from_file, graph_from_xml
 from gamms.osm.network import CLOSED_TO
-from gamms.osm.osmium_reader import file_format, unpacked_size_of_pbf
+from gamms.osm.osmium_reader import find_file_format, measure_pbf
 
 ROAD = {"highway": "residential"}
 NO_CUT = 1e6
@@ -172,7 +172,7 @@ def test_a_pbf_that_unpacks_absurdly_is_refused_without_unpacking_it(tmp_path):
     path = tmp_path / "bomb.osm.pbf"
     path.write_bytes(HEADER + 40 * block(b"OSMData", bytes(30 << 20)))
     assert path.stat().st_size < 2_000_000
-    assert unpacked_size_of_pbf(path) > 40 * (30 << 20)
+    assert measure_pbf(path) > 40 * (30 << 20)
     with pytest.raises(BadFile, match="unpacks to more than"):
         graph_from_file(path)
 
@@ -213,5 +213,5 @@ def test_a_pbf_with_a_damaged_byte_gives_an_error_of_ours_or_a_graph(pbf):
 
 
 def test_the_frame_of_a_real_pbf_adds_up(pbf):
-    assert file_format(pbf) == "pbf"
-    assert 100 < unpacked_size_of_pbf(pbf) < 2000
+    assert find_file_format(pbf) == "pbf"
+    assert 100 < measure_pbf(pbf) < 2000

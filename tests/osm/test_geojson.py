@@ -138,7 +138,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("content", BAD.values(), ids=BAD.keys())
-def test_what_is_no_map_is_refused_with_its_name(write, content):
+def test_an_invalid_map_is_refused_by_its_name(write, content):
     path = write(content)
     with pytest.raises(BadFile) as caught:
         graph_from_geojson(path)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Access, Mode, OSMType, graph_from_file, graph_from_xml, modes, report
-from gamms.osm.network import strong_components
+from gamms.osm.network import find_strong_components
 from gamms.osm.speeds import SPEED_OF_HIGHWAY_KPH
 
 NO_CUT = 1e6
@@ -418,7 +418,7 @@ def test_the_report_names_what_closed_ways(make_map, cross):
     assert report(graph_from_file(path, 10.0), path).closed == {}
 
 
-def test_the_report_names_what_is_no_road_at_all(make_map, cross):
+def test_the_report_names_ways_that_are_not_roads(make_map, cross):
     path = make_map(cross, ([1, 2], street()), ([2, 3], {"highway": "construction"}))
     assert [*report(graph_from_file(path), path).closed] == ["highway=construction"]
     assert report(graph_from_xml(path), path).closed == {}
@@ -457,7 +457,7 @@ steps = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), max_size=30)
 def test_strong_components_are_those_of_networkx(pairs):
     graph = nx.DiGraph(pairs)
     graph.add_nodes_from(range(10))
-    label = strong_components(*np.array(pairs, np.int64).reshape(-1, 2).T, 10)
+    label = find_strong_components(*np.array(pairs, np.int64).reshape(-1, 2).T, 10)
     expected = {row: min(part) for part in nx.strongly_connected_components(graph) for row in part}
     assert label.tolist() == [expected[row] for row in range(10)]
 

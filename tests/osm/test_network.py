@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms import kernels
-from gamms.osm.network import along, both_ways, components, joined_directions, network_of_lines
+from gamms.osm.network import along, components, join_directions, make_network_of_lines, make_two_way
 from gamms.osm.topology import simplify
 
 coordinate = st.integers(-40, 40).map(lambda n: n / 4)
@@ -19,7 +19,7 @@ def network(xy, roads, tags=None, polylines=None):
     ends = np.array(roads).reshape(-1, 2)
     polylines = {road: np.array(points, float) for road, points in (polylines or {}).items()}
     lengths = np.array([math.dist(xy[a], xy[b]) for a, b in roads])
-    return network_of_lines(
+    return make_network_of_lines(
         np.array(xy, float), (ends[:, 0], ends[:, 1]), polylines, lengths, tags or [{}] * len(roads), "EPSG:32635"
     )
 
@@ -54,7 +54,7 @@ def test_numbers_are_given_in_first_seen_order(keys):
 
 
 def test_a_chain_becomes_one_road_with_the_same_length():
-    chain = both_ways(network([(0, 0), (3, 4), (6, 0), (6, 5)], [(0, 1), (2, 1), (2, 3)]))
+    chain = make_two_way(network([(0, 0), (3, 4), (6, 0), (6, 5)], [(0, 1), (2, 1), (2, 3)]))
     simple = simplify(chain)
     assert simple.lengths.tolist() == [15]
     assert simple.points.tolist() == [[0, 0], [3, 4], [6, 0], [6, 5]]
@@ -83,7 +83,7 @@ def test_a_ring_becomes_a_road_back_to_its_first_node():
 def test_simplifying_keeps_the_total_length_and_needs_one_go(roads, xy, two_way):
     polylines = {road: [xy[a], (50, 50), xy[b]] for road, (a, b) in enumerate(roads) if a == b or road % 3 == 0}
     full = network(xy, roads, polylines=polylines)
-    full = both_ways(full) if two_way else full
+    full = make_two_way(full) if two_way else full
     simple = simplify(full)
     assert simple.lengths.sum() == pytest.approx(full.lengths.sum())
     drawn = [along(one.offsets, one.points)[one.offsets[1:] - 1].sum() for one in (full, simple)]
@@ -97,6 +97,6 @@ def test_simplifying_keeps_the_total_length_and_needs_one_go(roads, xy, two_way)
 def test_a_road_and_its_reverse_become_one():
     polyline = [(0, 0), (1, 1), (2, 0)]
     there_and_back = network([(0, 0), (2, 0)], [(0, 1), (1, 0), (0, 1)], polylines={0: polyline, 1: polyline[::-1]})
-    joined = joined_directions(there_and_back)
+    joined = join_directions(there_and_back)
     assert joined.two_way.tolist() == [True, False]
     assert len(joined.sources) == 2

@@ -6,7 +6,7 @@ import gamms
 from gamms import scenario
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Access, graph_from_file, modes, report
-from gamms.osm.speeds import duration_s
+from gamms.osm.speeds import parse_duration_s
 
 UNCUT = {"resolution": 1e6, "retain_all": True}
 WAYS = [
@@ -177,7 +177,7 @@ def test_a_ferry_without_its_duration_is_slow(make_map, cross):
     ],
 )
 def test_a_duration_is_read(value, seconds):
-    assert duration_s(value) == seconds
+    assert parse_duration_s(value) == seconds
 
 
 def test_a_game_is_played_on_rails(town):

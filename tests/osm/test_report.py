@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 import gamms
 from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir.geometry import distances_to, nearest_on
+from gamms.ir.geometry import find_nearest_point, measure_distances
 from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, report
-from gamms.osm.fidelity import deviations
-from gamms.osm.network import network_of_columns
+from gamms.osm.fidelity import measure_deviations
+from gamms.osm.network import make_network_of_columns
 from gamms.osm.networkx_bridge import to_digraph
 from gamms.osm.topology import consolidate, resample
 
@@ -157,7 +157,7 @@ def test_an_empty_graph_has_a_report(town):
     assert str(found)
 
 
-def test_what_is_no_graph_and_no_map_is_refused(town, tmp_path):
+def test_an_invalid_graph_or_map_is_refused(town, tmp_path):
     with pytest.raises(BadType):
         report(3, town, resolution=10.0)
     with pytest.raises(BadType):
@@ -191,7 +191,7 @@ def test_every_network_keeps_its_promises(xy, data, tolerance, resolution):
     graph = nx.MultiGraph()
     graph.add_nodes_from((i, {"x": x, "y": y}) for i, (x, y) in enumerate(xy))
     graph.add_edges_from(roads)
-    source = gamms.osm.load.network_in_metres(graph)
+    source = gamms.osm.load.make_network_in_metres(graph)
     merged = consolidate(source, tolerance)
     cut = to_digraph(resample(merged, resolution))
     about = {"merged_length": merged.merged.length_m, "merged_nodes": merged.merged.nodes, "bidirectional": False}
@@ -248,7 +248,7 @@ def test_a_bad_number_gives_one_sentence_too(town):
 def test_columns_of_a_network_are_a_source(town):
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
         ctx.graph.attach_networkx_graph(graph_from_file(town, 1e6))
-        network = network_of_columns(ctx.graph.columns())
+        network = make_network_of_columns(ctx.graph.columns())
     assert np.isfinite(network.lengths).all()
 
 
@@ -264,7 +264,7 @@ def test_deviations_are_exact_at_every_scale(xy, scale):
     one, other = graph.copy(), graph.copy()
     nx.add_path(one, range(half))
     nx.add_path(other, range(half, len(xy)))
-    found = deviations(*(gamms.osm.load.network_in_metres(part) for part in (one, other)))
+    found = measure_deviations(*(gamms.osm.load.make_network_in_metres(part) for part in (one, other)))
     line = LineString(xy[half:])
     expected = [line.distance(Point(node)) for node in xy[:half]]
     assert sorted(found) == pytest.approx(sorted(expected), rel=1e-9, abs=1e-9)
@@ -273,8 +273,8 @@ def test_deviations_are_exact_at_every_scale(xy, scale):
 def test_the_distance_to_a_straight_line_is_that_to_its_nearest_point_and_it_may_be_a_point():
     points = np.array([[2.0, 3.0], [-3.0, 4.0], [13.0, -4.0], [3.0, 4.0]])
     ends = np.array([[10.0, 0.0], [10.0, 0.0], [10.0, 0.0], [0.0, 0.0]])
-    assert distances_to(points, np.zeros((4, 2)), ends).tolist() == [3.0, 5.0, 5.0, 5.0]
-    assert nearest_on(np.zeros((2, 2)), (3.0, 4.0)) == (0.0, 5.0)
+    assert measure_distances(points, np.zeros((4, 2)), ends).tolist() == [3.0, 5.0, 5.0, 5.0]
+    assert find_nearest_point(np.zeros((2, 2)), (3.0, 4.0)) == (0.0, 5.0)
 
 
 def two_areas(order):

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue
-from gamms.osm.network import along, network_of_lines, offsets_of, reversed_points, with_ends
-from gamms.osm.topology import cut_polylines, piece_counts, resample
+from gamms.osm.network import along, compute_offsets, extend_to_ends, make_network_of_lines, reverse_points
+from gamms.osm.topology import count_pieces, cut_polylines, resample
 
 coordinate = st.integers(-1000, 1000).map(lambda n: n / 8)
 point = st.tuples(coordinate, coordinate)
@@ -40,14 +40,16 @@ def polyline_length(points):
 
 
 def columns(lines):
-    return offsets_of(np.array([len(one) for one in lines])), np.array([p for one in lines for p in one], float)
+    return compute_offsets(np.array([len(one) for one in lines])), np.array([p for one in lines for p in one], float)
 
 
 def network(xy, roads, lengths=None, polylines=None):
     ends = np.array(roads).reshape(-1, 2)
     lengths = np.array(lengths if lengths is not None else [math.dist(xy[a], xy[b]) for a, b in roads], float)
     polylines = {road: np.array(points, float) for road, points in (polylines or {}).items()}
-    return network_of_lines(np.array(xy, float), (ends[:, 0], ends[:, 1]), polylines, lengths, [{}] * len(roads), None)
+    return make_network_of_lines(
+        np.array(xy, float), (ends[:, 0], ends[:, 1]), polylines, lengths, [{}] * len(roads), None
+    )
 
 
 @settings(deadline=None)
@@ -87,7 +89,7 @@ def test_the_lengths_of_the_pieces_add_up(lines, resolution):
 @given(st.lists(line, min_size=1, max_size=5))
 def test_backwards_twice_is_forwards(lines):
     offsets, points = columns(lines)
-    back = reversed_points(offsets)
+    back = reverse_points(offsets)
     assert (back[back] == np.arange(len(points))).all()
     assert points[back][: offsets[1]].tolist() == [list(p) for p in lines[0][::-1]]
 
@@ -97,7 +99,7 @@ def test_backwards_twice_is_forwards(lines):
 def test_led_polylines_start_and_end_at_their_nodes(cases):
     offsets, points = columns([points for points, _, _ in cases])
     start, end = (np.array([case[i] for case in cases], float) for i in (1, 2))
-    led, result, grown = with_ends(offsets, points, start, end)
+    led, result, grown = extend_to_ends(offsets, points, start, end)
     assert (result[led[:-1]] == start).all()
     assert (result[led[1:] - 1] == end).all()
     before, after = along(offsets, points)[offsets[1:] - 1], along(led, result)[led[1:] - 1]
@@ -108,12 +110,12 @@ def test_led_polylines_start_and_end_at_their_nodes(cases):
     ("length", "pieces"), [(0, 1), (14.9, 1), (15, 2), (25, 2), (30, 3), (34, 3), (35, 4), (45, 4), (100, 10)]
 )
 def test_the_number_of_pieces_is_rounded_half_to_even(length, pieces):
-    assert piece_counts(np.array([float(length)]), 10.0).tolist() == [pieces]
+    assert count_pieces(np.array([float(length)]), 10.0).tolist() == [pieces]
 
 
 def test_the_number_of_pieces_is_bounded():
     with pytest.raises(BadValue, match=r"1000000000 m of road in pieces of resolution=0\.001 m"):
-        piece_counts(np.array([1e9]), 1e-3)
+        count_pieces(np.array([1e9]), 1e-3)
 
 
 def test_no_roads_are_no_pieces():

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.ir.draw import DrawSpace
 from gamms.ir.packing import Decoder
-from gamms.ir.scenery import ground_of
+from gamms.ir.scenery import find_ground
 from gamms.limits import MemoryBudget
 from gamms.strategies import stay
 from gamms.visual.constants import Layer
@@ -59,7 +59,7 @@ def test_all_of_a_map_is_on_its_ground_in_pictures_and_in_pages(buildings):
 @given(st.lists(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), max_size=4), min_size=1, max_size=4))
 def test_the_ground_of_a_map_holds_its_shapes_and_all_else_with_a_margin(parts):
     shapes, *others = [np.array(part, np.float64).reshape(-1, 2) for part in parts]
-    ground = ground_of(shapes, *others)
+    ground = find_ground(shapes, *others)
     assert len(ground) == (2 if len(shapes) else 0)
     for points in (shapes, *others) if len(shapes) else ():
         assert ((ground[0] <= points) & (points <= ground[1])).all()

@@ -209,10 +209,10 @@ def test_impossible_columns_are_named(kinds, offsets, points, match):
 )
 def test_a_forged_scenery_is_refused(town, forged):
     packed = town.graph.storage.pack()
-    state = map_file.unframed(packed, map_file.MAGIC, map_file.VERSION)
+    state = map_file.unframe_file(packed, map_file.MAGIC, map_file.VERSION)
     state["base_map"] = {**state["base_map"], **forged} if forged is not None else {"kinds": np.zeros(0, np.int64)}
     with pytest.raises(BadFile):
-        map_file.decode(map_file.framed(state, map_file.MAGIC, map_file.VERSION))
+        map_file.decode(map_file.frame_file(state, map_file.MAGIC, map_file.VERSION))
 
 
 def test_a_kind_of_a_later_version_is_kept_and_not_drawn(town):

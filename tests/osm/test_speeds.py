@@ -102,7 +102,7 @@ NO_SPEEDS += ["nan", math.nan, True, [], {}, [[]], "[", "[]", "[,]", ";;", 1 << 
 
 
 @pytest.mark.parametrize("maxspeed", NO_SPEEDS)
-def test_what_is_no_speed_gives_way_to_the_class_of_the_road(maxspeed):
+def test_an_invalid_speed_is_replaced_by_that_of_the_road_class(maxspeed):
     assert speed_kph({"highway": "residential", "maxspeed": maxspeed}) == SPEED_OF_HIGHWAY_KPH["residential"]
 
 

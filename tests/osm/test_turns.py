@@ -12,7 +12,7 @@ from turn_referee import Referee, add_signs
 
 import gamms
 from gamms.errors import BadFile, BadType, BadValue, NoPath, UnknownName
-from gamms.ir.graph import forbidden_paths
+from gamms.ir.graph import list_forbidden_paths
 from gamms.osm import graph_from_file, process_osm_graph, report, resample_columns
 
 STREET = {"highway": "residential"}
@@ -59,7 +59,7 @@ def turns(path, **options):
     osmids = columns.node_attributes["osmid"]
     row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
     found = set()
-    for edges in forbidden_paths(columns).get(how["osm_type"], []):
+    for edges in list_forbidden_paths(columns).get(how["osm_type"], []):
         rows = [row_of[id] for id in edges]
         found.add((osmids[columns.sources[rows[0]]], *(osmids[row] for row in columns.targets[rows].tolist())))
     return found
@@ -176,16 +176,16 @@ def test_the_state_of_traffic_is_the_path_that_it_has_driven(signed):
 def test_forbidden_turns_are_saved_and_written(signed, tmp_path):
     path = signed(LADDER, RUNGS, sign("no_u_turn", [100], [101], [103]), sign("no_left_turn", [100], [2], [101]))
     ctx = loaded(graph_from_file(path, 40.0, osm_type="drive"))
-    paths = forbidden_paths(ctx.graph.columns())
+    paths = list_forbidden_paths(ctx.graph.columns())
     ctx.graph.save(tmp_path / "map.gamms")
     other = gamms.create_context()
     other.graph.load(tmp_path / "map.gamms")
-    assert forbidden_paths(other.graph.columns()) == paths
+    assert list_forbidden_paths(other.graph.columns()) == paths
     nx.write_graphml(ctx.graph.to_networkx(plain=True), tmp_path / "map.graphml")
     again = loaded(nx.relabel_nodes(nx.read_graphml(tmp_path / "map.graphml"), int))
-    assert forbidden_paths(again.graph.columns()) == paths
+    assert list_forbidden_paths(again.graph.columns()) == paths
     ctx.graph.close_roads([paths["drive"][0][1]])
-    assert len(forbidden_paths(ctx.graph.columns())["drive"]) < len(paths["drive"])
+    assert len(list_forbidden_paths(ctx.graph.columns())["drive"]) < len(paths["drive"])
     damaged = ctx.graph.to_networkx()
     next(iter(damaged.edges(data=True)))[2]["forbidden_turns"] = json.dumps({"drive": [7]})
     with pytest.raises(BadValue, match="forbidden_turns"):

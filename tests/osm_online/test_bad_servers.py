@@ -25,7 +25,7 @@ from server import (
 
 from gamms.errors import BadValue, GammsError, NetworkError, PlaceError
 from gamms.osm import OSMType, create_osm_graph
-from gamms.osm.overpass import features_of_place, read_areas
+from gamms.osm.overpass import download_features_of_place, read_areas
 
 PLACE = "Kluuvi, Helsinki"
 SOON_S = 15.0
@@ -226,12 +226,12 @@ def test_what_can_be_read_is_no_nonsense(server):
     server.misbehaviour["interpreter"] = changes(change)
     server.misbehaviour["search"] = changes(lambda data: data[0].update(importance="0.5", boundingbox=[60, 61, 24, 25]))
     assert len(create_osm_graph(PLACE, OSMType.DRIVE)) > 100
-    assert len(features_of_place(PLACE, {"building": True})) > 50
+    assert len(download_features_of_place(PLACE, {"building": True})) > 50
 
 
 def test_buildings_that_a_server_has_in_part_are_left_out(server, settings, monkeypatch):
     monkeypatch.setattr(settings, "use_cache", False)
-    everything = features_of_place(PLACE, {"building": True})
+    everything = download_features_of_place(PLACE, {"building": True})
     rings = {member["ref"] for one in map_server.elements()["relation"].values() for member in one["members"]}
 
     def lose_a_node_of_each_ring(data):
@@ -240,7 +240,7 @@ def test_buildings_that_a_server_has_in_part_are_left_out(server, settings, monk
                 one["nodes"][1] = 1  # there is no such node
 
     server.misbehaviour["interpreter"] = changes(lose_a_node_of_each_ring)
-    rest = features_of_place(PLACE, {"building": True})
+    rest = download_features_of_place(PLACE, {"building": True})
     assert 10 < len(rest) < len(everything)
     assert all(tags in [tags for _, tags in everything] for _, tags in rest)
 
@@ -249,7 +249,7 @@ def test_buildings_that_a_server_has_in_part_are_left_out(server, settings, monk
 def test_features_end_in_the_same_errors(server, tmp_path, what):
     server.misbehaviour["interpreter"], words = ANYWHERE[what]
     with pytest.raises(NetworkError, match=words):
-        features_of_place(PLACE, {"building": True})
+        download_features_of_place(PLACE, {"building": True})
     assert nothing_is_kept(tmp_path)
 
 

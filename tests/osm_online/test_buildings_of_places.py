@@ -28,7 +28,7 @@ def test_the_buildings_of_a_place_are_those_of_a_file_of_it():
     assert len(named & in_file) > 0.9 * len(named)
 
 
-def test_what_was_answered_before_is_there_without_a_network(server):
+def test_earlier_answers_are_available_without_a_network(server):
     before = list(obstacle_from_osm(PLACE))
     asked = len(server.asked)
     assert list(obstacle_from_osm(PLACE, offline=True)) == before

@@ -18,7 +18,7 @@ from gamms import limits
 from gamms.errors import GammsError, MissingExtra, NetworkError, PlaceError, TooLarge
 from gamms.folders import cache_folder, write_whole
 from gamms.osm import OSMType, create_osm_graph, graph_from_bbox, graph_from_point
-from gamms.osm.overpass import features_of_place
+from gamms.osm.overpass import download_features_of_place
 
 PLACE = "Kluuvi, Helsinki"
 DRIVE = OSMType.DRIVE  # the fewest streets
@@ -87,7 +87,7 @@ def no_network_later(request):
         (lambda: create_osm_graph({"city": "Turku"}, offline=True), "{'city': 'Turku'}"),
         (lambda: graph_from_bbox(24.9, 60.1, 24.95, 60.15, offline=True), r"the box \(24.9, 60.1, 24.95, 60.15\)"),
         (lambda: graph_from_point(60.1, 24.9, 99.0, offline=True), "the circle of 99.0 m around lat=60.1, lon=24.9"),
-        (lambda: features_of_place(PLACE, {"building": True}, offline=True), "'Kluuvi, Helsinki'"),
+        (lambda: download_features_of_place(PLACE, {"building": True}, offline=True), "'Kluuvi, Helsinki'"),
     ],
 )
 def test_offline_an_unknown_place_is_named_and_nothing_is_asked(server, no_network, call, name):
@@ -271,16 +271,16 @@ def test_the_status_of_a_server_with_slots_is_asked_for(server, settings, monkey
 )
 def test_impossible_tags_are_refused_before_anything_is_asked(server, tags, error):
     with pytest.raises(error, match="tags"):
-        features_of_place(PLACE, tags)
+        download_features_of_place(PLACE, tags)
     assert server.asked == []
 
 
 def test_a_place_without_such_features_is_an_error(server):
     with pytest.raises(PlaceError, match="nothing tagged aeroway in 'Kluuvi, Helsinki'"):
-        features_of_place(PLACE, {"aeroway": True})
+        download_features_of_place(PLACE, {"aeroway": True})
     with pytest.raises(GammsError, match="cannot be used"):
         server.misbehaviour["interpreter"] = changes(lambda data: data["elements"][0].pop("lat"))
-        features_of_place(PLACE, {"building": True})
+        download_features_of_place(PLACE, {"building": True})
 
 
 @pytest.mark.parametrize(
@@ -294,4 +294,4 @@ def test_a_place_without_such_features_is_an_error(server):
     ],
 )
 def test_a_status_page_says_how_long_to_wait_for_a_slot(status, seconds):
-    assert transport._seconds_to_slot(status) == seconds
+    assert transport._parse_seconds_to_slot(status) == seconds

@@ -7,7 +7,7 @@ from server import changes
 
 from gamms.errors import NetworkError, PlaceError
 from gamms.osm import OSMType, create_osm_graph, graph_from_place
-from gamms.osm.overpass import features_of_place
+from gamms.osm.overpass import download_features_of_place
 
 PLACE = "Kluuvi, Helsinki"
 
@@ -48,7 +48,9 @@ def test_damage_changes_no_building(server, settings, monkeypatch):
     found = []
     for misbehaviour in ({}, {"interpreter": changes(damage)}):
         server.misbehaviour = misbehaviour
-        found.append([(shape.wkt, tags) for shape, tags in features_of_place(PLACE, {"building": True}, ("railway",))])
+        found.append(
+            [(shape.wkt, tags) for shape, tags in download_features_of_place(PLACE, {"building": True}, ("railway",))]
+        )
     assert found[0] == found[1]
 
 

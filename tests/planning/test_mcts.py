@@ -12,7 +12,7 @@ import pytest
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.planning import mcts
-from gamms.planning.mcts import _PairedTrials, _seen, _TreeNode
+from gamms.planning.mcts import _observe_state, _PairedTrials, _TreeNode
 from gamms.planning.pace import SearchPace
 from gamms.scenario import Scenario, load
 from gamms.sensor import SensorType
@@ -143,7 +143,7 @@ def test_what_exp3_has_tried_most_is_done_most(counts, chance, action):
     assert node.draw_by_trials(chance) == action
 
 
-def test_what_was_never_tried_is_done_as_often():
+def test_untried_actions_are_chosen_equally_often():
     node = _TreeNode()
     node.offer(["a", "b", "c"])
     assert [node.draw_by_trials(chance) for chance in (0.1, 0.5, 0.9)] == [0, 1, 2]
@@ -278,7 +278,7 @@ def test_a_search_without_time_follows_the_policies_only_if_all_its_agents_have_
 
 def test_a_search_tells_apart_where_others_are_seen_and_not_what_is_seen_of_the_map():
     sensors = {"eyes": (SensorType.AGENT_RANGE, {"bob": 5, "ann": 4}), "map": (SensorType.NEIGHBOR, [3, 4])}
-    assert _seen({"curr_pos": 3, "sensor": sensors}) == (3, ("ann", 4), ("bob", 5))
+    assert _observe_state({"curr_pos": 3, "sensor": sensors}) == (3, ("ann", 4), ("bob", 5))
 
 
 def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):

@@ -150,7 +150,7 @@ def parts_of(data):
     """The blocks of an honest recording: [type, body, counts]."""
     at, parts = len(blocks.MAGIC), []
     while at + blocks.HEAD_SIZE <= len(data):
-        head = blocks.head_of(data[at : at + blocks.HEAD_SIZE])
+        head = blocks.decode_head(data[at : at + blocks.HEAD_SIZE])
         parts.append([head.type, data[at + blocks.HEAD_SIZE : at + head.end], list(head[4:8])])
         at += head.end
     return parts

@@ -43,7 +43,7 @@ def honest(turns=2):
 @contextmanager
 def unpadded():
     """Write blocks that take less than readers believe."""
-    with mock.patch.object(packing, "padded", lambda body, _: body):
+    with mock.patch.object(packing, "pad_bytes", lambda body, _: body):
         yield
 
 

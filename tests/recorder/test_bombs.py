@@ -24,7 +24,7 @@ LIMIT = 200 << 20  # bytes of memory
 
 def promised(size, stream):
     """A packed stream that says another size."""
-    return packed_bytes.varint(size) + stream
+    return packed_bytes.encode_varint(size) + stream
 
 
 def zeros(size):
@@ -116,7 +116,7 @@ def test_a_million_moves_in_a_turn_are_read_again():
     ],
     ids=["empty", "foreign", "older", "newer", "only a magic", "cut header"],
 )
-def test_what_is_no_recording_says_why(data, words):
+def test_an_invalid_recording_is_refused_with_a_reason(data, words):
     with pytest.raises(RecordingError, match=words):
         opened(data)
 

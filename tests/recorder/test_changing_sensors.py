@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms import recorder
 from gamms.errors import UnknownName
-from gamms.recorder.keyframes import captured
+from gamms.recorder.keyframes import capture_state
 
 QUIET = {"level": "CRITICAL"}
 IDS = ["a", "b", "c"]
@@ -97,10 +97,10 @@ def test_every_state_and_every_replay_has_the_sensors_of_then(turns):
         replayed = [shown(ctx) for record in ctx.record.replay(io.BytesIO(data)) if record["opCode"] == 1]
         ctx.record.stop()
         assert replayed == states[1:]
-        keyframe = captured(ctx)
+        keyframe = capture_state(ctx)
     assert again.getvalue() == data
     with recording.resume(len(turns)) as ctx:
-        assert captured(ctx)["sensor_kinds"] == keyframe["sensor_kinds"]
+        assert capture_state(ctx)["sensor_kinds"] == keyframe["sensor_kinds"]
 
 
 @settings(max_examples=12)

@@ -78,7 +78,7 @@ def test_info_counts_the_agents_at_the_end_of_version_2(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["info", "verify", "replay"])
-def test_what_is_no_recording_ends_in_one_sentence(tmp_path, command):
+def test_an_invalid_recording_ends_in_one_sentence(tmp_path, command):
     (tmp_path / "no.ggr").write_text("not a recording")
     for name, hint in (("no.ggr", "not a recording"), ("missing.ggr", "missing.ggr")):
         done = run(command, tmp_path / name)

@@ -72,7 +72,7 @@ def test_classes_are_found_by_module_and_name(components, gate):
         components.unregister_component(key)
 
 
-def test_a_field_takes_what_it_is_given(gate):
+def test_a_field_takes_the_given_value(gate):
     assert gate("one", "no number").count == "no number"
 
 

@@ -85,9 +85,9 @@ def test_turns_that_are_not_there_are_refused():
 def test_unknown_blocks_are_skipped():
     game = walk(2, 4)
     data = written(game, turns=2, close=False)
-    key = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).crc
+    key = blocks.decode_head(data[8 : 8 + blocks.HEAD_SIZE]).crc
     stranger = blocks.block(ord("Z"), b"of a later version", key, blocks.BlockCounts(2))
-    first = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).end + 8
+    first = blocks.decode_head(data[8 : 8 + blocks.HEAD_SIZE]).end + 8
     assert logs_of(opened(data[:first] + stranger + data[first:])) == game
 
 
@@ -96,7 +96,7 @@ def test_unknown_blocks_are_skipped():
 
 @FEWER
 @given(games, st.integers(1, 4))
-def test_recording_what_was_read_gives_the_same_bytes(game, turns):
+def test_recording_a_read_recording_gives_the_same_bytes(game, turns):
     first = written(game, turns=turns)
     reader = opened(first)
     assert written(logs_of(reader), reader.header, turns=turns) == first
@@ -166,7 +166,7 @@ def turns_of_blocks(data):
 def heads_of(data):
     at, heads = len(blocks.MAGIC), []
     while at < len(data):
-        heads.append(blocks.head_of(data[at : at + blocks.HEAD_SIZE]))
+        heads.append(blocks.decode_head(data[at : at + blocks.HEAD_SIZE]))
         at += heads[-1].end
     return heads
 

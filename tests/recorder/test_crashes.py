@@ -197,7 +197,7 @@ class Disk(io.BytesIO):
 
 
 @pytest.mark.parametrize("seconds", [0, None])
-def test_a_full_disk_leaves_what_was_saved(seconds):
+def test_a_full_disk_leaves_the_saved_turns(seconds):
     whole = len(written(MIXED, turns=5))
     for room in range(len(written([], close=False)), whole, 5):
         disk = Disk()
@@ -223,7 +223,7 @@ def test_a_device_that_is_full_gives_one_error():
 
 
 @pytest.mark.parametrize("stream", [io.StringIO(), None, io.BytesIO().read], ids=["text", "none", "call"])
-def test_what_is_no_binary_stream_is_refused(stream):
+def test_a_text_stream_is_refused(stream):
     with pytest.raises(RecordingError, match="could not be written"):
         Writer(stream, {})
     with pytest.raises(RecordingError, match=r"binary stream|not a recording"):

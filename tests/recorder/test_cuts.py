@@ -188,7 +188,7 @@ def test_a_team_that_is_not_there_is_named(team):
         cut_of(recorded(lambda ctx: ctx.game.run(1), pair_on_a_grid(), sensed=True), team)
 
 
-def test_what_was_not_sensed_cannot_be_cut(tmp_path):
+def test_a_recording_without_sensor_data_cannot_be_cut(tmp_path):
     (tmp_path / "game.ggr").write_bytes(recorded(lambda ctx: ctx.game.run(1), pair_on_a_grid(), sensed=False))
     with opened(tmp_path / "game.ggr") as recording, pytest.raises(BadValue, match="sensed=False"):
         recording.cut(tmp_path / "red.ggr", "red")

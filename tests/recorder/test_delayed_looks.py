@@ -7,7 +7,7 @@ import pytest
 import gamms
 from gamms import recorder
 from gamms.agent import AgentType
-from gamms.recorder.keyframes import captured
+from gamms.recorder.keyframes import capture_state
 
 TURNS = 9
 
@@ -77,6 +77,6 @@ def test_a_game_without_delays_has_no_word_of_them():
     with context() as ctx:
         for name in ("eyes", "radar"):
             ctx.sensor.get_sensor(name).notice.delay_turns = None
-        assert "delayed_looks" not in captured(ctx)
+        assert "delayed_looks" not in capture_state(ctx)
         data = play(ctx)
     assert "DELAYED_LOOKS" not in {event["kind"] for event in opened(data).events()}

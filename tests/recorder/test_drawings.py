@@ -219,7 +219,7 @@ def drawing(**changes):
     return {"artist": "mine", "layer": 30, "visible": True, "commands": COMMANDS | changes}
 
 
-def test_what_was_written_by_hand_is_drawn(ctx):
+def test_a_drawing_written_by_hand_is_drawn(ctx):
     again, _ = replayed(with_drawing(ctx, drawing()))
     assert len(again.visual.draw_commands().kind[again.visual.draw_commands().layer == 30]) == 2
     again, _ = replayed(with_drawing(ctx, {**drawing(), "artist": "of nobody"}))

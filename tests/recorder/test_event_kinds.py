@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from test_frozen_recordings import everything_of_version_3, flights_of_version_3, turns_of_version_3
 
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, Field, Mover, Role, records_of, renumbered
+from gamms.ir.events import EVENTS, Field, Mover, Role, records_of, renumber_event
 from gamms.ir.game_state import GameState
 from gamms.ir.schema import Audience
 from gamms.recorder import Reader
@@ -22,14 +22,14 @@ from gamms.recorder.changes import DETECTED
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.version2 import FIELDS
-from gamms.recorder.keyframes import CAPTURED, captured, components_of
+from gamms.recorder.keyframes import CAPTURED, capture_state, pack_components
 from gamms.recorder.replaying import Replayer
 
 ALL = EVENTS.values()
 
 
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.name)
-def test_every_kind_has_a_code_fields_an_audience_and_what_it_does(kind):
+def test_every_kind_has_a_code_fields_an_audience_and_an_effect(kind):
     assert EVENTS[kind.code] is kind
     assert getattr(kinds, kind.name) == kind.code
     assert all(isinstance(field, Field) and isinstance(field.role, Role) for field in kind.fields.values())
@@ -81,9 +81,9 @@ def test_who_may_know_follows_from_the_kind_alone():
 
 def test_agents_get_other_numbers_wherever_an_event_has_some():
     numbers = {0: 10, 1: 11}.get
-    assert renumbered(kinds.AERIAL_AGENT_TURN, (1, 1.0, 0.0, 0.0, 0.0), numbers) == (11, 1.0, 0.0, 0.0, 0.0)
+    assert renumber_event(kinds.AERIAL_AGENT_TURN, (1, 1.0, 0.0, 0.0, 0.0), numbers) == (11, 1.0, 0.0, 0.0, 0.0)
     data = {"numbers": np.array([0, 1]), "edge_source": np.array([0, 1])}
-    found = renumbered(kinds.AGENT_PROGRESS, data, numbers)
+    found = renumber_event(kinds.AGENT_PROGRESS, data, numbers)
     assert (found["numbers"].tolist(), found["edge_source"].tolist()) == ([10, 11], [0, 1])
     assert data["numbers"].tolist() == [0, 1]
 
@@ -194,13 +194,13 @@ def comparable(keyframe):
 def test_events_come_to_the_same_live_and_detached(programme):
     with grid_context() as ctx:
         ctx.record.start(io.BytesIO())
-        begin = captured(ctx) | components_of(ctx)
+        begin = capture_state(ctx) | pack_components(ctx)
         detached = DetachedState(begin)
         replayer = Replayer(ctx)
         for kind, data in programme:
             replayer.apply(kind, data)
             detached.apply_event(kind, data)
-        live = captured(ctx) | components_of(ctx)
+        live = capture_state(ctx) | pack_components(ctx)
         np.testing.assert_equal(comparable(detached.keyframe(0)), comparable(live))
 
 
@@ -208,11 +208,11 @@ def test_an_event_that_cannot_happen_changes_nothing_and_is_not_noted():
     stream = io.BytesIO()
     with empty_context() as ctx:
         ctx.record.start(stream)
-        before = captured(ctx)
+        before = capture_state(ctx)
         replayer = Replayer(ctx)
         with pytest.raises(ValueError, match="cannot happen here"):
             replayer.apply(kinds.AGENT_TEAM, {"agent_name": "nobody", "team": 1})
-        np.testing.assert_equal(captured(ctx), before)
+        np.testing.assert_equal(capture_state(ctx), before)
         ctx.record.stop()
     with Reader(io.BytesIO(stream.getvalue())) as reader:
         assert reader.count_events() == {}

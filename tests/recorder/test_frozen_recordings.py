@@ -131,7 +131,7 @@ def test_there_are_frozen_recordings():
 
 
 @pytest.mark.parametrize("path", FROZEN, ids=lambda path: path.stem)
-def test_a_frozen_recording_says_what_it_said(path):
+def test_a_frozen_recording_reads_as_before(path):
     assert json.dumps(told(path)) == json.dumps(json.loads(path.with_suffix(".json").read_text()))
 
 

@@ -71,7 +71,7 @@ def test_damaged_recordings_of_large_teams_are_refused_or_give_a_prefix():
 def heads_of(data):
     at = len(blocks.MAGIC)
     while at < len(data):
-        head = blocks.head_of(data[at : at + blocks.HEAD_SIZE], at)
+        head = blocks.decode_head(data[at : at + blocks.HEAD_SIZE], at)
         yield head
         at = head.end
 

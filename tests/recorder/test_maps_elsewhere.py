@@ -113,7 +113,7 @@ def test_games_are_compared_by_the_hashes_of_their_maps(small, ctx):
     assert difference(small, other).field == "map"
 
 
-def test_the_command_line_says_what_it_needs(small, map, tmp_path):
+def test_the_command_line_names_the_missing_map(small, map, tmp_path):
     game = tmp_path / "game.ggr"
     game.write_bytes(small)
     found = json.loads(run("info", game, "--json").stdout)

@@ -106,7 +106,7 @@ def test_an_observation_is_the_very_state_that_the_strategy_got(game):
         assert {**state, "facts": dict(state["facts"]), "lots": lots} == told, (turn, name)
 
 
-def test_the_table_of_what_was_sensed_has_nodes_and_agents(game):
+def test_the_table_of_sensor_data_has_nodes_and_agents(game):
     recording, seen = game
     table = recording.table("sensed", 2, 4)
     rows = list(zip(*(column.tolist() for column in table.values()), strict=True))
@@ -169,7 +169,7 @@ def test_reports_are_recorded_once_an_agent_carries_a_sensor_unless_they_are_lef
             assert list(recording.observation(3, "a0")["sensor"]) == ["near"]
 
 
-def test_what_was_not_observed_is_refused(game):
+def test_a_recording_without_observations_is_refused(game):
     recording, _ = game
     with pytest.raises(BadValue, match="no turn 0"):
         recording.observation(0, "walker_0")
@@ -196,23 +196,23 @@ def test_agents_are_listed_once_unless_looks_differ_about_their_nodes():
     assert data["seen_at"].tolist() == [9, 70_000, 4]
     assert data["ids"].tolist() == [2, 1, 7, 9, 2, 0, 1]
     flat = [(number, look) for number, own in looks for look in own]
-    assert sensed.looks_of(data) == flat
-    assert sensed.looks_of(data, 2) == flat[1:3]
-    renumbered = sensed.looks_of(sensed.renumbered(data, lambda number: number + 1000))
+    assert sensed.decode_looks(data) == flat
+    assert sensed.decode_looks(data, 2) == flat[1:3]
+    renumbered = sensed.decode_looks(sensed.renumber_looks(data, lambda number: number + 1000))
     assert [look.first for _, look in renumbered] == [[1002, 1001], [1300, 1001], [], [1002]]
     assert [look.second for _, look in renumbered] == [look.second for _, look in flat]
     for key, value in (("seen", np.array([1])), ("seen_at", np.array([0.5] * 3)), ("ids", np.array([-1] * 7))):
         with pytest.raises((ValueError, TypeError, IndexError)):
-            sensed.looks_of({**data, key: value})
+            sensed.decode_looks({**data, key: value})
 
 
 def test_damaged_columns_are_refused():
     looks = sensed.take_looks([(0, {"near": (SensorType.NEIGHBOR, [1, 2])})], {"anna": 0}, {"anna": 0})
     data = sensed.columns_of(looks, FieldTable(), 0)
-    assert [look.first for _, look in sensed.looks_of(data, 0)] == [[1, 2]]
+    assert [look.first for _, look in sensed.decode_looks(data, 0)] == [[1, 2]]
     for key, value in (("counts", np.array([2])), ("which", np.array([5])), ("sensors", [3]), ("forms", np.array([3]))):
         with pytest.raises((KeyError, ValueError, TypeError, IndexError)):
-            sensed.looks_of({**data, key: value}, 0)
+            sensed.decode_looks({**data, key: value}, 0)
 
 
 # -- covered nodes ------------------------------------------------------------------------------------------------
@@ -290,7 +290,7 @@ def fields_in(recording, start=0):
     """Yield the number of a turn, and agent, sensor -> its recorded field."""
     table = FieldTable()
     for turn, _, _, data in recording.reader.events(start, kinds={kinds.SENSED}):
-        looks = sensed.looks_of(data, fields=table)
+        looks = sensed.decode_looks(data, fields=table)
         names = recording[turn].agents["name"].tolist()
         yield turn, {(names[number], look.sensor): look.field for number, look in looks}
 
@@ -357,7 +357,7 @@ def rewritten(data, *, with_fields):
     return stream.getvalue()
 
 
-def test_pages_ask_no_sensor_what_it_covers_and_older_recordings_give_the_same_page(lookouts, monkeypatch):
+def test_pages_ask_no_sensor_for_its_field_and_older_recordings_give_the_same_page(lookouts, monkeypatch):
     data, old = (rewritten(lookouts[0], with_fields=with_fields) for with_fields in (True, False))
     assert len(old) < len(data)
     with recorder.open(io.BytesIO(old)) as recording:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadValue
-from gamms.recorder.keyframes import captured
+from gamms.recorder.keyframes import capture_state
 
 TURNS = 9
 
@@ -59,7 +59,7 @@ GAME = recorded()
 
 def facts_of(ctx):
     """All that is there now, as text, in which what is not a number equals itself."""
-    plain = {key: getattr(value, "tolist", lambda value=value: value)() for key, value in captured(ctx).items()}
+    plain = {key: getattr(value, "tolist", lambda value=value: value)() for key, value in capture_state(ctx).items()}
     drawn = {name: commands.points.tolist() for name, commands in ctx.visual.artists.drawings.commands.items()}
     game = ctx.game
     return repr((plain, game.turn, game.events, dict(game.facts), len(ctx.graph.columns().edge_ids), drawn))

@@ -145,7 +145,7 @@ class Heard:
         """Begin."""
 
     def hear(self, log, *, is_over):
-        self.values += [data["values"] for kind, data in kinds.events_of(log) if kind == kinds.AGENT_ATTRIBUTE]
+        self.values += [data["values"] for kind, data in kinds.list_events(log) if kind == kinds.AGENT_ATTRIBUTE]
 
 
 def test_followers_hear_of_what_is_set_after_they_began(ctx):

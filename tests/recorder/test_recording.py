@@ -18,7 +18,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.recorder import Recording, RecordingError, Writer
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.keyframes import captured
+from gamms.recorder.keyframes import capture_state
 
 QUIET = {"level": "CRITICAL"}
 NODES = 9
@@ -60,8 +60,8 @@ def played(turns=8, **options):
         stream, states = io.BytesIO(), []
         ctx.record.start(stream, sensed=False, **options)
         ctx.game.add(tag)
-        ctx.visual.after_turn.append(lambda: states.append(captured(ctx)))
-        states.append(captured(ctx))
+        ctx.visual.after_turn.append(lambda: states.append(capture_state(ctx)))
+        states.append(capture_state(ctx))
         ctx.record.event("hello", words=["a", 1])
         result = ctx.game.run(max_turns=turns)
         ctx.record.stop()
@@ -205,7 +205,7 @@ def blank(agents):
 @given(programmes(), st.integers(1, 9), st.integers(1, 4), st.data())
 def test_many_moves_at_once_do_what_they_do_one_by_one(events, most, turns, data):
     with context() as ctx:
-        begin = captured(ctx)
+        begin = capture_state(ctx)
     game = []
     for number, (kind, what) in enumerate(events):
         if number % most == 0:

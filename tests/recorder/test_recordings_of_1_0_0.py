@@ -160,7 +160,7 @@ def test_games_of_ours_are_copied_to_the_byte_in_version_2(game):
     assert recorded(lambda ctx: list(ctx.record.replay(io.BytesIO(data))), world(), version=2) == data
 
 
-def test_a_program_that_changes_what_was_replayed_does_not_change_the_copy():
+def test_changes_to_replayed_values_do_not_change_the_copy():
     path = SAMPLES / "version2/keywords.ggr"
 
     def play(ctx):

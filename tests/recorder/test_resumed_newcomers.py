@@ -99,7 +99,7 @@ def test_agents_that_the_caller_leaves_without_a_strategy_are_not_named(caplog):
     assert caplog.messages == []
 
 
-def test_before_it_came_there_is_nobody_to_name(caplog):
+def test_a_newcomer_cannot_be_named_before_it_came(caplog):
     recording, first = recorded(lambda ctx: wander)
     with recording, recording.resume(2, ctx=game_with(lambda ctx: wander)) as ctx:
         assert ends(ctx.game.run(8)) == ends(first)

@@ -276,7 +276,7 @@ def test_a_start_that_is_refused_leaves_the_old_file(tmp_path, options):
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_a_start_that_cannot_be_written_leaves_what_was_there(tmp_path, monkeypatch, overwrite):
+def test_a_start_that_cannot_be_written_leaves_the_old_file(tmp_path, monkeypatch, overwrite):
     if overwrite:
         (tmp_path / "game.ggr").write_bytes(b"old")
     before = files_of(tmp_path)

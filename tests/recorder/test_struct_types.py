@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadType
 from gamms.recorder.errors import RecordingError
-from gamms.recorder.struct_types import of_hint, parse
+from gamms.recorder.struct_types import parse, parse_hint
 
 # What 1.0.0 writes for what it is given, found by running it.
 OF_1_0_0 = {
@@ -40,7 +40,7 @@ HINTS = [(text, hint) for text, hints in {**OF_1_0_0, **OF_OURS}.items() for hin
 
 @pytest.mark.parametrize(("text", "hint"), HINTS, ids=str)
 def test_a_hint_is_written_as_1_0_0_writes_it(text, hint):
-    assert str(of_hint(hint).or_none()) == text
+    assert str(parse_hint(hint).or_none()) == text
 
 
 @pytest.mark.parametrize("text", [*OF_1_0_0, *OF_OURS])
@@ -78,7 +78,7 @@ hints = st.recursive(
 @given(hints)
 def test_every_type_survives_its_text(hint):
     try:
-        found = of_hint(hint).or_none()
+        found = parse_hint(hint).or_none()
     except BadType:
         return  # nested too deep
     assert parse(str(found)) == found
@@ -94,7 +94,7 @@ def test_every_type_survives_its_text(hint):
 )  # fmt: skip
 def test_a_hint_that_no_recording_can_hold_is_refused(hint):
     with pytest.raises(BadType, match="Use int"):
-        of_hint(hint)
+        parse_hint(hint)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_any_text_is_a_type_or_refused(text):
     ids=str,
 )
 def test_values_are_distinguished(hint, fitting, others):
-    field = of_hint(hint).or_none()
+    field = parse_hint(hint).or_none()
     assert all(field.fits(value) for value in [None, *fitting])
     assert not any(field.fits(value) for value in others)
 
@@ -158,11 +158,11 @@ def test_values_are_distinguished(hint, fitting, others):
     ids=str,
 )
 def test_arrays_take_the_declared_shape(hint, given, shaped):
-    found = of_hint(hint).or_none().shaped(given)
+    found = parse_hint(hint).or_none().shaped(given)
     assert found == shaped
     assert type(found) is type(shaped)
 
 
 def test_a_list_is_copied():
     value = [1, 2]
-    assert of_hint(list[int]).shaped(value) is not value
+    assert parse_hint(list[int]).shaped(value) is not value

@@ -10,7 +10,7 @@ import pytest
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, MissingFolder, UnknownType
-from gamms.ir.tables import with_latlon
+from gamms.ir.tables import add_latlon
 from gamms.recorder import RecordingError
 
 QUIET = {"level": "CRITICAL"}
@@ -161,7 +161,7 @@ def test_tables_have_degrees_of_nodes(game):
     moves = recording.table("moves", lat_lon=True)
     assert list(moves) == ["turn", "agent", "node", "lat", "lon"]
     assert np.abs(np.column_stack((moves["lat"], moves["lon"])) - degrees(xy[moves["node"]])).max() < 1e-9
-    elsewhere = with_latlon({"at": np.array([2, 2**40, None], object)}, recording.graph.columns())
+    elsewhere = add_latlon({"at": np.array([2, 2**40, None], object)}, recording.graph.columns())
     assert np.isnan(elsewhere["lat"]).tolist() == [False, True, True]
     assert list(recording.table("positions", lat_lon=True)) == ["turn", "agent", "x", "y", "z", "lat", "lon"]
     assert "lat" not in recording.table("moves")

@@ -190,7 +190,7 @@ def test_the_agent_that_most_happens_to_is_followed(eventful, tmp_path, turns, o
     given = RenderOptions(*turns, follow="auto", width=320, frames_per_turn=1)
     given = replace(given, **options)
     with gamms.recorder.open(eventful) as recording:
-        assert rendering._most_eventful(recording, given) == followed
+        assert rendering._find_most_eventful(recording, given) == followed
     if not options:
         rendering.render(eventful, tmp_path / "auto.png", RenderOptions(*turns, follow="auto"))
         rendering.render(eventful, tmp_path / "named.png", RenderOptions(*turns, follow=followed))
@@ -272,10 +272,10 @@ def test_pictures_of_a_recording_show_what_sensors_reported_without_a_look(tmp_p
     assert shown[:5] == [sorted(report.values()) for report in reports]
 
 
-def test_the_fog_dims_what_was_seen_and_darkens_the_rest(game, tmp_path):
+def test_the_fog_dims_seen_ground_and_darkens_the_rest(game, tmp_path):
     out = tmp_path / "fog.png"
     assert run(game, out, "--fog", "red", "--width", 640, "--height", 200).exit_code == 0
-    pixels = gamms.visual.backends.pillow_backend.pixels_of(out.read_bytes()).astype(int)
+    pixels = gamms.visual.backends.pillow_backend.decode_pixels(out.read_bytes()).astype(int)
     for color in ((20, 22, 26), (42, 45, 51), (104, 109, 118), (206, 210, 216)):
         assert (np.abs(pixels - color).max(axis=2) < 12).any(), color
 

@@ -19,7 +19,7 @@ from policy_scenes import Linear, Sequential
 import gamms
 from gamms import rl
 from gamms.errors import BadValue
-from gamms.rl.networks import network_of
+from gamms.rl.networks import read_network
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "air": True, "euclid": 12.0}}
@@ -110,7 +110,7 @@ def test_saved_policies_do_alone_what_they_did_in_their_environment(team, deeds,
     weight = np.random.default_rng(0).normal(size=(numbers, entries))
     rl.save_policy(Sequential(Linear(weight)), tmp_path / "it.safetensors", env)
     played = game.build(3, {team: rl.policy(tmp_path / "it.safetensors")})
-    evaluate = network_of(Sequential(Linear(weight))).logits(numbers)
+    evaluate = read_network(Sequential(Linear(weight))).logits(numbers)
     with played:
         for _ in range(5):
             chosen = {}

@@ -258,7 +258,7 @@ def test_infos_have_the_length_and_the_return_of_each_life(mode):
     assert max(lengths) <= 40
 
 
-def test_lives_begin_anew_where_games_are_reset_and_go_on_in_copies():
+def test_new_lives_begin_where_games_are_reset_and_go_on_in_copies():
     games = rl.vector_env(scene(), num_games=2, team="blue", reward=one_each_turn)
 
     def play(env, turns):

@@ -16,7 +16,7 @@ from safetensors.numpy import save_file
 import gamms
 from gamms import rl
 from gamms.errors import BadFile, BadType, BadValue, MissingFile, MissingFolder, TooLarge
-from gamms.rl.networks import Architecture, Network, with_metadata
+from gamms.rl.networks import Architecture, Network, add_metadata
 from gamms.scenario import Scenario, ScenarioError, from_recording, load
 
 WALK = "gamms.strategies:random_walk"
@@ -320,7 +320,7 @@ def test_a_pickle_is_read_only_if_it_is_trusted(tmp_path):
 def test_metadata_are_an_entry_of_field_14_with_key_and_value(value, length):
     entry = b"\x0a\x03key\x12" + length + value.encode()
     size = bytes([len(entry)]) if len(entry) < 128 else bytes([len(entry) & 127 | 128, len(entry) >> 7])
-    assert with_metadata(b"model", "key", value) == b"model\x72" + size + entry
+    assert add_metadata(b"model", "key", value) == b"model\x72" + size + entry
 
 
 @pytest.mark.parametrize("kind", ["memory", "time"])

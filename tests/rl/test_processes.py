@@ -82,7 +82,7 @@ def test_what_processes_share_is_in_memory_only_where_there_is_enough(monkeypatc
     monkeypatch.setattr(processes, "_MEMORY", str(tmp_path))
     free = disk_usage(tmp_path).free
     for share, is_there in ((0.25, True), (0.75, False)):
-        file = processes._new_file(int(share * free))  # which takes no space before it is written
+        file = processes._make_file(int(share * free))  # which takes no space before it is written
         assert (file.parent == tmp_path) == is_there
         file.unlink()
 

@@ -52,7 +52,7 @@ def shown(game):
     speed=st.sampled_from([None, 4.0, 14.0]),
     comes_first=st.booleans(),
 )
-def test_each_turn_is_played_as_in_a_fork_which_makes_its_rules_anew(changes, rules, speed, comes_first):
+def test_each_turn_is_played_as_in_a_fork_with_new_rules(changes, rules, speed, comes_first):
     with gamms.create_context(seed=5, logger_config={"level": "CRITICAL"}) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
         if speed is not None:

@@ -78,7 +78,7 @@ def test_an_attribute_no_node_has_is_an_error_with_a_hint(ctx, stay):
 @pytest.mark.parametrize(
     ("value", "error"), [(-1, ValueError), (1.5, TypeError), ("two", TypeError), (True, TypeError)]
 )
-def test_an_attribute_that_is_no_capacity_is_an_error_also_at_a_node_that_nobody_enters(ctx, stay, value, error):
+def test_an_invalid_capacity_is_an_error_even_at_a_node_without_agents(ctx, stay, value, error):
     ctx.graph.graph.update_node({"id": 7, "beds": value})
     with pytest.raises(error, match=r"Attribute 'beds' of node 7 must .*: 0 closes the place to others, and None"):
         stay(Conflicts("beds"), (0, 1))

@@ -23,7 +23,7 @@ def test_agents_that_pass_each_other_on_an_edge_meet(road):
     assert pairs(ctx, crossing=False) == {("r", "behind"): 0.0, ("r", "same_way"): 0.0}
 
 
-def test_a_misspelled_team_is_refused_and_one_whose_agents_come_later_meets_nobody(road):
+def test_a_misspelled_team_is_refused_and_one_whose_agents_come_later_has_no_contacts(road):
     ctx = road(r=("red", 3, 4), b=("blue", 4, 3))
     ctx.game.step()
     for sides in (("rde", "blue"), ("blue", {"team": "rde", "names": ["r"]})):
@@ -100,7 +100,7 @@ def test_impossible_distances_are_refused(road, given):
         contacts(road(), "red", "blue", **given)
 
 
-def test_what_is_no_distance_is_refused(road):
+def test_an_invalid_distance_is_refused(road):
     with pytest.raises(TypeError, match="metres must be a number"):
         contacts(road(), "red", "blue", metres="far")
     with pytest.raises(TypeError, match="crossing must be True or False"):
@@ -135,7 +135,7 @@ def test_a_game_keeps_what_is_near_for_a_few_distances_alone(road):
     assert kept.currsize == kept.maxsize < 59
 
 
-def test_agents_that_went_out_in_this_turn_meet_nobody(road):
+def test_agents_eliminated_in_this_turn_have_no_contacts(road):
     ctx = road(a=("red", 4, 5), b=("blue", 5, 5), c=("blue", 6, 5), d=("red", 5, 5))
     met = {}
 

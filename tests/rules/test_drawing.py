@@ -8,7 +8,7 @@ from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.rules import as_text, in_text
+from gamms.visual.drawers.rules import as_text, find_ids_in_text
 
 
 @pytest.fixture
@@ -87,8 +87,15 @@ def test_an_artist_that_was_there_first_stays(game):
 def test_ids_are_kept_as_short_text():
     ids = [0, 1, 2, 3, 9, 11, 12]
     assert as_text(np.array(ids)) == "0..3 9 11..12"
-    assert np.array_equal(in_text("11..12 0..3 9", np.arange(-1, 14)), np.isin(np.arange(-1, 14), ids))
-    assert in_text("-5..-4 -1", np.array([-6, -5, -4, -3, -1, 0])).tolist() == [False, True, True, False, True, False]
+    assert np.array_equal(find_ids_in_text("11..12 0..3 9", np.arange(-1, 14)), np.isin(np.arange(-1, 14), ids))
+    assert find_ids_in_text("-5..-4 -1", np.array([-6, -5, -4, -3, -1, 0])).tolist() == [
+        False,
+        True,
+        True,
+        False,
+        True,
+        False,
+    ]
 
 
 def test_a_territory_of_more_nodes_than_there_is_memory_for_is_drawn_where_there_are_nodes(game):

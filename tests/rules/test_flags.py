@@ -81,7 +81,7 @@ def test_impossible_arguments_are_refused(road):
         road().game.add(capture_flag({"red": 77}))
 
 
-def test_whoever_goes_along_a_loop_is_back_at_the_end_of_the_turn(road):
+def test_an_agent_on_a_loop_is_back_at_the_end_of_the_turn(road):
     ctx = road(r=("red", 5, [5, 5]), b=("blue", 9))
     ctx.graph.add_edges([100], [5], [5])
     ctx.agent.get_agent("r").speed = 1

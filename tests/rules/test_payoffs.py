@@ -90,7 +90,7 @@ def test_both_of_a_contact_may_be_eliminated_and_come_back(road):
     assert [agent["node"] for agent in ctx.game.run(1).agents.values()] == [3, 5]
 
 
-def test_an_agent_without_anything_left_comes_back_with_what_it_had_at_first(road):
+def test_an_agent_without_resources_returns_with_its_initial_amount(road):
     ctx = road(a=("red", 0))
     ctx.game.add(resource("water", 2, per_turn=1, empty="eliminate"))
     ctx.game.add(respawn())

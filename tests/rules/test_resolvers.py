@@ -81,7 +81,7 @@ def test_ranks_need_a_function():
         by_rank({"a": 1})
 
 
-def test_nobody_wins():
+def test_a_contest_without_a_winner_stops_all():
     assert names(nobody()(CONTEST, None)) == ""
 
 

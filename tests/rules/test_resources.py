@@ -120,7 +120,7 @@ def test_amounts_are_those_of_a_loop_that_counts(path, start, price, per_turn, r
             assert (ctx.agent.get_agent("a").current_node_id, amounts(ctx)["a"]) == (node, left)
 
 
-def test_an_agent_that_comes_later_knows_what_it_has(road):
+def test_a_later_agent_knows_its_resources(road):
     ctx = road(a=("red", 0, 1, 2))
     ctx.game.add(resource("fuel", 50, per_metre=1))
     ctx.game.step()

@@ -23,7 +23,7 @@ from gamms.rules import (
     time_limit,
 )
 from gamms.strategies import stay
-from gamms.typing.game import OWNERS, TEAMS, team_parameters
+from gamms.typing.game import OWNERS, TEAMS, find_team_parameters
 
 
 @pytest.fixture
@@ -92,7 +92,9 @@ def test_a_rule_that_mentions_a_team_without_agents_is_refused_when_the_game_beg
 
 def test_all_shipped_rules_with_parameters_that_name_teams_are_tried_here():
     shipped = map(partial(getattr, gamms.rules), gamms.rules.__all__)
-    named = {rule.__name__ for rule in shipped if inspect.isfunction(rule) and TEAMS in team_parameters(rule).values()}
+    named = {
+        rule.__name__ for rule in shipped if inspect.isfunction(rule) and TEAMS in find_team_parameters(rule).values()
+    }
     assert named - {"contacts"} == {rule.__name__ for rule in MENTIONED}
 
 
@@ -236,8 +238,8 @@ def test_teams_of_any_kind_are_told_how_they_may_come_later(ctx):
 
 
 def test_annotations_say_which_parameters_name_teams():
-    assert team_parameters(tag) == {"taggers": TEAMS, "tagged": TEAMS}
-    assert team_parameters(reach) == {"team": TEAMS, "winner": TEAMS}
-    assert team_parameters(capture_flag) == {"flags": OWNERS, "teams": TEAMS}
-    assert team_parameters(time_limit) == {"winner": TEAMS}
-    assert team_parameters(last_team) == {}
+    assert find_team_parameters(tag) == {"taggers": TEAMS, "tagged": TEAMS}
+    assert find_team_parameters(reach) == {"team": TEAMS, "winner": TEAMS}
+    assert find_team_parameters(capture_flag) == {"flags": OWNERS, "teams": TEAMS}
+    assert find_team_parameters(time_limit) == {"winner": TEAMS}
+    assert find_team_parameters(last_team) == {}

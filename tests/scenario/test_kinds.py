@@ -3,8 +3,8 @@
 import pytest
 
 from gamms.scenario import Scenario, ScenarioError
-from gamms.scenario.code import OFFERED, first_of, offered
-from gamms.scenario.validation import kind_of
+from gamms.scenario.code import OFFERED, find_first_parameter, list_offered_functions
+from gamms.scenario.validation import find_kind
 
 TEAMS = {"red": {"count": 1}, "blue": {"count": 1}}
 
@@ -83,7 +83,11 @@ def test_a_function_of_the_right_kind_is_played(right):
 
 def test_all_that_is_offered_has_a_kind():
     """Strategies and rules that get another annotation would be refused where they belong."""
-    kinds = {name: kind_of(one, first_of(one)) for module in OFFERED for name, one in offered(module).items()}
+    kinds = {
+        name: find_kind(one, find_first_parameter(one))
+        for module in OFFERED
+        for name, one in list_offered_functions(module).items()
+    }
     others = {name for name, kind in kinds.items() if kind is None}
     assert others == {
         "Conflicts",
@@ -99,4 +103,4 @@ def test_all_that_is_offered_has_a_kind():
     }
     resolvers = {name for name, kind in kinds.items() if kind == "resolver"}
     assert resolvers == {"at_random", "by_priority", "by_rank", "nobody"}
-    assert {kinds[name] for name in offered("gamms.strategies")} == {"strategy", "team strategy"}
+    assert {kinds[name] for name in list_offered_functions("gamms.strategies")} == {"strategy", "team strategy"}

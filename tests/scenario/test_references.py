@@ -227,7 +227,7 @@ def test_a_package_offers_what_its_entry_points_name(made, package):
             made({"teams.red.strategy": other}).build()
 
 
-def test_an_entry_point_that_names_a_module_offers_what_it_defines(made, package):
+def test_an_entry_point_that_names_a_module_offers_its_functions(made, package):
     name = package("PACKAGE.players")
     made({"teams.red.strategy": f"{name}.players:walk"}).play()
     for other in (f"{name}.players:system", f"{name}:walk"):

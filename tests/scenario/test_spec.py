@@ -316,7 +316,7 @@ def test_a_value_anywhere_is_played_or_refused_with_its_file_and_place(keys, val
     assert refused is None or (refused.path and str(refused).startswith("game.yaml: "))
 
 
-def test_a_scenario_says_what_it_was_given(made, little):
+def test_a_scenario_describes_its_values(made, little):
     one = made()
     assert one.to_dict() == little
     assert scenario.Scenario(**one.to_dict()) == one

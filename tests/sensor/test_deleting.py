@@ -45,7 +45,7 @@ def test_sensors_of_ones_own_can_be_removed(ctx):
     assert ctx.sensor.sensors == {}
 
 
-def test_what_it_was_still_to_report_is_forgotten(ctx, scout):
+def test_a_deleted_sensor_forgets_delayed_reports(ctx, scout):
     scout.register_strategy(lambda state: state.update(action=0))
     ctx.game.run(2)
     assert ctx.game.internals.state.delayed_looks

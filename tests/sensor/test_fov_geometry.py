@@ -38,7 +38,7 @@ def test_the_corners_of_a_disc_are_as_far_away_as_the_eye_reaches(x, y, radius):
 
 @given(places, places, radii, turns, st.floats(0.1, 6.28))
 def test_a_sector_is_its_centre_and_an_arc_that_its_heading_halves(x, y, radius, heading, fov):
-    outline = fov_geometry.sector(x, y, radius, (np.cos(heading), np.sin(heading)), fov)
+    outline = fov_geometry.make_sector(x, y, radius, (np.cos(heading), np.sin(heading)), fov)
     assert outline[0].tolist() == [x, y]
     arc = outline[1:] - (x, y)
     np.testing.assert_allclose(np.hypot(*arc.T), radius, atol=1e-9)
@@ -51,31 +51,31 @@ def test_a_sector_is_its_centre_and_an_arc_that_its_heading_halves(x, y, radius,
 
 @pytest.mark.parametrize(("heading", "fov"), [((0.0, 0.0), 1.0), ((1.0, 0.0), 2 * pi), ((1.0, 0.0), 7.0)])
 def test_an_agent_that_sees_all_around_sees_a_disc(heading, fov):
-    assert fov_geometry.sector(1.0, 2.0, 3.0, heading, fov).tolist() == fov_geometry.disc(1.0, 2.0, 3.0).tolist()
+    assert fov_geometry.make_sector(1.0, 2.0, 3.0, heading, fov).tolist() == fov_geometry.disc(1.0, 2.0, 3.0).tolist()
 
 
 def test_what_is_in_sight_ends_at_a_wall_and_goes_on_beside_it():
-    outline = fov_geometry.area_in_sight(lambda points: points[:, 0] <= 3.0, 1.0, 2.0, 5.0, (0.0, 0.0), 1.0)
+    outline = fov_geometry.find_area_in_sight(lambda points: points[:, 0] <= 3.0, 1.0, 2.0, 5.0, (0.0, 0.0), 1.0)
     assert outline[:, 0].max() == pytest.approx(3.0, abs=0.01)
     assert outline[:, 0].min() == pytest.approx(-4.0, abs=0.01)
 
 
 def test_an_endless_view_has_no_outline():
     assert fov_geometry.disc(0.0, 0.0, inf).shape == (0, 2)
-    assert fov_geometry.sector(0.0, 0.0, inf, (1.0, 0.0), 1.0).shape == (0, 2)
-    assert fov_geometry.footprint((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), inf, 1.0).shape == (0, 2)
+    assert fov_geometry.make_sector(0.0, 0.0, inf, (1.0, 0.0), 1.0).shape == (0, 2)
+    assert fov_geometry.make_footprint((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), inf, 1.0).shape == (0, 2)
 
 
 @given(places, places, heights, openings)
 def test_straight_down_the_footprint_is_a_disc_of_the_radius_that_the_height_gives(x, y, z, fov):
-    outline = fov_geometry.footprint((x, y, z), (0.0, 0.0, -2.0), inf, fov)
+    outline = fov_geometry.make_footprint((x, y, z), (0.0, 0.0, -2.0), inf, fov)
     np.testing.assert_allclose(np.hypot(*(outline - (x, y)).T), z * tan(fov / 2), rtol=1e-6)
     np.testing.assert_allclose(outline.mean(axis=0), (x, y), atol=1e-3 * z * tan(fov / 2))  # corners on all sides
 
 
 @given(heights, openings, st.floats(1.01, 10.0))
 def test_a_short_sight_makes_the_footprint_smaller(z, fov, share):
-    outline = fov_geometry.footprint((0.0, 0.0, z), (0.0, 0.0, -1.0), share * z, fov)
+    outline = fov_geometry.make_footprint((0.0, 0.0, z), (0.0, 0.0, -1.0), share * z, fov)
     radius = min(z * tan(fov / 2), sqrt((share * z) ** 2 - z * z))
     reached = np.hypot(*outline.T)
     assert isclose(reached.max(), radius, rel_tol=1e-6)
@@ -95,7 +95,7 @@ def test_the_footprint_holds_all_the_ground_that_is_seen(z, axis, reach, fov, sh
     sight = ray(axis, share * fov / 2, turn)
     assume(sight[2] < -0.01)
     radius = reach * z / -sight[2]
-    outline = fov_geometry.footprint((0.0, 0.0, z), axis, radius, fov)
+    outline = fov_geometry.make_footprint((0.0, 0.0, z), axis, radius, fov)
     assert is_inside(outline, *(sight[:2] * -z / sight[2]), slack=0.01 * radius)
 
 
@@ -103,7 +103,7 @@ def test_the_footprint_holds_all_the_ground_that_is_seen(z, axis, reach, fov, sh
 def test_every_corner_of_a_footprint_is_ground_that_is_seen(z, axis, reach, fov):
     axis = (*axis[:2], -max(0.01, abs(axis[2])))
     radius = reach * z * hypot(*axis) / -axis[2]  # so the middle of the view is on the ground
-    outline = fov_geometry.footprint((0.0, 0.0, z), axis, radius, fov)
+    outline = fov_geometry.make_footprint((0.0, 0.0, z), axis, radius, fov)
     corners = np.column_stack([outline, np.full(len(outline), -z)])
     distances = np.linalg.norm(corners, axis=1)
     assert (distances <= radius * (1 + 1e-9)).all()
@@ -115,27 +115,30 @@ def test_the_shadow_holds_all_that_is_seen_in_the_air(z, axis, radius, fov, shar
     sight = near * radius * ray(axis, share * fov / 2, turn)
     if z + sight[2] < 0:
         sight *= z / -sight[2]  # what is seen ends on the ground
-    outline = fov_geometry.shadow((0.0, 0.0, z), axis, radius, fov)
+    outline = fov_geometry.make_shadow((0.0, 0.0, z), axis, radius, fov)
     assert is_inside(outline, *sight[:2], slack=0.05 * radius)
 
 
 def test_where_no_ground_is_seen_the_shadow_of_the_cone_stands_in():
     ahead = ((0.0, 0.0, 90.0), (1.0, 0.0, 0.0), 30.0, 1.0)
-    outline = fov_geometry.footprint(*ahead)
-    assert outline.tolist() == fov_geometry.shadow(*ahead).tolist()
+    outline = fov_geometry.make_footprint(*ahead)
+    assert outline.tolist() == fov_geometry.make_shadow(*ahead).tolist()
     assert [0.0, 0.0] in outline.tolist()
     assert isclose(outline[:, 0].max(), 30.0)
 
 
 def test_a_cone_that_opens_to_a_half_space_or_more_counts_as_a_ball():
     assert (
-        fov_geometry.footprint((1.0, 2.0, 3.0), (0.0, 0.0, -1.0), 5.0, pi).tolist()
+        fov_geometry.make_footprint((1.0, 2.0, 3.0), (0.0, 0.0, -1.0), 5.0, pi).tolist()
         == fov_geometry.disc(1.0, 2.0, 5.0).tolist()
     )
 
 
 def test_the_blind_have_a_footprint_without_extent():
-    assert np.ptp(fov_geometry.footprint((1.0, 2.0, 3.0), (0.0, 0.0, -1.0), 0.0, 1.0), axis=0).tolist() == [0.0, 0.0]
+    assert np.ptp(fov_geometry.make_footprint((1.0, 2.0, 3.0), (0.0, 0.0, -1.0), 0.0, 1.0), axis=0).tolist() == [
+        0.0,
+        0.0,
+    ]
 
 
 def test_edges_become_polylines_and_those_without_one_are_left_out():

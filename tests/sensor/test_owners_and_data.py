@@ -90,7 +90,7 @@ def test_a_sensor_of_the_users_own_class_needs_no_owner_attribute(ctx, two):
     assert own.told == ("b", None)
 
 
-def test_what_was_seen_is_remembered_within_bounds_and_forgotten_after_an_edit(ctx, monkeypatch):
+def test_views_are_cached_within_bounds_and_dropped_after_an_edit(ctx, monkeypatch):
     monkeypatch.setattr(views, "_MOST_WORDS", 1000)
     sensor = ctx.sensor.create_sensor("s", SensorType.ARC, fov=1.0)
     for turn in range(300):

@@ -86,7 +86,7 @@ def test_an_unknown_node_among_many_is_named(kind):
             sensor.sense_many([0, 99])
 
 
-def test_what_was_sensed_at_the_map_can_be_pickled():
+def test_sensor_data_of_the_map_can_be_pickled():
     with world(1) as ctx:
         sensed = ctx.sensor.create_sensor("s", "RANGE", sensor_range=10.0).sense_many([0, 4])
     copy = pickle.loads(pickle.dumps(sensed))

@@ -133,7 +133,7 @@ def test_who_moves_second_sees_what_the_first_has_done_if_its_sensors_show_it():
         assert (len(texts) == 2) is differs
 
 
-def test_a_game_that_nobody_wins_is_worth_nothing_to_both():
+def test_a_game_without_a_winner_is_worth_nothing_to_both():
     chase = pursuit("path", [0], [2], turns=1)
     assert solve(chase, reward="win").value == 0.0
     state = openspiel(chase, reward="win").new_initial_state()

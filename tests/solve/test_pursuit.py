@@ -24,8 +24,8 @@ from gamms.solve import (
     pursuit,
     solve,
 )
-from gamms.solve.pursuit import recognized
-from gamms.solve.solution import setup_of, solved
+from gamms.solve.pursuit import recognize_pursuit
+from gamms.solve.solution import make_setup, solve_table
 from gamms.strategies import chase, random_walk, stay
 
 pursuits = sys.modules["gamms.solve.pursuit"]  # the package has a function of this name
@@ -168,9 +168,9 @@ def test_a_scenario_has_the_values_of_the_general_solver(game, turns, discount, 
         scenario = scenario.replace(**{"rules.1.with.score": 2})
     by_places = solve(scenario, team=team, reward=reward, discount=discount)
     teams = (team, "robbers" if team == "cops" else "cops")
-    setup = setup_of(scenario, teams, {}, turns=None, seed=None, max_states=100_000)
+    setup = make_setup(scenario, teams, {}, turns=None, seed=None, max_states=100_000)
     try:
-        general = solved(setup, reward, discount, team)
+        general = solve_table(setup, reward, discount, team)
     except BadValue:
         assert by_places.value == 0  # no side can win
         return
@@ -266,8 +266,8 @@ def test_a_solution_of_a_scenario_is_exact_and_has_no_gain_by_best_responses():
     assert solution.exploitability({"cops": stay}) == 0.5
     assert nash_conv(scenario, {team: solution.strategy(team) for team in ("cops", "robbers")}, reward="win") == 0.0
     assert len(solution.table) == len(
-        solved(
-            setup_of(scenario, ("cops", "robbers"), {}, turns=None, seed=None, max_states=1000), "win", 1.0, "cops"
+        solve_table(
+            make_setup(scenario, ("cops", "robbers"), {}, turns=None, seed=None, max_states=1000), "win", 1.0, "cops"
         ).table
     )
 
@@ -309,9 +309,9 @@ EYES = {"eyes": {"type": "AGENT"}}
 )
 def test_only_pursuits_in_turns_with_full_sight_are_recognized(changes, is_pursuit):
     scenario = played_by([0], 3, "pursuers", graph="path", turns=4).replace(**changes)
-    setup = setup_of(scenario, ("cops", "robbers"), {}, turns=None, seed=None, max_states=1000)
-    assert (recognized(setup, "win", 1.0) is not None) == is_pursuit
-    assert recognized(setup, "turns", 1.0) is None
+    setup = make_setup(scenario, ("cops", "robbers"), {}, turns=None, seed=None, max_states=1000)
+    assert (recognize_pursuit(setup, "win", 1.0) is not None) == is_pursuit
+    assert recognize_pursuit(setup, "turns", 1.0) is None
 
 
 def test_what_cannot_be_solved_or_played_is_refused_by_name():

@@ -49,7 +49,7 @@ def test_the_best_response_to_a_strategy_is_what_brute_force_says():
     assert played.winner == "cops"
 
 
-def test_a_strategy_that_remembers_is_answered_by_what_it_will_do():
+def test_a_strategy_with_memory_is_answered_by_its_future_actions():
     start = solve(PENNIES).table.nodes[0].tolist()
     blue = start[0]
 
@@ -79,7 +79,7 @@ def test_an_equilibrium_cannot_be_exploited_and_other_play_can():
 
 @pytest.mark.parametrize("team", ["cops", "robbers"])
 @pytest.mark.parametrize("order", [None, [["cops"], ["robbers"]], [["robbers"], ["cops"]]])
-def test_the_strategy_of_a_best_response_gets_what_it_is_worth(team, order):
+def test_the_strategy_of_a_best_response_earns_its_value(team, order):
     game = pursuit("path", [0], [3], turns=9, settings={"order": order} if order else {})
     solution = solve(game, reward="turns", team="cops")
     other = solution.strategy("robbers" if team == "cops" else "cops")

@@ -12,7 +12,7 @@ from solved_games import GRAPHS, scene
 
 from gamms.errors import BadValue
 from gamms.solve import best_response, solve
-from gamms.solve.solution import TableSolution, rewards_of, setup_of
+from gamms.solve.solution import TableSolution, find_rewards, make_setup
 from gamms.solve.stages import StateGroup, ValueIteration
 from gamms.solve.table import explore
 from gamms.strategies import chase, stay
@@ -100,10 +100,10 @@ def games_of_teams(draw):
 @settings(max_examples=10)
 @given(games_of_teams(), st.sampled_from(["score", "turns"]))
 def test_values_and_strategies_with_agents_sorted_are_those_with_agents_apart(game, reward):
-    setup = setup_of(game, TEAMS, {}, turns=None, seed=None, max_states=100_000)
+    setup = make_setup(game, TEAMS, {}, turns=None, seed=None, max_states=100_000)
     try:
         apart = explore(setup, by_winner=False)
-        stages = ValueIteration(apart, rewards_of(apart, reward, 1.0, "red"), 1e-9)
+        stages = ValueIteration(apart, find_rewards(apart, reward, 1.0, "red"), 1e-9)
     except BadValue:
         return  # draws, or no points
     every, solution = TableSolution(apart, stages, "red", reward), solve(game, reward=reward)

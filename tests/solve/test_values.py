@@ -11,7 +11,7 @@ import gamms
 from gamms import kernels
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.solve import best_response, solve
-from gamms.solve.solution import setup_of
+from gamms.solve.solution import make_setup
 from gamms.solve.table import explore
 
 TEAMS = {"red": {"count": 1}, "blue": {"count": 1}}
@@ -62,7 +62,7 @@ def test_a_robber_on_a_path_is_caught_after_as_many_turns_as_it_is_long():
 
 
 @pytest.mark.parametrize("settings", [{}, TURNS])
-def test_a_team_does_not_put_off_what_it_can_have_in_any_turn_that_is_left(settings):
+def test_a_team_does_not_delay_a_reward_available_in_any_turn(settings):
     scenario = pursuit("path", [0], [3], turns=12, settings=settings)
     cops = solve(scenario, team="cops", reward="win").strategy("cops")
     result = scenario.play(strategies={"cops": cops, "robbers": gamms.strategies.stay})
@@ -233,7 +233,7 @@ EYES = {"eyes": {"type": "AGENT"}, "near": {"type": "AGENT_RANGE", "sensor_range
     ("cops", "robbers", "bound"),
     [("eyes", "eyes", "exact"), ("eyes", "near", "lower"), ("near", "eyes", "upper"), ("near", "near", "none")],
 )
-def test_a_value_says_what_it_is_to_that_of_agents_that_see_less(cops, robbers, bound):
+def test_a_value_states_its_relation_to_that_of_agents_that_see_less(cops, robbers, bound):
     teams = {"cops": {"count": 1, "sensors": [cops]}, "robbers": {"count": 1, "sensors": [robbers]}}
     map = {"grid": {"width": 3, "height": 2}}
     scenario = pursuit("path", [0], [3]).replace(map=map, teams=teams, sensors=EYES, max_turns=3)
@@ -309,7 +309,7 @@ def cops_apart(**more):
 
 @pytest.mark.parametrize("more", [{}, {"settings": TURNS}])
 def test_agents_that_differ_by_their_names_only_are_sorted_and_ends_are_one_state(more):
-    setup = setup_of(cops_apart(**more), ("cops", "robbers"), {}, turns=None, seed=None, max_states=10_000)
+    setup = make_setup(cops_apart(**more), ("cops", "robbers"), {}, turns=None, seed=None, max_states=10_000)
     solution, every = solve(cops_apart(**more), reward="turns"), explore(setup, by_winner=False)
     is_over = [np.diff(table.offsets) == 0 for table in (solution.table, every)]
     assert len(solution.table) < len(every) / 2

@@ -53,7 +53,7 @@ def test_a_person_is_shown_the_state_and_decides():
     assert action_of(human(lambda _: "nonsense")) == "nonsense"
 
 
-def test_what_is_no_strategy_is_refused():
+def test_an_invalid_strategy_is_refused():
     for make in (lambda: first(stay, 3), lambda: mix(0.5, stay, 3), lambda: mix(0.5, 3, stay), lambda: human(3)):
         with pytest.raises(TypeError, match="must be a function of the state, not 3"):
             make()

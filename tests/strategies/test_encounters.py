@@ -10,7 +10,7 @@ from gamms.agent import AgentType
 from gamms.errors import BadValue
 from gamms.sensor import SensorType
 from gamms.strategies import chase, first, flee, goto, guard, intercept, mix, patrol, random_walk, stay
-from gamms.strategies.knowledge import mates_in_sight
+from gamms.strategies.knowledge import find_mates_in_sight
 
 NODES = st.integers(0, 35)
 
@@ -92,7 +92,7 @@ def test_those_of_no_team_are_everybodys_enemies(world):
 def test_mates_in_sight_are_those_of_the_own_team(world):
     for node, (name, team) in enumerate({"cat": "red", "mate": "red", "mouse": "blue", "stray": None}.items()):
         world.add(name, node, stay, team=team)
-    mates = [mates_in_sight(world.ctx, world.state_of(world.agents[name])) for name in ("cat", "stray")]
+    mates = [find_mates_in_sight(world.ctx, world.state_of(world.agents[name])) for name in ("cat", "stray")]
     assert mates == [{"mate": 1}, {}]
 
 

@@ -5,7 +5,7 @@ from math import inf
 import pytest
 
 import gamms
-from gamms.strategies.paces import in_turns, pace_of
+from gamms.strategies.paces import find_pace, in_turns
 
 
 @pytest.mark.parametrize(
@@ -24,5 +24,5 @@ def test_a_pace_is_what_an_agent_covers_in_a_turn(unit, pace):
         ctx.agent.create_agent("anna", start_node_id=0, speed=2.5)
         ctx.agent.create_agent("bert", start_node_id=0)
         ctx.game.speed_unit, ctx.game.turn_seconds = unit, 4.0
-        assert pace_of(ctx, "anna") == (*pace, None)
-        assert pace_of(ctx, "bert") == pace_of(ctx, None) == (None, 1.0, None)
+        assert find_pace(ctx, "anna") == (*pace, None)
+        assert find_pace(ctx, "bert") == find_pace(ctx, None) == (None, 1.0, None)

@@ -192,7 +192,7 @@ def test_weights_that_are_none_are_refused(weights):
         pool([stay, random_walk], weights=weights)
 
 
-def test_what_is_no_pool_is_refused():
+def test_an_invalid_pool_is_refused():
     with pytest.raises(BadValue, match="A pool needs at least one member"):
         pool([])
     with pytest.raises(BadType, match="members must be a list of strategies"):

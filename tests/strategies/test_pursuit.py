@@ -55,14 +55,14 @@ def test_agents_that_share_no_memory_go_to_the_nearest(world):
     assert moves(world, 6)["cat a"] == 2
 
 
-def test_a_teammate_that_sees_nobody_is_sent_where_another_has_seen_an_enemy(world):
+def test_a_teammate_without_a_target_goes_where_another_has_seen_an_enemy(world):
     world.add("cat a", 0, assign(world.ctx, otherwise=stay), sight=20.0, team=1)
     world.add("cat b", 35, assign(world.ctx, otherwise=stay), sight=20.0, team=1)
     world.add("mouse", 2, stay, team=2)
     assert moves(world, 9)["cat b"] == 2
 
 
-def test_dead_enemies_are_nobodys(world):
+def test_dead_enemies_are_assigned_to_no_agent(world):
     world.add("cat", 0, assign(world.ctx, otherwise=stay), team=1)
     world.add("mouse", 3, stay, team=2)
     moves(world, 2)
@@ -116,7 +116,7 @@ def moves_met(ctx):
         ctx.game.end("found")
 
 
-def test_with_nobody_to_look_for_another_strategy_is_asked(world):
+def test_without_a_target_the_other_strategy_decides(world):
     world.add("cat", 0, follow_belief(world.ctx, otherwise=goto(world.ctx, 2)), team=1)
     assert moves(world, 2)["cat"] == 2
 

@@ -48,7 +48,7 @@ def test_without_it_they_stand_face_to_face_for_ever(world):
     assert not arrives_both(world, (0, 5), lambda strategy: strategy, 60)
 
 
-def test_an_agent_that_nobody_blocks_plays_its_strategy(world):
+def test_an_unblocked_agent_plays_its_strategy(world):
     world.add("anna", 0, unblock(goto(world.ctx, 3), after=1))
     world.ctx.game.run(4)
     assert world.agents["anna"].current_node_id == 3

@@ -48,7 +48,7 @@ def test_the_tasks_are_those_that_the_generator_draws():
         for kind in suite.KINDS:
             drawn = suite.generate(kind, map, seed=1)
             played = drawn.team, drawn.opponent, drawn.opponents, list(range(20)), f"wins.{drawn.team}"
-            made.append(protocol.with_digest(suite.Task(f"{kind}-{map}", drawn.scenario.to_dict(), *played)))
+            made.append(protocol.add_digest(suite.Task(f"{kind}-{map}", drawn.scenario.to_dict(), *played)))
     assert made == suite.tasks()
 
 

@@ -20,7 +20,7 @@ import pytest
 import gamms
 from gamms.scenario import Scenario
 from gamms.tournament import players
-from gamms.tournament.entries import found_entries
+from gamms.tournament.entries import find_entries
 from gamms.tournament.games import Fixture, play
 from gamms.tournament.players import Launcher, ResourceLimits
 from gamms.tournament.scratch import remove_folder
@@ -97,7 +97,7 @@ class Arena:
         (folder / "socket").chmod(0o777)
         self.facts = {"file": str(self.file), "out": str(self.out), "socket": str(folder / "socket")}
         (folder / "attacks.py").write_text(FILE.read_text())
-        entries = found_entries({"bad": "attacks.py:decide", "good": "attacks.py:stay"}, folder, self.out, [])
+        entries = find_entries({"bad": "attacks.py:decide", "good": "attacks.py:stay"}, folder, self.out, [])
         with self.game("").build(seed=1) as ctx:
             ctx.graph.save(folder / "map.gamms")
         allowed = ResourceLimits(move_s=20.0, memory_bytes=192 << 20, cpu_s=20)
@@ -105,7 +105,7 @@ class Arena:
         self.copies = set(self.scratch.iterdir())
         with pytest.MonkeyPatch.context() as patch:
             if landlock is not None:
-                patch.setattr(players, "landlock_version", lambda: landlock)
+                patch.setattr(players, "find_landlock_version", lambda: landlock)
             self.launchers = {
                 one.name: Launcher(one, allowed, folder / "map.gamms", {}, self.scratch) for one in entries
             }
@@ -225,7 +225,7 @@ def arena(request):
 
 
 @pytest.mark.parametrize("deed", ATTACKS["DONE"])
-def test_an_entry_loses_by_what_it_has_done(arena, deed):
+def test_an_entry_loses_by_its_own_faults(arena, deed):
     row = arena.played(deed)
     assert row["faults"].get("red") in LOSES_BY[deed], row["details"]
     assert (row["winner"], row["changes"]) == ("blue", [])
@@ -237,4 +237,4 @@ def test_an_entry_loses_by_what_it_has_done(arena, deed):
 @pytest.mark.parametrize("version", [1, 2, 5])
 def test_an_older_landlock_lets_an_entry_do_no_more(version):
     with arena_of(Arena, landlock=version) as arena:
-        test_an_entry_loses_by_what_it_has_done(arena, "all that is refused")
+        test_an_entry_loses_by_its_own_faults(arena, "all that is refused")

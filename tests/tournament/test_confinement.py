@@ -89,7 +89,7 @@ def test_what_a_system_cannot_enforce_is_said(tmp_path):
         (5, False): ["no network", "signals"],
         (6, False): ["no network"],
     }
-    newest = confinement.landlock_version()
+    newest = confinement.find_landlock_version()
     systems = {(version, has_filter): words for (version, has_filter), words in known.items() if version <= newest}
     for missing, words in zip(
         lines_of(IN_CHILD, json.dumps(list(systems)), cwd=tmp_path), systems.values(), strict=True
@@ -150,7 +150,7 @@ print(json.dumps([os.getpid(), len(groups._joined), status, groups.has_killed(),
 def test_control_groups_bound_memory_where_they_can_be_made(tmp_path):
     [[launcher, joined, *found]] = lines_of(IN_GROUP, cwd=tmp_path)
     confinement.remove_empty_groups()
-    assert not [one for parent in confinement._parent_groups() for one in parent.glob(f"gamms-{launcher}")]
+    assert not [one for parent in confinement._find_parent_groups() for one in parent.glob(f"gamms-{launcher}")]
     if joined == 0:
         pytest.skip("this user can make no control groups")
     assert found == [9, True, False]

@@ -11,7 +11,7 @@ import pytest
 from gamms.errors import BadValue
 from gamms.scenario import Scenario, ScenarioError
 from gamms.tournament import run
-from gamms.tournament.entries import found_entries
+from gamms.tournament.entries import find_entries
 
 PAGE = (Path(__file__).parents[2] / "docs" / "tournaments.md").read_text()
 STAY = "def stay(state):\n    state['action'] = state['curr_pos']\n"
@@ -45,7 +45,7 @@ def test_an_entry_may_read_its_folder_but_not_that_of_others(folder):
     (folder / "alone" / "alone.py").write_text(STAY)
     (folder / "other.py").write_text(STAY)
     given = {"a": "alone/alone.py:stay", "b": "stay.py:stay", "c": "other.py:stay"}
-    own, *shared = found_entries(given, folder, folder / "out", [])
+    own, *shared = find_entries(given, folder, folder / "out", [])
     assert own.readable == (str(folder / "alone"),)
     for one, name in zip(shared, ("stay.py", "other.py"), strict=True):
         assert [file.name for file in Path(one.readable[0]).iterdir()] == [name]
@@ -56,7 +56,7 @@ def test_the_digest_follows_from_the_files_of_an_entry_not_from_where_they_are(f
         (folder / name).mkdir()
         (folder / name / "stay.py").write_text(STAY + ("\n" if name == "three" else ""))
     given = {name: f"{name}/stay.py:stay" for name in ("one", "two", "three")}
-    digests = {one.name: one.digest for one in found_entries(given, folder, folder / "out", [])}
+    digests = {one.name: one.digest for one in find_entries(given, folder, folder / "out", [])}
     assert digests["one"] == digests["two"] != digests["three"]
 
 
@@ -69,9 +69,9 @@ def test_the_digest_follows_from_the_files_of_an_entry_not_from_where_they_are(f
         ({"a": "stay.py:stay", "b": "stay.py"}, "'b' needs the name of a function in 'stay.py'"),
     ],
 )
-def test_what_is_no_entry_is_refused(folder, given, message):
+def test_an_invalid_entry_is_refused(folder, given, message):
     with pytest.raises(BadValue, match=message):
-        found_entries(given, folder, folder / "out", [])
+        find_entries(given, folder, folder / "out", [])
 
 
 def test_a_function_that_is_not_there_is_an_error_before_any_game(folder):

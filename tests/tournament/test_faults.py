@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from gamms.scenario import Scenario
-from gamms.tournament.entries import found_entries
+from gamms.tournament.entries import find_entries
 from gamms.tournament.games import Fixture, play
 from gamms.tournament.players import EntryFault, EntryProcess, Launcher, ResourceLimits
-from gamms.tournament.table import points_of
+from gamms.tournament.table import count_points
 
 # What each does in its second turn; the scenario says which, so that one launcher serves all tests.
 IN_PYTHON = """
@@ -158,7 +158,7 @@ def launchers(tmp_path_factory):
     (folder / "entry.py").write_text(IN_PYTHON)
     (folder / "program.py").write_text(IN_ANY_LANGUAGE)
     given = {"python": "entry.py:decide", "program": [sys.executable, "-S", "-I", "program.py"]}
-    entries = found_entries(given, folder, folder / "out", [])
+    entries = find_entries(given, folder, folder / "out", [])
     with stays("").build(seed=1) as ctx:
         ctx.graph.save(folder / "map.gamms")
     allowed = ResourceLimits(move_s=10.0, memory_bytes=256 << 20, cpu_s=20)
@@ -260,7 +260,7 @@ def test_what_an_entry_raises_is_in_its_log_and_in_the_row(launchers):
 def test_two_that_fail_in_the_same_turn_both_lose(launchers):
     row, _ = play(stays("both fail"), Fixture("id", {"red": "python", "blue": "python"}, 1, 1), launchers)
     assert (row["winner"], row["faults"]) == (None, {"red": "error", "blue": "error"})
-    assert points_of({**row, "entries": {"red": "a", "blue": "b"}}) == {"a": 0.0, "b": 0.0}
+    assert count_points({**row, "entries": {"red": "a", "blue": "b"}}) == {"a": 0.0, "b": 0.0}
 
 
 def state_of(process):

@@ -18,11 +18,11 @@ from typer.testing import CliRunner
 
 from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue, TooLarge, UnknownName, WriteConflict
-from gamms.experiment.statistics import rate_interval
+from gamms.experiment.statistics import estimate_rate
 from gamms.scenario import Scenario, ScenarioError
 from gamms.tournament import Table, load, run
 from gamms.tournament.page import write_page
-from gamms.tournament.table import points_of
+from gamms.tournament.table import count_points
 
 GAME = {
     "max_turns": 6,
@@ -289,7 +289,7 @@ def rock_paper_scissors():
 def test_payoffs_cycles_and_the_nash_mixture_of_rock_paper_scissors():
     table = rock_paper_scissors()
     paper = table.payoffs()["paper", "rock"]
-    assert paper.points == rate_interval(5, 5)
+    assert paper.points == estimate_rate(5, 5)
     assert (paper.score.value, paper.games, paper.seeds) == (2.0, 10, 5)
     assert table.payoffs()["rock", "paper"].score.value == -2.0
     assert [(one.entries, one.is_certain) for one in table.cycles()] == [(("paper", "rock", "scissors"), True)]
@@ -334,7 +334,7 @@ def test_ratings_maximize_the_likelihood_of_the_games():
         theta = {name: one + shift for name, one in ratings.items()}
         whole = sum(-np.log1p(np.exp(-one)) - one / 2.0 for one in theta.values())  # a draw with the average opponent
         for game in rows:
-            for entry, points in points_of(game).items():
+            for entry, points in count_points(game).items():
                 other = next(one for one in game["entries"].values() if one != entry)
                 whole -= points * np.log1p(np.exp(theta[other] - theta[entry]))
         return whole

@@ -122,7 +122,7 @@ def test_a_plan_gets_the_states_of_the_agents_of_its_team_that_arrive():
     assert all(0.0 < time < 1.0 and "bob" not in names for time, names in asked[1:])
 
 
-def test_an_agent_on_its_way_back_stops_and_decides_anew_where_the_other_direction_is_closed():
+def test_a_returning_agent_stops_and_decides_again_where_the_other_direction_is_closed():
     ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": "metres"})
     ctx.graph.add_nodes([0, 1], [0.0, 100.0], [0.0, 0.0])
     ctx.graph.add_edges([0, 1], [0, 1], [1, 0], [100.0, 100.0])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.ir.draw import DrawSpace
 from gamms.visual import Artist
-from gamms.visual.artist import ArtistGroup, drawn_looks, looks_of
+from gamms.visual.artist import ArtistGroup, collect_drawn_looks, list_looks
 from gamms.visual.backends.raster import painted
 from gamms.visual.camera import Camera
 from gamms.visual.default_scene import TOGETHER
@@ -160,12 +160,14 @@ def test_many_agents_of_the_default_look_are_drawn_as_if_each_had_an_artist(larg
     assert len(bulk) == len(each) > 4 * 199
     for column in COLUMNS:
         np.testing.assert_array_equal(getattr(bulk, column), getattr(each, column))
-    names, columns = drawn_looks(artists)
-    by_name = drawn_looks(singly)
+    names, columns = collect_drawn_looks(artists)
+    by_name = collect_drawn_looks(singly)
     assert names == by_name[0]
     assert "red_7" not in names
     np.testing.assert_array_equal(columns, by_name[1])
-    assert [look.current_position for look in looks_of(artists)] == [look.current_position for look in looks_of(singly)]
+    assert [look.current_position for look in list_looks(artists)] == [
+        look.current_position for look in list_looks(singly)
+    ]
 
 
 def test_an_agent_that_is_deleted_within_a_turn_is_not_drawn_with_the_others(large):
@@ -173,4 +175,4 @@ def test_an_agent_that_is_deleted_within_a_turn_is_not_drawn_with_the_others(lar
     before = drawn(large, {TOGETHER: artists[TOGETHER]})
     large.agent.delete_agent("blue_0")
     assert len(drawn(large, {TOGETHER: artists[TOGETHER]})) == len(before) - 4
-    assert "blue_0" not in drawn_looks(artists)[0]
+    assert "blue_0" not in collect_drawn_looks(artists)[0]

@@ -10,7 +10,7 @@ import pytest
 import gamms
 from gamms.sensor import SensorType
 from gamms.visual import Engine
-from gamms.visual.backends.pillow_backend import pixels_of, png_file
+from gamms.visual.backends.pillow_backend import decode_pixels, encode_png
 
 WIDTH, HEIGHT = 640, 360
 PX = 4.0  # per world unit
@@ -28,7 +28,7 @@ def scene(tmp_path, monkeypatch):
     """The maker of the scene with an engine: a grid of streets, agents, a sensor, walls, words and an image."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     badge = tmp_path / "badge.png"
-    badge.write_bytes(png_file(np.full((8, 8, 3), BADGE, np.uint8), 96))
+    badge.write_bytes(encode_png(np.full((8, 8, 3), BADGE, np.uint8), 96))
     opened = []
 
     def make(engine):
@@ -77,7 +77,7 @@ def declare(ctx, badge):
 
 def as_png(ctx, path):
     ctx.visual.save(path, WIDTH, HEIGHT)
-    return pixels_of(path.read_bytes())
+    return decode_pixels(path.read_bytes())
 
 
 def as_frame(ctx, _):

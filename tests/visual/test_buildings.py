@@ -13,8 +13,8 @@ import gamms
 from gamms import kernels
 from gamms.ir.draw import DrawKind
 from gamms.ir.obstacles import ObstacleColumns
-from gamms.visual.backends.pillow_backend import pixels_of, polygons
-from gamms.visual.drawers.graph import footprints
+from gamms.visual.backends.pillow_backend import compute_polygons, decode_pixels
+from gamms.visual.drawers.graph import find_footprints
 from gamms.visual.themes import THEMES
 
 BY_DAY = THEMES["light"].map.walls
@@ -48,7 +48,7 @@ def area(outline):
 
 
 def areas(faces):
-    built = footprints(faces)
+    built = find_footprints(faces)
     return [area(built.points[begin:end]) for begin, end in zip(built.offsets[:-1], built.offsets[1:], strict=True)]
 
 
@@ -81,7 +81,7 @@ def seen(ctx):
 
 def test_walls_that_lead_back_to_their_beginning_are_a_footprint():
     assert areas(columns(walls(SQUARE, 3.0))) == [100.0]
-    assert footprints(columns(walls(SQUARE, 3.0))).row_of.tolist() == [0] * 4
+    assert find_footprints(columns(walls(SQUARE, 3.0))).row_of.tolist() == [0] * 4
 
 
 def test_walls_that_go_on_from_left_to_right_are_one_too():
@@ -90,14 +90,14 @@ def test_walls_that_go_on_from_left_to_right_are_one_too():
 
 
 def test_walls_that_do_not_close_are_no_footprint():
-    built = footprints(columns(walls(SQUARE, 3.0, is_open=True)))
+    built = find_footprints(columns(walls(SQUARE, 3.0, is_open=True)))
     assert (built.points.shape, built.offsets.tolist(), built.row_of.tolist()) == ((0, 2), [0], [-1] * 3)
 
 
 def test_a_building_is_found_behind_an_open_wall_that_touches_it():
     faces = columns(walls([(-9.0, 0.0), (-4.0, 0.0), (0.0, 0.0)], 3.0, is_open=True), walls(SQUARE, 3.0))
     assert areas(faces) == [100.0]
-    assert footprints(faces).row_of.tolist() == [-1] * 2 + [0] * 4
+    assert find_footprints(faces).row_of.tolist() == [-1] * 2 + [0] * 4
 
 
 def test_neighbours_that_share_a_wall_are_two_footprints():
@@ -113,7 +113,7 @@ def test_a_wall_that_is_missing_opens_its_building_only():
 
 @pytest.mark.parametrize("yard", [YARD, YARD[::-1]])
 def test_a_courtyard_is_a_hole_whichever_way_its_walls_run(yard):
-    assert footprints(columns(walls(SQUARE, 3.0), walls(yard, 3.0))).row_of.tolist() == [0] * 8
+    assert find_footprints(columns(walls(SQUARE, 3.0), walls(yard, 3.0))).row_of.tolist() == [0] * 8
     assert areas(columns(walls(SQUARE, 3.0), walls(yard, 3.0))) == [84.0]
 
 
@@ -135,8 +135,8 @@ def test_a_building_in_a_notch_of_another_is_no_courtyard():
 def test_buildings_on_hills_are_as_dark_as_they_are_high():
     flat = columns(walls(SQUARE, 9.0), walls(moved(SQUARE, 30.0), 21.0))
     hills = flat.corners + np.repeat([(0.0, 0.0, 300.0), (0.0, 0.0, 100.0)], 4, axis=0)[:, None]
-    assert footprints(flat).heights.tolist() == [9.0, 21.0]
-    assert footprints(flat._replace(corners=hills)).heights.tolist() == [9.0, 21.0]
+    assert find_footprints(flat).heights.tolist() == [9.0, 21.0]
+    assert find_footprints(flat._replace(corners=hills)).heights.tolist() == [9.0, 21.0]
 
 
 @given(st.lists(st.tuples(st.integers(3, 9), st.booleans()), max_size=8))
@@ -146,7 +146,7 @@ def test_every_building_of_a_town_is_found(sizes):
         turn = np.arange(corners) * 2 * np.pi / corners
         outline = np.column_stack((np.cos(turn) + 3 * place, np.sin(turn))).tolist()
         buildings.append(walls([tuple(point) for point in outline], 3.0 + place, is_open=is_open))
-    built = footprints(columns(*buildings))
+    built = find_footprints(columns(*buildings))
     expected = [place for place, (_, is_open) in enumerate(sizes) if not is_open]
     assert built.heights.tolist() == [3.0 + place for place in expected]
     assert built.offsets.tolist() == [0, *np.cumsum([sizes[place][0] for place in expected]).tolist()]
@@ -172,12 +172,12 @@ def test_rings_never_share_a_line_and_are_closed_chains(lines):
 
 def test_the_golden_picture(town):
     """Refresh with `GAMMS_REFRESH_GOLDEN=1 pytest tests/visual/test_buildings.py`, and look at it."""
-    from gamms.visual.backends.pillow_backend import png_file
+    from gamms.visual.backends.pillow_backend import encode_png
 
     picture = town.visual.frame(320, 160).astype(int)
     if os.environ.get("GAMMS_REFRESH_GOLDEN"):
-        GOLDEN.write_bytes(png_file(picture.astype(np.uint8), 96))
-    difference = np.abs(picture - pixels_of(GOLDEN.read_bytes()))
+        GOLDEN.write_bytes(encode_png(picture.astype(np.uint8), 96))
+    difference = np.abs(picture - decode_pixels(GOLDEN.read_bytes()))
     assert np.quantile(difference, 0.995) <= 24  # another version of pygame may smooth hairlines otherwise
     assert difference.mean() <= 1
 
@@ -246,7 +246,7 @@ corners = st.lists(st.tuples(st.floats(-20, 60), st.floats(-20, 40)), min_size=3
 def test_polygons_that_are_painted_together_cover_what_each_covers_alone(shapes):
     def covered(*some):
         points = np.array([point for shape in some for point in shape])
-        patch = polygons(points, np.cumsum([0, *map(len, some)]), 40, 20)
+        patch = compute_polygons(points, np.cumsum([0, *map(len, some)]), 40, 20)
         full = np.zeros((20, 40), int)
         if patch is not None:
             rows, across = patch.coverage.shape

@@ -5,7 +5,7 @@ import re
 import pytest
 
 import gamms
-from gamms.visual.captions import Captions, captions_of, scores_of
+from gamms.visual.captions import Captions, find_scores, write_captions
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def duel():
 
 
 def words_of(events):
-    return [caption.words for caption in captions_of(events)]
+    return [caption.words for caption in write_captions(events)]
 
 
 def text_of(picture):
@@ -77,9 +77,9 @@ def test_braces_in_names_are_letters():
 
 
 def test_teams_without_a_score_have_none_only_where_no_team_has_one(duel):
-    assert scores_of(duel) == {}
+    assert find_scores(duel) == {}
     duel.game.scores["blue"] += 2
-    assert scores_of(duel) == {"red": 0, "blue": 2}
+    assert find_scores(duel) == {"red": 0, "blue": 2}
 
 
 # -- pictures and films -------------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ def test_an_unknown_color_names_the_nearest_one():
 
 
 @pytest.mark.parametrize("text", ["", "#12345", "#gggggg", "#12345678"])
-def test_what_is_no_color_is_refused(text):
+def test_an_invalid_color_is_refused(text):
     with pytest.raises(BadValue, match="Unknown color"):
         string_to_color(text)
 

@@ -12,8 +12,8 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.obstacles import OTHER_OBSTACLE
 from gamms.visual import Circle, render_circle, render_rectangle
-from gamms.visual.drawers.graph import typical_edge_length
-from gamms.visual.drawers.streets import median, one_way_each, polylines
+from gamms.visual.drawers.graph import find_typical_edge_length
+from gamms.visual.drawers.streets import find_distinct_roads, find_median, polylines
 
 
 def points_of(commands, kind):
@@ -36,7 +36,7 @@ def test_parallel_streets_of_different_shape_are_all_drawn(columns_of):
     bend = np.array([(0.0, 0.0), (2.0, 1.0), (4.0, 0.0)])
     other = bend * (1.0, -1.0)
     columns = columns_of(xy, [(0, 1), (0, 1), (1, 0), (0, 1), (1, 0)], {1: bend, 2: bend[::-1], 3: other})
-    assert one_way_each(columns).tolist() == [0, 1, 3]
+    assert find_distinct_roads(columns).tolist() == [0, 1, 3]
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=30), st.randoms())
@@ -48,7 +48,7 @@ def test_every_street_is_drawn_exactly_once(columns_of, edges, random):
         if random.random() < 0.5
     }
     columns = columns_of(xy, edges, bends)
-    points, offsets = polylines(columns, one_way_each(columns))
+    points, offsets = polylines(columns, find_distinct_roads(columns))
     drawn = [points[begin:end].tolist() for begin, end in pairwise(offsets)]
     streets = [
         bends[row].tolist() if row in bends else [xy[source].tolist(), xy[target].tolist()]
@@ -71,11 +71,11 @@ def test_bent_and_straight_streets_come_in_the_order_that_was_asked_for(columns_
 
 @given(st.lists(st.floats(0, 1e6), min_size=1))
 def test_the_usual_length_is_the_median(lengths):
-    assert median(np.array(lengths)) == np.median(lengths)
+    assert find_median(np.array(lengths)) == np.median(lengths)
 
 
 def test_the_usual_length_of_no_street_is_zero():
-    assert median(np.empty(0)) == 0.0
+    assert find_median(np.empty(0)) == 0.0
 
 
 def test_node_ids_are_written_on_demand(ctx):
@@ -166,4 +166,4 @@ def test_nodes_are_as_large_as_edges_are_long_or_a_map_without_any(xy, edges, un
     with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
         ctx.graph.add_nodes(range(len(xy)), [x for x, _ in xy], [y for _, y in xy])
         ctx.graph.add_edges(range(len(edges)), [a for a, _ in edges], [b for _, b in edges], [1.0] * len(edges))
-        assert typical_edge_length(ctx.graph.columns()) == unit
+        assert find_typical_edge_length(ctx.graph.columns()) == unit

@@ -157,7 +157,7 @@ sys.stdout.buffer.write(path.read_bytes())
 """
 
 
-def test_films_do_not_depend_on_what_was_in_memory_before(tmp_path):
+def test_films_do_not_depend_on_earlier_contents_of_memory(tmp_path):
     def filmed(fill):
         command = [sys.executable, "-c", FILM_OF_A_SQUARE, str(tmp_path / f"{fill}.mp4")]
         return subprocess.check_output(command, env={**os.environ, "MALLOC_PERTURB_": str(fill)})  # of glibc
@@ -261,7 +261,7 @@ def test_a_film_shows_fields_of_view_up_to_nearly_half_of_the_map_wherever_agent
     with ctx.visual.film(tmp_path / "a.gif") as film:
         red.get_state()
         move(ctx, "red_0", 1)
-        camera = film._frames._view(1.0)[0]
+        camera = film._frames._compute_view(1.0)[0]
         xy = ctx.graph.columns().xy
         corners = camera.to_screen(np.array([xy.min(axis=0) - room, xy.max(axis=0) + room]))
         assert (corners >= 0.0).all()

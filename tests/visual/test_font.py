@@ -9,7 +9,7 @@ from PIL import ImageFont
 import gamms
 from gamms.visual import font
 from gamms.visual.backends.pygame_backend import Canvas
-from gamms.visual.font import EM, words_width
+from gamms.visual.font import EM, measure_words
 
 
 def inked(words: str, font_px: int) -> np.ndarray:
@@ -24,17 +24,17 @@ def inked(words: str, font_px: int) -> np.ndarray:
 @pytest.mark.parametrize("words", ["OpenStreetMap contributors", "pursuer_2", "turn 9", "Ökologie Привет"])
 def test_words_are_as_broad_as_measured(words, font_px):
     end = np.flatnonzero(inked(words, font_px) > 60)[-1] + 1
-    assert end == pytest.approx(words_width(words, font_px), abs=1.5)  # but for a bearing
+    assert end == pytest.approx(measure_words(words, font_px), abs=1.5)  # but for a bearing
 
 
 def test_widths_are_those_of_helvetica():
     # From the metrics that Adobe publishes, in thousandths of the font size.
     for letter, width in {"a": 556, "i": 222, "W": 944, "0": 556, " ": 278, "@": 1015}.items():
-        assert words_width(letter, 1 / EM) == pytest.approx(width / 1000, abs=0.0006)
+        assert measure_words(letter, 1 / EM) == pytest.approx(width / 1000, abs=0.0006)
 
 
 def test_a_letter_that_the_font_lacks_has_a_width():
-    assert words_width("\U0001f600", 10) > 0
+    assert measure_words("\U0001f600", 10) > 0
 
 
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
@@ -54,5 +54,5 @@ def test_letters_that_the_font_lacks_are_warned_about_once_where_they_are_boxes(
 def test_the_table_of_widths_is_that_of_the_font():
     letters = ImageFont.truetype(str(font.FONT), 2048, layout_engine=ImageFont.Layout.BASIC)
     for letter in map(chr, range(32, 0x2200)):
-        width = round(2048 * words_width(letter, 1 / EM))
+        width = round(2048 * measure_words(letter, 1 / EM))
         assert letters.getlength(letter) == pytest.approx(width, abs=8), letter  # of which hints take some

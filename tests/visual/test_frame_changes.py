@@ -51,7 +51,7 @@ def city():
 
 @pytest.mark.parametrize("frames_per_turn", [1, 3])
 @pytest.mark.parametrize("case", ["plain", "static above", "followed", "followed above a band", "declared"])
-def test_each_frame_is_what_it_would_be_if_it_were_painted_again(city, case, frames_per_turn, monkeypatch, tmp_path):
+def test_each_frame_equals_a_fresh_painting(city, case, frames_per_turn, monkeypatch, tmp_path):
     if case == "static above":
         above = city.visual.add_artist("roof", {"drawer": roof, "layer": 60})
         above.set_artist_type(gamms.typing.ArtistType.STATIC)

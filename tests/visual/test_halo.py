@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 
 WHITE, DARK = (255, 255, 255), (20, 22, 26)
 
@@ -13,7 +13,7 @@ WHITE, DARK = (255, 255, 255), (20, 22, 26)
 @pytest.mark.parametrize("background", [WHITE, DARK, (240, 220, 200)])
 def test_no_other_colour_is_around_words(ctx, background):
     ctx.visual.set_graph_visual().set_visible(False)
-    pixels = pixels_of(ctx.visual.picture(".png", 300, 80, title="A title", note="a note", background=background))
+    pixels = decode_pixels(ctx.visual.picture(".png", 300, 80, title="A title", note="a note", background=background))
     ink = np.array((222, 224, 228) if background == DARK else (51, 51, 51))
     line = pixels[:44].reshape(-1, 3).astype(float)
     share = (line - background) @ (ink - background) / ((ink - background) @ (ink - background))

@@ -8,7 +8,7 @@ import pytest
 
 from gamms.errors import BadValue, TooLarge
 from gamms.limits import allowing
-from gamms.visual.backends.pygame_backend import _opened_image
+from gamms.visual.backends.pygame_backend import _open_image
 
 
 def png(width, height):
@@ -25,23 +25,23 @@ def png(width, height):
 def test_an_image_that_takes_too_much_memory_is_not_decoded(tmp_path, width, height):
     (tmp_path / "large.png").write_bytes(png(width, height))
     with pytest.raises(TooLarge, match=f"large.png' of {width} x {height} pixels would take"):
-        _opened_image(os.fspath(tmp_path / "large.png"))
+        _open_image(os.fspath(tmp_path / "large.png"))
 
 
 def test_less_memory_may_be_allowed_for_an_image(tmp_path):
     (tmp_path / "small.png").write_bytes(png(10, 10))
     with allowing(1000), pytest.raises(TooLarge, match="10 x 10 pixels"):
-        _opened_image(os.fspath(tmp_path / "small.png"))
+        _open_image(os.fspath(tmp_path / "small.png"))
 
 
 @pytest.mark.parametrize("data", [b"", b"not an image", b"\x89PNG\r\n\x1a\n", png(10, 10)[:40]])
-def test_what_is_no_image_is_refused(tmp_path, data):
+def test_an_invalid_image_is_refused(tmp_path, data):
     (tmp_path / "broken.png").write_bytes(data)
     with pytest.raises(BadValue, match="Cannot read the image"):
-        _opened_image(os.fspath(tmp_path / "broken.png"))
+        _open_image(os.fspath(tmp_path / "broken.png"))
 
 
 def test_a_drawing_is_drawn_in_a_bounded_size(tmp_path):
     text = '<svg xmlns="http://www.w3.org/2000/svg" width="200000" height="100000"><rect width="9" height="9"/></svg>'
     (tmp_path / "drawing.svg").write_text(text)
-    assert max(_opened_image(os.fspath(tmp_path / "drawing.svg")).get_size()) <= 1024
+    assert max(_open_image(os.fspath(tmp_path / "drawing.svg")).get_size()) <= 1024

@@ -12,7 +12,7 @@ from gamms.errors import BadType, UnknownName
 from gamms.visual.appearance import AgentData
 from gamms.visual.camera import Camera
 from gamms.visual.drawers import render_agent
-from gamms.visual.labels import Labels, dots_of, sign_boxes
+from gamms.visual.labels import Labels, find_dots, sign_boxes
 from gamms.visual.layout import Layout
 
 PAGE = (0.0, 0.0, 400.0, 300.0)
@@ -183,7 +183,7 @@ def centers(ctx, share):
     artists = ctx.visual.artists.shown()
     ctx.visual.draw_commands(share)
     looks = [artists[name].data["agent_data"] for name in ctx.agent.agents]
-    return dots_of(looks, Camera(400, 400, 0.0, 40.0, 10.0)).centers
+    return find_dots(looks, Camera(400, 400, 0.0, 40.0, 10.0)).centers
 
 
 @pytest.mark.parametrize("count", [2, 10, 200])

@@ -8,7 +8,7 @@ import gamms
 from gamms.errors import BadType
 from gamms.ir.draw import DrawKind
 from gamms.visual.camera import Camera
-from gamms.visual.legend import Legend, LegendRow, LegendRows, block_from_plain, grown, plain_block, together
+from gamms.visual.legend import Legend, LegendRow, LegendRows, grow_blocks, make_block, make_plain_block, together
 from gamms.visual.page import Page, PageStyle
 
 FIRE = LegendRows("", (LegendRow((200, 0, 0), "fire", "3"),))
@@ -73,10 +73,10 @@ def test_rows_without_a_title_are_one_block_in_which_nothing_is_said_twice():
 def test_in_a_film_no_row_of_the_legend_moves():
     first = together([TEAMS, FLAG])
     scored = LegendRows("", (LegendRow((200, 0, 0), "red", "1"), TEAMS.rows[1]), "score")
-    second = grown(first, together([TURN, scored, TAGGED]))
+    second = grow_blocks(first, together([TURN, scored, TAGGED]))
     assert second == (TURN, LegendRows("", scored.rows + FLAG.rows + TAGGED.rows, "score"))
-    assert grown(second, (FIRE,)) == (FIRE, *second[1:])
-    assert grown((), first) == first
+    assert grow_blocks(second, (FIRE,)) == (FIRE, *second[1:])
+    assert grow_blocks((), first) == first
 
 
 def test_scores_have_a_heading_and_zero_is_a_score():
@@ -122,7 +122,7 @@ def test_each_sign_is_drawn_in_its_colour(sign):
 
 def test_a_recorded_legend_is_the_same_block():
     for block in (TEAMS, FLAG, FIRE, TURN):
-        assert block_from_plain(plain_block(block)) == block
+        assert make_block(make_plain_block(block)) == block
 
 
 def test_a_sensor_that_no_agent_carries_is_explained(ctx):

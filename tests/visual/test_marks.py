@@ -9,12 +9,12 @@ import gamms
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.rules import arrive, capture_flag, cooldown, discover, hold, none_left, resource, tag
 from gamms.strategies import goto
-from gamms.visual.artist import ArtistGroup, drawn_looks, looks_of
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.artist import ArtistGroup, collect_drawn_looks, list_looks
+from gamms.visual.backends.pillow_backend import decode_pixels
 from gamms.visual.camera import Camera, on_screen
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.marks import drawn_marks
-from gamms.visual.labels import dots_in
+from gamms.visual.drawers.marks import get_drawn_marks
+from gamms.visual.labels import convert_dots
 
 MARKS = Layer.TAGS
 
@@ -56,7 +56,7 @@ def rows_on(commands, layer):
 def marks(ctx):
     artists = ctx.visual.artists.shown()
     ArtistGroup(ctx, artists).commands()
-    return [mark for artist in artists.values() for mark in drawn_marks(artist)]
+    return [mark for artist in artists.values() for mark in get_drawn_marks(artist)]
 
 
 @pytest.mark.parametrize("scale", [0.5, 4.0, 40.0])
@@ -81,12 +81,12 @@ def test_agents_that_share_a_node_hide_no_mark_there(street, radius_px, then):
     ctx.game.run(1)
     artists = ctx.visual.artists.shown()
     commands = ArtistGroup(ctx, artists).commands()
-    radius = next(look.size for look in looks_of(artists))
+    radius = next(look.size for look in list_looks(artists))
     camera = Camera(2000, 2000, 0.0, 0.0, radius_px / radius)
     points = on_screen(commands, camera)
     signs = [points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
     middle = np.concatenate(signs).mean(axis=0)
-    dots = dots_in(drawn_looks(artists)[1], camera)
+    dots = convert_dots(collect_drawn_looks(artists)[1], camera)
     assert (np.hypot(*(dots.centers - middle).T) > dots.radii).all()
 
 
@@ -185,4 +185,4 @@ def test_a_frame_shows_signs_as_a_picture_does(street, name):
     ctx.game.deeds = {"shout": None}
     ctx.game.add(RULES[name](ctx))
     ctx.game.step()
-    assert (ctx.visual.frame(500, 400) == pixels_of(ctx.visual.picture(".png", 500, 400))).all()
+    assert (ctx.visual.frame(500, 400) == decode_pixels(ctx.visual.picture(".png", 500, 400))).all()

@@ -9,7 +9,7 @@ import gamms
 from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.messages import legend_of_messages
+from gamms.visual.drawers.messages import make_message_legend
 from gamms.visual.fog import Fog
 
 BLUE, RED = TEAM_COLORS[:2]
@@ -80,7 +80,7 @@ def test_the_fog_of_a_team_shows_what_its_agents_send_hear_and_overhear(street):
     assert arcs(street) == {(0, 10, BLUE, 90), (300, 10, RED, 200)}
 
 
-def test_a_message_that_nobody_hears_is_a_ring_that_grows_and_fades(street):
+def test_an_unheard_message_is_a_ring_that_grows_and_fades(street):
     street.game.add_channel("whisper", range_m=1)
 
     def whisper(state):
@@ -101,9 +101,9 @@ def test_a_message_that_nobody_hears_is_a_ring_that_grows_and_fades(street):
     first, ink = rings(0.0)
     last, faint = rings(1.0)
     assert ((first < last).all(), ink > faint > 50) == (True, True)
-    [row] = legend_of_messages(street).rows
+    [row] = make_message_legend(street).rows
     assert row.name == "message that nobody hears"
-    assert legend_of_messages(street, {"rita", "rob"}) is None
+    assert make_message_legend(street, {"rita", "rob"}) is None
 
 
 @pytest.mark.parametrize("kind", list(gamms.agent.AgentType))

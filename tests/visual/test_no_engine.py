@@ -39,7 +39,7 @@ def test_a_dict_without_a_drawer_is_a_shape_on_layer_30(ctx):
     assert box.get_drawer() is not render_circle
 
 
-def test_what_is_no_artist_is_refused(ctx):
+def test_an_invalid_artist_is_refused(ctx):
     with pytest.raises(BadType, match="must be an Artist or a dict"):
         ctx.visual.add_artist("one", draw_nothing)
 

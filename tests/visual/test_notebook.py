@@ -12,7 +12,7 @@ import pytest
 
 import gamms
 from gamms import recorder
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 
 
 def image_in(page):
@@ -33,14 +33,14 @@ def recorded(ctx):
 
 
 def test_a_context_and_its_pictures_are_a_png_of_what_they_are_now(ctx):
-    pixels = pixels_of(ctx._repr_png_())
-    assert np.array_equal(pixels_of(ctx.visual._repr_png_()), pixels)
+    pixels = decode_pixels(ctx._repr_png_())
+    assert np.array_equal(decode_pixels(ctx.visual._repr_png_()), pixels)
     assert pixels.shape[0] <= 600
     assert pixels.shape[1] <= 900
     assert ctx._repr_html_() is None
     assert ctx.visual._repr_png_() == ctx._repr_png_()
     ctx.agent.delete_agent("red_0")
-    assert not np.array_equal(pixels_of(ctx._repr_png_()), pixels)
+    assert not np.array_equal(decode_pixels(ctx._repr_png_()), pixels)
 
 
 @pytest.mark.parametrize("missing", ["pygame", "PIL"])
@@ -80,7 +80,7 @@ def test_a_recording_is_a_page_that_replays_it_and_a_picture_where_no_scripts_ru
     assert inner.startswith("<!DOCTYPE html>")
     kind, content = image_in(re.search("<noscript>(.*)</noscript>", inner)[1])
     assert (kind, content) == ("png", printed)
-    assert pixels_of(content).std() > 1
+    assert decode_pixels(content).std() > 1
 
 
 def test_a_recording_that_would_fill_a_notebook_is_its_last_state(recorded, monkeypatch):
@@ -88,7 +88,7 @@ def test_a_recording_that_would_fill_a_notebook_is_its_last_state(recorded, monk
     with recorder.open(recorded) as recording:
         page = recording._repr_html_()
     assert "<iframe" not in page
-    assert pixels_of(image_in(page)[1]).std() > 1
+    assert decode_pixels(image_in(page)[1]).std() > 1
 
 
 def test_showing_a_recording_logs_nothing_and_leaves_the_logger_alone(recorded, caplog):

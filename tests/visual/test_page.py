@@ -8,9 +8,9 @@ import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 from gamms.visual.legend import LegendRow, LegendRows
-from gamms.visual.page import round_length
+from gamms.visual.page import find_round_length
 
 SVG = "{http://www.w3.org/2000/svg}"
 FIRE = (LegendRows("", (LegendRow((200, 0, 0), "fire", "3"),)),)
@@ -46,7 +46,7 @@ def words(ctx, *size, **options):
 
 def inked(ctx, *size, **options):
     """The first and last column, and row, of a picture with anything but paper."""
-    pixels = pixels_of(ctx.visual.picture(".png", *size, background="white", **options))
+    pixels = decode_pixels(ctx.visual.picture(".png", *size, background="white", **options))
     rows, columns = (np.flatnonzero((pixels < 250).any(axis=axes)) for axes in ((1, 2), (0, 2)))
     return columns[0], columns[-1], rows[0], rows[-1], pixels.shape[1], pixels.shape[0]
 
@@ -98,7 +98,7 @@ def test_a_page_of_more_dots_per_inch_is_as_large_on_paper(street):
 
 
 def page_px(ctx, dpi):
-    pixels = pixels_of(ctx.visual.picture(".png", dpi=dpi))
+    pixels = decode_pixels(ctx.visual.picture(".png", dpi=dpi))
     return pixels.shape[1], pixels.shape[0]
 
 
@@ -134,7 +134,7 @@ def test_north_is_shown_where_it_is_asked_for(street):
     ("longest", "length"), [(1, 1), (1.99, 1), (2, 2), (7, 5), (99, 50), (0.3, 0.2), (5_000, 5_000)]
 )
 def test_lengths_are_round(longest, length):
-    assert round_length(longest) == pytest.approx(length)
+    assert find_round_length(longest) == pytest.approx(length)
 
 
 def test_a_small_picture_has_no_scale_bar(street):

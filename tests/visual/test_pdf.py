@@ -14,7 +14,7 @@ from PIL import Image
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.draw import DrawSpace
 from gamms.visual.backends.pdf import pdf
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
 
@@ -123,7 +123,7 @@ def seen(file, tmp_path):
     """The page as pixels."""
     (tmp_path / "a.pdf").write_bytes(file)
     subprocess.run(["pdftoppm", "-r", "72", "-png", "-singlefile", "a.pdf", "a"], cwd=tmp_path, check=True)
-    return pixels_of((tmp_path / "a.png").read_bytes()).astype(int)
+    return decode_pixels((tmp_path / "a.png").read_bytes()).astype(int)
 
 
 @needs_poppler

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
-from gamms.visual.backends.pillow_backend import pixels_of, png_file
+from gamms.visual.backends.pillow_backend import decode_pixels, encode_png
 from gamms.visual.backends.raster import painted
 from gamms.visual.backends.svg import svg
 from gamms.visual.camera import FAINTEST_PX, Camera
@@ -54,8 +54,8 @@ def test_the_golden_picture():
     commands.add_text("Tiny 7", 40, 49, "black", 18)
     picture = pixels(commands)
     if os.environ.get("GAMMS_REFRESH_GOLDEN"):
-        GOLDEN.write_bytes(png_file(picture.astype(np.uint8), 96))
-    difference = np.abs(picture - pixels_of(GOLDEN.read_bytes()))
+        GOLDEN.write_bytes(encode_png(picture.astype(np.uint8), 96))
+    difference = np.abs(picture - decode_pixels(GOLDEN.read_bytes()))
     assert np.quantile(difference, 0.995) <= 24  # another version of pygame may smooth hairlines and text otherwise
     assert difference.mean() <= 1
 

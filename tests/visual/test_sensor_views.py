@@ -16,7 +16,7 @@ from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import default_scene, drawers
 from gamms.visual.appearance import TEAM_COLORS
-from gamms.visual.camera import framed
+from gamms.visual.camera import frame_drawings
 from gamms.visual.drawers.sensors import cut
 
 GOLDEN = Path(__file__).parent / "golden" / "sensors.svg"
@@ -161,7 +161,7 @@ def test_a_picture_shows_a_whole_field_of_view_that_reaches_as_far_as_the_map(ct
     far = 0.9 * float((columns.xy.max(axis=0) - columns.xy.min(axis=0)).max())
     ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=far).sense(0)
     ctx.visual.set_sensor_visual("eye")
-    low, high = framed(ctx.visual.draw_commands())
+    low, high = frame_drawings(ctx.visual.draw_commands())
     assert low.tolist() == pytest.approx((columns.xy[0] - far).tolist())
     assert (high >= columns.xy[0] + 0.99 * far).all()
 

@@ -20,16 +20,16 @@ from gamms.visual.legend import LegendRow, LegendRows
 def rows_of_all_signs(monkeypatch):
     """Return the rows of all legends that come with GAMMS."""
     counted = {standings.RESOURCES: ["fuel"], standings.COOLDOWNS: ["scan"]}
-    monkeypatch.setattr(standings, "counted_in", lambda _, group: counted[group])
-    monkeypatch.setattr(marks, "_tags", lambda *_: [1])
+    monkeypatch.setattr(standings, "find_counts", lambda _, group: counted[group])
+    monkeypatch.setattr(marks, "_find_latest_tags", lambda *_: [1])
     blocks = [
         rules._FLAGS,
         rules._GOALS,
         rules.TerritoryDrawer.legend,
-        marks.rows_of_eliminated({"a": True, "b": False}),
+        marks.make_elimination_rows({"a": True, "b": False}),
     ]
     blocks += [standings.render_held.legend, standings.render_discovered.legend]
-    blocks += [standings._rows_of_amounts(None), standings._rows_of_cooldowns(None)]
+    blocks += [standings._make_amount_rows(None), standings._make_cooldown_rows(None)]
     rows = [row for block in blocks for row in block.rows]
     rows += [LegendRow(legend.SIGN, words, sign=sign) for _, words, sign in _VIEWS]
     return rows + [

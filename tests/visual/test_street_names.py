@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadType
 from gamms.visual.camera import Camera
-from gamms.visual.font import words_width
+from gamms.visual.font import measure_words
 from gamms.visual.labels import STREET_PX, place_street_names
 from gamms.visual.layout import Layout
 
@@ -88,7 +88,7 @@ def test_a_street_that_bends_has_its_name_where_it_is_straight():
 
 
 @pytest.mark.parametrize("value", [None, 7, ["", "Second"], "", "x" * 500, {"a": 1}])
-def test_what_is_no_name_is_none(value):
+def test_an_invalid_street_name_is_ignored(value):
     ctx = town((value, [(0, 0), (200, 0)], {}), (None, [(0, 60), (160, 60)], {}))
     assert names(ctx) == []
 
@@ -130,7 +130,7 @@ def test_no_name_touches_an_agent_its_name_the_legend_or_another(starts, title):
     svg = ctx.visual.picture(".svg", width=700, height=600, title="x" * title).decode()
     boxes = [box(*one) for one in names(ctx, 700, 600, title="x" * title)]
     others = [
-        (float(x), float(y) - 9.9, float(x) + words_width(words, 18.0), float(y) + 2.5)
+        (float(x), float(y) - 9.9, float(x) + measure_words(words, 18.0), float(y) + 2.5)
         for x, y, words in re.findall(r'<text x="([\d.]+)" y="([\d.]+)" font-size="12.4"[^>]*>([^<]*)<', svg)
     ]
     dots = [
@@ -145,7 +145,7 @@ def test_no_name_touches_an_agent_its_name_the_legend_or_another(starts, title):
 
 def box(words, x, y, angle):
     """The box around words along a row or a column of the grid; y is their baseline, before they are turned."""
-    wide, high = words_width(words, STREET_PX), 0.6 * 10.3
+    wide, high = measure_words(words, STREET_PX), 0.6 * 10.3
     if abs(angle) < 1.0:
         return x, y - high, x + wide, y
     top = y - 0.8 * 10.3  # around which they are turned, upwards

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.ir.draw import DrawKind
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.streets import dashes
+from gamms.visual.drawers.streets import cut_dashes
 
 
 def town(*roads, crs="EPSG:32635"):
@@ -117,7 +117,7 @@ ways = st.lists(
 def test_dashes_are_a_fixed_share_of_a_way_and_hold_both_its_ends(ways):
     points = np.array([point for way in ways for point in way])
     offsets = np.cumsum([0, *map(len, ways)])
-    found, ends = dashes(points, offsets, 7.0)
+    found, ends = cut_dashes(points, offsets, 7.0)
     drawn = [found[begin:end] for begin, end in pairwise(ends.tolist())]
     assert all(len(dash) >= 2 for dash in drawn)
     total = sum(_length(np.array(way)) for way in ways)

@@ -136,7 +136,7 @@ def test_trails_are_a_number(road):
 
 @pytest.mark.parametrize("option", ["theme", "fit"])
 @pytest.mark.parametrize("value", [{"id": 1}, np.array([1, 2])], ids=["dict", "array"])
-def test_what_is_no_text_is_no_name_of_an_option(option, value):
+def test_an_option_name_must_be_a_text(option, value):
     with gamms.create_context() as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
         with pytest.raises(BadValue):

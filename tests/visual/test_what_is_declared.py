@@ -39,7 +39,7 @@ def test_what_is_declared_takes_the_place_of_its_own_part_of_the_default_look_on
 
 
 @pytest.mark.parametrize("is_graph_first", [True, False])
-def test_a_program_that_declares_the_graph_sees_what_it_declares_as_in_1_0_0(ctx, is_graph_first):
+def test_a_program_that_declares_the_graph_sees_its_declarations_as_in_1_0_0(ctx, is_graph_first):
     def declare_others():
         ctx.visual.set_sensor_visual("spy")
         return ctx.visual.set_agent_visual("red_0").data["agent_data"]

@@ -9,7 +9,7 @@ import pytest
 import gamms
 from gamms import recorder
 from gamms.testing import check_backend
-from gamms.web.painter import painted
+from gamms.web.painter import convert_drawing
 
 PAINT = """
 (() => {
@@ -62,7 +62,7 @@ def test_the_viewer_passes_the_check_of_picture_formats(empty):
             text = [columns["text"][row] for row in np.flatnonzero(rows)] if "text" in columns else []
             chosen = {name: column[rows] for name, column in columns.items() if name not in ("points", "text")}
             chosen |= {"points": points, "text": text}
-            layers.append((int(layer), plain(painted(chosen, chosen, 2.0**-20))))
+            layers.append((int(layer), plain(convert_drawing(chosen, chosen, 2.0**-20))))
         data = empty.value(PAINT % json.dumps(json.dumps(layers)))
         return base64.b64decode(data.partition(",")[2])
 

@@ -20,7 +20,7 @@ from shown_game import ShownGame
 import gamms
 from gamms import recorder, scenario, strategies, web
 from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
-from gamms.recorder.cut import sides_of
+from gamms.recorder.cut import list_sides
 from gamms.recorder.errors import Damaged
 from gamms.typing import OpCodes
 from gamms.web import columns, server, streams
@@ -114,7 +114,7 @@ def test_each_team_is_sent_what_a_cut_of_the_recording_holds(join, tmp_path):
         sent = {name: client.read_turns(40) for name, client in clients.items()}
     with recorder.open(tmp_path / "game.ggr") as whole:
         state = whole.detached(0).keyframe(0)
-        header = {**whole.header, "world": whole.graph.packed, "sides": sides_of(whole.header, state)}
+        header = {**whole.header, "world": whole.graph.packed, "sides": list_sides(whole.header, state)}
         with Painter(header, state) as painter:
             painter.begin()
             for log in whole.logs():

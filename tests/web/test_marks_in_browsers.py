@@ -7,8 +7,8 @@ from gamms import recorder
 from gamms.rules import arrive, none_left, tag
 from gamms.strategies import goto
 from gamms.visual.artist import ArtistGroup
-from gamms.visual.captions import captions_of
-from gamms.visual.drawers.marks import drawn_marks
+from gamms.visual.captions import write_captions
+from gamms.visual.drawers.marks import get_drawn_marks
 
 
 def staying(state):
@@ -35,9 +35,9 @@ def game(tmp_path_factory):
             ctx.game.step()
             artists = ctx.visual.artists.shown()
             ArtistGroup(ctx, artists).commands()
-            marks = [mark for artist in artists.values() for mark in drawn_marks(artist)]
+            marks = [mark for artist in artists.values() for mark in get_drawn_marks(artist)]
             rights = {mark.name: round(mark.shift[0] * mark.least_px) for mark in marks}
-            said.append((rights, [caption.words for caption in captions_of(ctx.visual.drawing.events.of_turn())]))
+            said.append((rights, [caption.words for caption in write_captions(ctx.visual.drawing.events.of_turn())]))
         ctx.record.stop()
     with recorder.open(folder / "game.ggr") as recording:
         recording.save(folder / "game.html")

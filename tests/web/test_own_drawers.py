@@ -7,7 +7,7 @@ from PIL import Image, ImageSequence
 import gamms
 from gamms import recorder
 from gamms.visual import Engine
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 
 COLOR = (251, 3, 249)  # that nothing else has
 
@@ -52,7 +52,7 @@ def recording(tmp_path_factory):
 
 
 def test_it_shows_in_a_picture(recording):
-    assert shows(pixels_of(recording[1]))
+    assert shows(decode_pixels(recording[1]))
 
 
 def test_it_shows_in_a_window(monkeypatch):
@@ -82,7 +82,7 @@ def test_it_shows_in_a_replay(recording):
     with gamms.create_context() as ctx:
         for _ in ctx.record.replay(recording[0]):
             pass
-        assert shows(pixels_of(ctx.visual.picture(".png", 400, 400)))
+        assert shows(decode_pixels(ctx.visual.picture(".png", 400, 400)))
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -91,7 +91,7 @@ def test_it_shows_in_a_page(chromium, recording, tmp_path, theme):
         game.save(tmp_path / "game.html", turn=2, theme=theme)
     page = chromium.open(tmp_path / "game.html")
     page.settle()
-    assert shows(pixels_of(page.picture()))
+    assert shows(decode_pixels(page.picture()))
     assert page.messages == []
 
 

@@ -32,7 +32,7 @@ def test_each_module_of_the_pages_imports_what_another_one_exports_and_none_impo
 
 @pytest.mark.parametrize("name", bundle.PAGES)
 def test_a_page_has_the_hashes_of_its_own_script_and_style(name):
-    page = bundle.page_called(name)
+    page = bundle.read_page(name)
     for kind in ("script", "style"):
         [text] = re.findall(f"<{kind}>(.*?)</{kind}>", page, re.DOTALL)
         assert f"{kind}-src '{bundle.hash_of(text)}'" in page
@@ -41,7 +41,7 @@ def test_a_page_has_the_hashes_of_its_own_script_and_style(name):
 
 @pytest.mark.parametrize("name", bundle.PAGES)
 def test_a_page_has_all_of_its_modules_without_comments(name):
-    page = bundle.page_called(name)
+    page = bundle.read_page(name)
     entry, _ = bundle.PAGES[name]
     assert page.count(f"const {entry}_js = (() => {{") == 1
     assert not re.search(r"^\s*(//|import |export )", page, re.MULTILINE)
@@ -116,7 +116,7 @@ def test_nothing_that_a_recording_says_is_markup(ctx, tmp_path):
     assert text.count("</script>") == 5
 
 
-def test_a_page_says_what_it_cannot_be(game, tmp_path):
+def test_a_page_refuses_conflicting_options(game, tmp_path):
     with recorder.open(game) as recording:
         for keywords, words in (
             ({"turn": 81}, "81"),
@@ -164,7 +164,7 @@ def test_pages_windows_and_docs_have_one_table_of_keys():
     controls = docs.partition("## Controls")[2].partition("\n## ")[0]
     rows = [f"| {words} | {page.get(words, '')} | {window.get(words, '')} |" for words in {**page, **window}]
     assert re.findall(r"^\| .*\|$", controls, re.MULTILINE)[1:] == rows
-    table = json.loads(re.search(r'id="key-table">(.*)</script>', bundle.page_called("viewer"))[1])
+    table = json.loads(re.search(r'id="key-table">(.*)</script>', bundle.read_page("viewer"))[1])
     assert table == {"actions": find_actions("page"), "help": page}
     viewer = (bundle.SOURCES / "input.js").read_text(encoding="utf-8")
     actions = viewer.partition("const actions = {")[2].partition("};")[0]

@@ -181,7 +181,7 @@ def test_a_page_has_the_numbers_that_a_game_collects_and_that_of_a_team_has_none
     assert "hidden total" not in repr([game_in(known).header, *game_in(known).sent])
     with recorder.open(tmp_path / "red.ggr") as cut:
         assert b"hidden total" not in cut.content()
-        assert all(kind != events.GAME_COLLECTED for log in cut.logs() for kind, _ in events.events_of(log))
+        assert all(kind != events.GAME_COLLECTED for log in cut.logs() for kind, _ in events.list_events(log))
 
 
 def test_at_most_four_charts_of_eight_lines_are_shown():

@@ -97,7 +97,7 @@ def test_a_street_is_found_without_its_accents_and_flown_to(chromium, folder):
     assert page.value("gamms.street.length") == 5
 
 
-def test_pointing_at_a_node_says_what_it_is(chromium, folder):
+def test_pointing_at_a_node_describes_it(chromium, folder):
     page = opened(chromium, folder, "town.gamms")
     x, y = pixel_of(page, 7)
     page.mouse("mouseMoved", x + 2, y + 1)

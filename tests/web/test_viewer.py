@@ -10,7 +10,7 @@ import pytest
 
 import gamms
 from gamms import recorder, web
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 
 
 @pytest.fixture(scope="module")
@@ -286,7 +286,7 @@ def test_the_mouse_moves_the_map_and_the_wheel_zooms_around_it(page):
     assert page.value(under) == pytest.approx(before)
 
 
-def test_a_click_on_an_agent_says_what_it_knows(page):
+def test_a_click_on_an_agent_shows_its_knowledge(page):
     page.value("gamms.settings.fit(), gamms.seek(12)")
     page.settle()
     x, y = page.value("(({px, py}) => [px, py])(gamms.views[0].scene.discOf('red_0'))")
@@ -298,7 +298,7 @@ def test_a_click_on_an_agent_says_what_it_knows(page):
     assert page.value("gamms.look.selected") is None
 
 
-def test_what_was_sensed_before_the_last_turn_is_not_shown_as_if_it_were_seen_now(page):
+def test_older_sensor_data_is_not_shown_as_seen_now(page):
     page.value("gamms.select('red_0')")
     headings = "[...document.querySelectorAll('.panel h3')].map((one) => one.textContent)"
     for turn, heading in ((79, "What its sensors tell it"), (80, "What its sensors told it in turn 80")):
@@ -367,7 +367,7 @@ def test_what_a_sensor_says_is_on_one_line_beside_a_long_name(chromium, moved):
     assert page.value(f"{said}.previousSibling.textContent") == "a_long_name (OCCLUDED_AERIAL_AGENT)"
 
 
-def test_a_message_that_nobody_hears_is_a_ring_that_fades_and_can_be_left_out(chromium, moved):
+def test_an_unheard_message_is_a_ring_that_fades_and_can_be_left_out(chromium, moved):
     page = chromium.open(moved)
     assert "Messages" in page.value(
         "[...document.querySelectorAll('#look label > span')].map((one) => one.textContent)"
@@ -422,7 +422,7 @@ def test_a_notebook_shows_the_viewer_in_a_frame_that_reaches_nothing_of_it(chrom
     chromium.open(tmp_path / "notebook.html", until="document.title == 'cells' && document.readyState == 'complete'")
     for _ in range(20):
         chromium.settle()
-        if pixels_of(chromium.picture())[200:500].std() > 10.0:  # the map
+        if decode_pixels(chromium.picture())[200:500].std() > 10.0:  # the map
             break
     else:
         pytest.fail(f"the frame stays blank: {chromium.messages}")
@@ -684,14 +684,14 @@ def test_what_rules_keep_is_shown(chromium, walled, tmp_path):
         recording.save(tmp_path / "walled.html", turn=2)
     page = chromium.open(tmp_path / "walled.html", dark=True)
     page.settle()
-    before = pixels_of(page.picture())
+    before = decode_pixels(page.picture())
     page.value("gamms.select('past')")
     assert "fuel left2" in page.value("document.querySelector('.panel').textContent")
     page.value("gamms.select(null), gamms.panel.close(), gamms.views[0].replay.state.drawings.clear()")
     page.settle()
     page.value("gamms.needsPaint = true")
     page.settle()
-    assert (pixels_of(page.picture()) != before).any(axis=-1).sum() > 500  # rings, squares and bars
+    assert (decode_pixels(page.picture()) != before).any(axis=-1).sum() > 500  # rings, squares and bars
 
 
 def east_for_two_turns(state):
@@ -726,7 +726,7 @@ def test_a_team_has_its_colour_in_files_streams_cuts_and_pictures(chromium, tmp_
             page.value("gamms.seek(3)")
             page.settle()
             x, y = page.value("(({px, py}) => [px, py])(gamms.views[0].scene.discOf('mo'))")
-            pixels[name] = tuple(pixels_of(page.picture())[round(y), round(x), :3].tolist())
+            pixels[name] = tuple(decode_pixels(page.picture())[round(y), round(x), :3].tolist())
             assert page.messages == []
     with gamms.create_context() as ctx:
         for _ in ctx.record.replay(path):

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from gamms import kernels
 from gamms.agent.carried_sensors import carried
-from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, misspelt
+from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, explain_misspelled
 from gamms.core.agents import AgentView
-from gamms.deciding import ContextPart, DecidePhase, phase_of, refuse_unknown_look, refused_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, get_phase, refuse_unknown_look, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, ReservedName, UnknownName
 from gamms.ir import events
-from gamms.ir.agents import AgentBlock, Position, Quat, speed_of
+from gamms.ir.agents import AgentBlock, Position, Quat, get_speed
 from gamms.ir.graph import FloatArray
 from gamms.ir.schema import NUMBERS, SETTABLE, Column
 from gamms.readonly import ReadOnly, ReadOnlyMapping
@@ -25,18 +25,18 @@ from gamms.typing.actions import (
     as_node,
     as_position,
     as_quat,
+    check_mode,
+    check_node,
     flight,
-    heading_in,
-    known_node,
-    level_quat,
-    mode_in,
-    strategy_in,
+    get_heading,
+    make_level_quat,
+    make_strategy,
 )
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
 from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 from gamms.typing.graph_engine import IGraph
-from gamms.typing.on_edges import OnEdge, located
-from gamms.typing.sensor_engine import Carried, ISensor, SensorType, owner_of, refuse_no_sensor
+from gamms.typing.on_edges import OnEdge, locate
+from gamms.typing.sensor_engine import Carried, ISensor, SensorType, find_owner, refuse_no_sensor
 
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
@@ -85,7 +85,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     if not TYPE_CHECKING:  # type checkers know that it has no items
 
         def __getitem__(self, key: object) -> Any:
-            # NOTE: without `__getattr__`, see `_guarded_kind`.
+            # NOTE: without `__getattr__`, see `_make_guarded_kind`.
             is_known = isinstance(key, str) and hasattr(self, key)
             raise BadType(f"An agent is neither a list nor a dict. Write agent.{key if is_known else 'name'}.")
 
@@ -120,9 +120,9 @@ class BaseAgent(AgentView, ContextPart, IAgent):
                 phase.refuse(f"set agent.{name}")
             if name not in phase.known_names:
                 if name == "strategy":
-                    self.decide_by(None if value is None else strategy_in(self._ctx, value))
+                    self.decide_by(None if value is None else make_strategy(self._ctx, value))
                     return
-                self._look_at(name)
+                self._check_name(name)
             self._put_attribute(name, value)
             journal = self._block.journal
             if not journal.is_silent and name in self.__dict__:
@@ -137,7 +137,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         if is_noted:
             self._block.journal.attributed([self._row], name, None)
 
-    def _look_at(self, name: str) -> None:
+    def _check_name(self, name: str) -> None:
         """Refuse read-only names; warn once per context of a name that looks misspelled."""
         known = getattr(type(self), name, None)
         if isinstance(known, property) and known.fset is None:
@@ -145,13 +145,13 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             raise AttributeError(f"agent.{name} cannot be set; {settable} and other names can.")
         self._phase.known_names.add(name)
         if isinstance(known, (GuardedAttribute, type(None))):
-            for hint in misspelt([name], sorted({"strategy", *self._SETTABLE}), "attribute"):
+            for hint in explain_misspelled([name], sorted({"strategy", *self._SETTABLE}), "attribute"):
                 self._ctx.logger.warning(f"Agent {shown(self.name)}: {hint} It is stored as an attribute.")
 
     def _put_attribute(self, name: str, value: object) -> None:
         """Set an attribute without checks."""
         if type(value) not in _SCALARS and not hasattr(type(self), name):
-            kind = _guarded_kind(type(self), self._phase.agent_kinds)
+            kind = _make_guarded_kind(type(self), self._phase.agent_kinds)
             if not hasattr(kind, name):
                 setattr(kind, name, GuardedAttribute(name))
             self.__class__ = kind
@@ -205,17 +205,17 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     @prev_node_id.setter
     def prev_node_id(self, node_id: int) -> None:
         if not self._is_closed:
-            self._set("previous", self._known(node_id))
+            self._set("previous", self._check_node(node_id))
 
     # (source id, target id, edge id); None on a node
-    edge = _DerivedProperty(lambda one: getattr(one._on_edge(), "edge", None))
+    edge = _DerivedProperty(lambda one: getattr(one._get_edge(), "edge", None))
     # distance from the source of the edge, map units
-    offset_m = _DerivedProperty(lambda one: getattr(one._on_edge(), "offset_m", 0.0))
-    xy = _DerivedProperty(lambda one: one._xy())  # where it is, map units
+    offset_m = _DerivedProperty(lambda one: getattr(one._get_edge(), "offset_m", 0.0))
+    xy = _DerivedProperty(lambda one: one._find_xy())  # where it is, map units
 
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def register_sensor(self, name: str, sensor: ISensor) -> None:
         """Carry a sensor; its results appear in the state under `name`.
 
@@ -224,7 +224,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         refuse_no_sensor(sensor)
         self._add_sensor(name, sensor)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def deregister_sensor(self, name: str) -> None:
         """Stop carrying a sensor; an unknown name is only warned about."""
         as_name(name, "a sensor")
@@ -238,7 +238,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         self._note(events.AGENT_SENSOR_DEREGISTER, name, sensor)
         self._clear_owner(sensor)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
         """Set the strategy: a function of the state, or a function that makes one from the context.
 
@@ -247,12 +247,12 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """
         self.strategy = strategy
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Read all sensors; return name -> (kind, data), as in `get_state()["sensor"]`."""
         node = self.current_node_id
         sensed = {}
-        place = self._on_edge() if self._sensor_list else None
+        place = self._get_edge() if self._sensor_list else None
         where: Any = node if place is None else place.xy
         for sensor, (name, last, *_, look) in zip(self._sensor_list.values(), self._carried, strict=True):
             (look or sensor).sense(where if getattr(sensor, "looks_from_points", False) else node)
@@ -279,7 +279,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     # -- inside the package -------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def decide_by(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
         """Set a strategy that is already checked, or None."""
         self._phase.change_strategies()
@@ -297,7 +297,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
                 getattr(type(self), key, None), (_DerivedProperty, type(None))
             ):
                 raise ReservedName(key, self._SETTABLE)
-        values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, (), (), [{}], None)
+        values: tuple[Any, ...] = (get_phase(ctx), ctx, block, {}, {}, (), (), [{}], None)
         for name, value in zip(_AT_FIRST, values, strict=True):
             object.__setattr__(self, name, value)  # NOTE: a third of the time of `__setattr__` (benchmarks)
         return ctx.graph.graph
@@ -306,18 +306,18 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     def _act(self, action: object) -> None:
         """Perform an action that is not a plain node id."""
 
-    def _known(self, node_id: object) -> int:
-        return known_node(self._ctx.graph.graph, self._block, node_id)
+    def _check_node(self, node_id: object) -> int:
+        return check_node(self._ctx.graph.graph, self._block, node_id)
 
     def _set(self, column: str, value: object) -> None:
         self._block.set(self._row, column, value)
 
-    def _on_edge(self) -> OnEdge | None:
+    def _get_edge(self) -> OnEdge | None:
         progress = self._block.on_edge(self._row)
-        return None if progress is None else located(self._ctx.graph.graph, progress)
+        return None if progress is None else locate(self._ctx.graph.graph, progress)
 
-    def _xy(self) -> tuple[float, float]:
-        place = self._on_edge()
+    def _find_xy(self) -> tuple[float, float]:
+        place = self._get_edge()
         if place is not None:
             return place.xy
         node = self._ctx.graph.graph.get_node(self.current_node_id)
@@ -329,7 +329,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         if not journal.is_silent:
             journal.note(kind, {"agent_name": self.name, "name": name, "sensor_id": sensor.sensor_id})
 
-    def _live_in(self, block: AgentBlock) -> None:
+    def _move_to_block(self, block: AgentBlock) -> None:
         """Move to a row of another block: the block of the context, or a new one to leave it; sensors stay."""
         self._row = block.take_over(self._block, self._row)
         self._block = block
@@ -353,7 +353,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         sensors = {name: deepcopy(sensor, memo) for name, sensor in carried_sensors.items()}
         shared = tuple([deepcopy(sensor, memo) for sensor in shared_sensors])
         near = deepcopy(self._near, memo)
-        values = phase_of(ctx), ctx, block, near, sensors, shared, (), [state.copy()], strategy
+        values = get_phase(ctx), ctx, block, near, sensors, shared, (), [state.copy()], strategy
         for name, value in zip(_AT_FIRST, values, strict=True):
             object.__setattr__(twin, name, value)  # NOTE: see `_begin`
         object.__setattr__(twin, "_row", row)
@@ -361,8 +361,8 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             twin._carry()
         return twin
 
-    def _last_state(self) -> Any:
-        return self._last[0] or self._state_of(self._held_data())
+    def _make_last_state(self) -> Any:
+        return self._last[0] or self._make_state(self._get_held_data())
 
     def _refuse_without_action(self) -> None:
         raise MissingKey(
@@ -370,18 +370,18 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             f"{self._ACTION}."
         ) from None
 
-    def _state_of(self, sensed: dict[str, Any]) -> State:
+    def _make_state(self, sensed: dict[str, Any]) -> State:
         """Return a state with these sensor results."""
         return cast("State", {"curr_pos": self.current_node_id, "sensor": sensed})
 
-    def _held_data(self) -> dict[str, Any]:
+    def _get_held_data(self) -> dict[str, Any]:
         """Return the present data of the sensors without a new look; custom sensors may have no data."""
         held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
         return {name: (kind, data) for name, kind, data in held}
 
     def _add_sensor(self, name: str, sensor: ISensor) -> None:
         as_name(name, "a sensor")
-        owner = owner_of(sensor)
+        owner = find_owner(sensor)
         other = None if owner is None else self._ctx.agent.agents.get(owner)
         sensor.set_owner(self._block.names[self._row])
         self._sensor_list[name] = sensor
@@ -404,11 +404,11 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         self._carried = tuple([carried(name, one, owner_of_shared.get(id(one)), self._near) for name, one in sensors])
 
     def _clear_owner(self, sensor: ISensor) -> None:
-        if owner_of(sensor) in (None, self.name):  # unless another agent carries it by now
+        if find_owner(sensor) in (None, self.name):  # unless another agent carries it by now
             sensor.set_owner(None)
 
 
-def _number(column: Column) -> property:
+def _make_number_property(column: Column) -> property:
     """Return the property of an additional number column of agents."""
     return property(
         lambda agent: getattr(agent._block, column.name)[agent._row],
@@ -417,7 +417,7 @@ def _number(column: Column) -> property:
 
 
 for _column in NUMBERS:
-    setattr(BaseAgent, _column.name, _number(_column))
+    setattr(BaseAgent, _column.name, _make_number_property(_column))
 
 
 class Agent(BaseAgent):
@@ -442,9 +442,9 @@ class Agent(BaseAgent):
         self, ctx: IContext, name: str, start_node_id: NodeId, *, _block: AgentBlock | None = None, **kwargs: object
     ) -> None:
         block = AgentBlock(ctx.graph.graph) if _block is None else _block
-        mode = mode_in(ctx, block, kwargs.pop("mode", None))
+        mode = check_mode(ctx, block, kwargs.pop("mode", None))
         graph = self._begin(ctx, block, kwargs)
-        node = known_node(graph, block, start_node_id)
+        node = check_node(graph, block, start_node_id)
         object.__setattr__(self, "_near", graph.neighborhoods)
         object.__setattr__(self, "_row", block.add(as_name(name, "an agent"), node, mode=mode))
         for key, value in kwargs.items():
@@ -452,12 +452,12 @@ class Agent(BaseAgent):
 
     def _put_on(self, node_id: int) -> None:
         if not self._is_closed:
-            self._set("node", self._known(node_id))
+            self._set("node", self._check_node(node_id))
 
     @property
     def speed(self) -> Any:
         """The distance it may move per turn of `ctx.game`, in edges or metres; None for one edge. Settable."""
-        return speed_of(self._block, self._row)
+        return get_speed(self._block, self._row)
 
     @speed.setter
     def speed(self, speed: float | None) -> None:
@@ -475,7 +475,7 @@ class Agent(BaseAgent):
         heading = block.heading[row]
         if heading is not None:
             return heading
-        place = self._on_edge()
+        place = self._get_edge()
         if place is not None:
             return place.ahead
         here = block.node_of(row)
@@ -498,10 +498,10 @@ class Agent(BaseAgent):
     def _act(self, action: object) -> None:
         heading: Any = ()
         if isinstance(action, dict):
-            heading = heading_in(action)
-            node = self._known(action["node_id"])
+            heading = get_heading(action)
+            node = self._check_node(action["node_id"])
         else:
-            node = self._known(as_node(action, self._ctx.graph.graph))
+            node = self._check_node(as_node(action, self._ctx.graph.graph))
         self._block.move(self._row, node)
         if heading != ():
             self._set("heading", heading)
@@ -542,7 +542,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
     ) -> None:
         block = AgentBlock(ctx.graph.graph) if _block is None else _block
         graph = self._begin(ctx, block, kwargs)
-        node = known_node(graph, block, start_node_id)
+        node = check_node(graph, block, start_node_id)
         units = as_float(speed, f"speed of agent {name!r}")
         if units < 0.0:
             raise BadValue(f"speed of agent {name!r} must not be negative, not {units}.")
@@ -580,7 +580,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
     @current_node_id.setter
     def current_node_id(self, node_id: int) -> None:
         if not self._is_closed:
-            self._block.fly(self._row, above(self._ctx.graph.graph, self._known(node_id), self.position[2]))
+            self._block.fly(self._row, above(self._ctx.graph.graph, self._check_node(node_id), self.position[2]))
 
     @property
     def quat(self) -> Quat:
@@ -602,24 +602,24 @@ class AerialAgent(BaseAgent, IAerialAgent):
 
     @orientation.setter
     def orientation(self, heading: tuple[float, float] | None) -> None:
-        self._block.turn(self._row, level_quat(heading))
+        self._block.turn(self._row, make_level_quat(heading))
 
     @property
     def speed(self) -> float:
         """The distance it moves at each step, map units."""
-        return speed_of(self._block, self._row)  # type: ignore[return-value] # as above
+        return get_speed(self._block, self._row)  # type: ignore[return-value] # as above
 
     def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
         """Read the sensors; return a fresh dict with `curr_pos`, `quat` and `sensor`."""
         if self._is_closed:
-            last: AerialState = self._last_state()
+            last: AerialState = self._make_last_state()
             return last
         sensed = self.sense()
-        state = self._state_of(sensed)
+        state = self._make_state(sensed)
         self._last[0] = state
         return state
 
-    def _state_of(self, sensed: dict[str, Any]) -> AerialState:  # type: ignore[override] # as above
+    def _make_state(self, sensed: dict[str, Any]) -> AerialState:  # type: ignore[override] # as above
         return cast("AerialState", {"curr_pos": self.position, "quat": self.quat, "sensor": sensed})
 
     def _act(self, action: object) -> None:
@@ -643,7 +643,7 @@ class GuardedAttribute:
     def __get__(self, agent: IAgent | None, owner: type) -> Any:
         if agent is None or self._name not in agent.__dict__:
             raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
-        phase = phase_of(agent)
+        phase = get_phase(agent)
         if phase.before_reading is not None and not phase.is_deciding:
             phase.before_reading()
         return phase.shown(agent.__dict__[self._name])
@@ -655,7 +655,7 @@ class GuardedAttribute:
         del agent.__dict__[self._name]
 
 
-def _guarded_kind(kind: type, kinds: dict[type, type]) -> type:
+def _make_guarded_kind(kind: type, kinds: dict[type, type]) -> type:
     """Return a subclass of an agent class with the attributes of one context, so that the class itself stays unchanged.
 
     Args:

@@ -7,7 +7,7 @@ from gamms.arguments import as_member, as_name
 from gamms.errors import BadType, UnknownName
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, is_sensor, owner_of
+from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, find_owner, is_sensor
 
 
 def carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequence[int]]) -> Carried:
@@ -46,7 +46,7 @@ class _SharedSensor:
     def sense(self, node_id: int) -> None:
         sensor = self._sensor
         own = self._own
-        owner = owner_of(sensor)
+        owner = find_owner(sensor)
         sensor.set_owner(own)
         try:
             sensor.sense(node_id)
@@ -55,14 +55,14 @@ class _SharedSensor:
                 sensor.set_owner(owner)
 
 
-def listed(sensors: Any) -> Any:
+def list_sensors(sensors: Any) -> Any:
     """Return sensors in a form that can be iterated more than once; other values are returned unchanged."""
     if isinstance(sensors, list | tuple | dict | str) or not isinstance(sensors, Iterable):
         return sensors
     return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
-def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = False) -> dict[str, Any]:
+def find_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = False) -> dict[str, Any]:
     """Return the sensors for a new agent, or their declarations, by their names in its state.
 
     Args:
@@ -77,7 +77,7 @@ def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool =
     """
     is_dict = type(given) is not list and isinstance(given, Mapping)
     if isinstance(given, str) or not isinstance(given, Iterable):
-        hint = _kind_hint("eyes", given)
+        hint = _explain_kind("eyes", given)
         raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.{hint}")
     if isinstance(given, Mapping) and as_member(SensorType, given.get("type")) is not None:
         hint = f'Give it a name, sensors={{"eyes": {shown(given)}}}.'
@@ -93,19 +93,19 @@ def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool =
             raise BadType(f"Agent {name!r} cannot carry {shown(sensor)} without a name. {hint}")
         if not is_id and not isinstance(sensor, Mapping) and not is_sensor(sensor):
             factories = "sensors, their ids, and what gamms.sensor.agent_range() and its like return"
-            hint = _kind_hint(key if is_dict else "eyes", sensor)
+            hint = _explain_kind(key if is_dict else "eyes", sensor)
             raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes {factories}.{hint}")
         try:
             found[key if is_id or is_dict else sensor.sensor_id] = ctx.sensor.get_sensor(sensor) if is_id else sensor
         except UnknownName as error:
-            hint = _kind_hint(key if is_dict else "eyes", sensor)
+            hint = _explain_kind(key if is_dict else "eyes", sensor)
             if not skips_unknown:
                 raise UnknownName("sensor", sensor, ctx.sensor.sensors, hint) from None
             ctx.logger.warning(f"Agent {shown(name)} is created without a sensor: {error}{hint}")
     return found
 
 
-def _kind_hint(name: str, given: object) -> str:
+def _explain_kind(name: str, given: object) -> str:
     """Return how to declare a sensor of a kind, for the name, the type or the factory of a kind in its place."""
     kind = as_member(SensorType, getattr(given, "__name__", given))
     if kind is None or kind is SensorType.CUSTOM:

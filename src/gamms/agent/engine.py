@@ -12,31 +12,31 @@ from weakref import WeakSet
 import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
-from gamms.agent.carried_sensors import found_sensors, listed
+from gamms.agent.carried_sensors import find_sensors, list_sensors
 from gamms.agent.snapshots import (
     AgentSet,
     AgentsSnapshot,
     Roster,
-    attributes_of,
-    details_of,
-    teams_in,
+    find_uncreated_teams,
+    list_attributes,
+    list_details,
 )
 from gamms.agent.teams import (
     Agents,
     AgentsByName,
     Team,
     UncreatedMembers,
-    column_of,
+    check_starts,
+    check_values,
     is_attribute,
+    make_column,
     make_member,
     note_created,
-    starts_in,
-    values_in,
 )
-from gamms.arguments import as_declared, as_member, as_name, misspelt, with_options
+from gamms.arguments import as_declared, as_member, as_name, explain_misspelled, spell_out_options
 from gamms.compat import Surface
 from gamms.core.copies import copied_values
-from gamms.deciding import ContextPart, Guarded, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, Guarded, get_phase, refuse_while_deciding
 from gamms.errors import BadValue, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, read_vector
@@ -47,10 +47,10 @@ from gamms.ir.schema import VECTORS
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.actions import known_node, strategy_in
+from gamms.typing.actions import check_node, make_strategy
 from gamms.typing.agent_engine import AgentType, DeletedAgent, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
-from gamms.typing.sensor_engine import ISensor, owner_of
+from gamms.typing.sensor_engine import ISensor, find_owner
 
 _MANY = 1000  # number of nodes from which an array is faster than single look-ups
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
@@ -78,12 +78,12 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     _items = " ctx.agent.get_agent(name) returns an agent, and ctx.agent.create_iter() loops over all of them."
 
     def __init__(self, ctx: IContext) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._ctx = ctx
         self._agents: dict[str, BaseAgent] = Agents()
         self._is_shared = False  # whether the set of agents is copied before it changes; see `AgentStorage.share`
         self._warned = set[tuple[str, str]]()  # keywords and their values, as `_warn_of_edge_attributes` has named them
-        self._new_block()
+        self._renew_block()
         self._storage = AgentStorage(self)
         self._last_departure = DeletedAgent()
         # deleted agents that a program still holds; each has its own block
@@ -178,7 +178,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         agent_type: Literal[AgentType.BASIC, "BASIC"] = AgentType.BASIC,
         **attributes: object,
     ) -> Agent: ...
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(IAgentEngine.create_agent)
     def create_agent(self, name: str, **kwargs: Any) -> BaseAgent:
         """Create an agent, or raise and change nothing; the contract explains the keywords."""
@@ -187,14 +187,14 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if as_name(name, "an agent") in self._agents:
             raise Duplicate("an agent", name)
         if "sensors" in kwargs:
-            kwargs["sensors"] = listed(kwargs["sensors"])
+            kwargs["sensors"] = list_sensors(kwargs["sensors"])
         given = dict(kwargs)
-        kind = self._kind_of(name, kwargs) if not _KINDS_OF_KEYWORDS.isdisjoint(kwargs) else AgentType.BASIC
+        kind = self._find_kind(name, kwargs) if not _KINDS_OF_KEYWORDS.isdisjoint(kwargs) else AgentType.BASIC
         carried = kwargs.pop("sensors", ())
         skips = self._block.trusts_nodes or not isinstance(carried, Mapping)  # a list, as in 1.0.0, or a replay
-        sensors = found_sensors(self._ctx, name, carried, skips_unknown=skips) if "sensors" in given else {}
+        sensors = find_sensors(self._ctx, name, carried, skips_unknown=skips) if "sensors" in given else {}
         strategy = kwargs.pop("strategy", None)
-        hints = [] if _KEYWORDS.keys() >= kwargs.keys() else misspelt(given, _KEYWORDS)
+        hints = [] if _KEYWORDS.keys() >= kwargs.keys() else explain_misspelled(given, _KEYWORDS)
         hints += [hint for one, hint in _OF_FLYERS.items() if kind is AgentType.BASIC and one in kwargs]
         for needed, what in _NEEDED[kind].items():
             if needed not in kwargs:
@@ -203,13 +203,13 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is stored as an attribute.")
         self._check_travel(name, kwargs, flies=kind is AgentType.AERIAL)
         self._phase.known_names.update(kwargs)
-        self._part()
+        self._copy_on_change()
         block = self._block
         journal = self._block.journal
         if not journal.is_silent:
             block.journal = MutedJournal(journal)  # all following changes are part of the creation
         try:
-            agent = self._added(_CLASSES[kind], name, kwargs, strategy)
+            agent = self._add_agent(_CLASSES[kind], name, kwargs, strategy)
             if sensors:
                 created = self._equip(agent, sensors)
                 given["sensors"] = created if created != sensors else given["sensors"]
@@ -218,11 +218,11 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         journal.entered(agent._row, name)
         self._note_starts([(name, getattr(agent, "position", agent.current_node_id))])
         if not journal.is_silent:
-            journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
+            journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._list_more(agent._row)})
         return agent
 
-    @refused_while_deciding
-    @with_options()
+    @refuse_while_deciding
+    @spell_out_options()
     def create_team(
         self,
         name: str,
@@ -251,18 +251,18 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             BadType, BadValue: an argument is invalid, or the team is too large (TooLarge); nothing has changed.
         """
         team = as_name(name, "a team")
-        carried = listed(sensors)
+        carried = list_sensors(sensors)
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
         are_made = bool(carried) or not self._block.journal.is_silent
-        nodes = starts_in(start_node_ids, self._ctx.graph.graph, are_made=are_made)
+        nodes = check_starts(start_node_ids, self._ctx.graph.graph, are_made=are_made)
         names = tuple([f"{team}_{number}" for number in range(len(nodes))])
         taken = next((one for one in names if one in self._agents), None)
         if taken is not None:
             raise Duplicate("an agent", taken)
-        values = values_in(columns, len(nodes), _others)
-        found_sensors(self._ctx, team, carried)
-        self._part()
+        values = check_values(columns, len(nodes), _others)
+        find_sensors(self._ctx, team, carried)
+        self._copy_on_change()
         if not names:
             self._block.number_teams((team,))
             return Team(self._ctx, team, UncreatedMembers(names, strategy, {}), lambda: self._block)
@@ -270,7 +270,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         rows = zip(nodes, zip(*values.values(), strict=True) if values else repeat(()), strict=False)
         given = ({"start_node_id": node, **shared, **dict(zip(values, row, strict=True))} for node, row in rows)
         if not carried and all(map(is_attribute, values)):
-            members = self._added_together(names, nodes, team, strategy, values)
+            members = self._add_together(names, nodes, team, strategy, values)
             note_created(self._block, names, given)
             self._note_starts(zip(names, nodes, strict=True))
             return Team(self._ctx, team, members, lambda: self._block)
@@ -305,7 +305,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
                 self._warned.add((key, value))
                 self._ctx.logger.warning(
                     f"Agent {shown(name)}: {key}={value!r} names an attribute of the edges, but it is an attribute of "
-                    f"the agent, and changes no route. {_what_changes_routes(columns, value)}"
+                    f"the agent, and changes no route. {_explain_routes(columns, value)}"
                 )
 
     def _note_starts(self, starts: Iterable[tuple[str, int | Position]]) -> None:
@@ -313,7 +313,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if self._phase.created is not None:
             self._phase.created(starts)
 
-    def _added_together(
+    def _add_together(
         self, names: tuple[str, ...], nodes: list[int], team: str, strategy: Any, values: dict[str, list[Any]]
     ) -> UncreatedMembers:
         """Add agents without sensors; their objects are created on first access."""
@@ -325,23 +325,23 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             placed = np.array(nodes, np.int64)
             unknown = placed[~np.isin(placed, self._ctx.graph.columns().node_ids)].tolist()
         for node in unknown:
-            known_node(graph, block, node)
+            check_node(graph, block, node)
         if strategy is not None:
-            strategy = strategy_in(self._ctx, strategy)
+            strategy = make_strategy(self._ctx, strategy)
             self._phase.change_strategies()
         self._warn_of_edge_attributes(names[0], {key: column[0] for key, column in values.items()})
-        for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
+        for hint in explain_misspelled({**_OF_TEAMS, **values}, _KEYWORDS):
             self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is stored as an attribute.")
         block.has_teams = True
         block.add_all(names, nodes, team)
-        columns = {name: column_of(column) for name, column in values.items()}
+        columns = {name: make_column(column) for name, column in values.items()}
         members = UncreatedMembers(names, strategy, columns)
         if not isinstance(self._agents, AgentsByName):
-            self._agents = AgentsByName(self._agents, self._made)
+            self._agents = AgentsByName(self._agents, self._make_member)
         self._agents.update(dict.fromkeys(names, members))  # type: ignore[arg-type] # they stand in for agents
         return members
 
-    def _made(self, name: str, members: UncreatedMembers) -> BaseAgent:
+    def _make_member(self, name: str, members: UncreatedMembers) -> BaseAgent:
         return make_member(self._ctx, self._block, name, members)
 
     def get_agent(self, name: str) -> BaseAgent:
@@ -351,14 +351,14 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         except (KeyError, TypeError):
             raise UnknownName("agent", name, self._agents) from None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def delete_agent(self, name: str) -> None:
         """Delete an agent; an unknown name is only warned about."""
         agent = self._agents.get(as_name(name, "an agent"))
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
-        self._part()
+        self._copy_on_change()
         departure = DeletedAgent(agent)
         self._delete(agent)
         self._last_departure.next = departure
@@ -376,7 +376,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             teams.setdefault(agent.team, []).append(agent)
         return _AgentsByTeam(sorted(teams.items(), key=lambda item: str(item[0])))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def terminate(self) -> None:
         """Close the engine: agents stay readable, and their methods do nothing."""
         with suppress(GammsError):  # a custom graph may already be closed
@@ -384,30 +384,30 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         for block in (self._block, *(agent._block for agent in self._deleted)):
             block.journal = CLOSED
 
-    def _stored(self) -> dict[str, Any]:
+    def _list_stored(self) -> dict[str, Any]:
         """Return name -> the agent, or the `UncreatedMembers` that it belongs to."""
         return self._agents.stored() if isinstance(self._agents, AgentsByName) else dict(self._agents)
 
-    def _part(self) -> None:
+    def _copy_on_change(self) -> None:
         """Copy the set of agents, which is about to change, if `AgentStorage.share` has returned it."""
         if not self._is_shared:
             return
         self._is_shared = False
         block = self.block
-        self._new_block()
+        self._renew_block()
         self._block.take_all(block.values(), block.structure_values())
         self._block.has_teams = block.has_teams
         self._block.succeed(block)
         for agent in self._agents.values():
             agent._block = self._block
 
-    def _new_block(self) -> None:
+    def _renew_block(self) -> None:
         self._block = AgentBlock()
         self._block.structure.phase = self._phase
         self._phase.drop_plans()
         self._positions = Positions(self._block)
 
-    def _added(self, kind: Callable[..., BaseAgent], name: str, kwargs: dict[str, Any], strategy: Any) -> BaseAgent:
+    def _add_agent(self, kind: Callable[..., BaseAgent], name: str, kwargs: dict[str, Any], strategy: Any) -> BaseAgent:
         """Add a new agent; on an error nothing has changed."""
         block = self._block
         if block.graph is None:
@@ -428,7 +428,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         """Give a new agent its sensors and return them; create declared ones; on an error remove the agent."""
         engine = self._ctx.sensor
         carried = {}
-        owners = [(sensor, owner_of(sensor)) for sensor in sensors.values()]
+        owners = [(sensor, find_owner(sensor)) for sensor in sensors.values()]
         try:
             for key, sensor in sensors.items():
                 is_declared = isinstance(sensor, Mapping)
@@ -439,12 +439,12 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             for key, (sensor, owner) in zip(carried, owners, strict=False):
                 if carried[key] is not sensor:
                     engine.delete_sensor(carried[key].sensor_id)
-                elif owner_of(sensor) != owner:
+                elif find_owner(sensor) != owner:
                     sensor.set_owner(owner)
             raise
         return carried
 
-    def _more_of(self, row: int) -> dict[str, Any]:
+    def _list_more(self, row: int) -> dict[str, Any]:
         """Return the data that does not follow from the keywords of a new agent: rotation and position in the air."""
         block = self._block
         more: dict[str, Any] = {name: read_vector(block, name, row) for name in VECTORS}
@@ -461,7 +461,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         row = agent._row
         block = self._block
         del self._agents[agent.name]
-        agent._live_in(AgentBlock(block.graph, numbers=block.numbers))
+        agent._move_to_block(AgentBlock(block.graph, numbers=block.numbers))
         for sensor in agent._sensor_list.values():
             agent._clear_owner(sensor)
         self._deleted.add(agent)
@@ -476,7 +476,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         for agent, row in zip(made.values(), self._block.rows.of_each(made), strict=True):
             object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
 
-    def _kind_of(self, name: str, kwargs: dict[str, Any]) -> AgentType:
+    def _find_kind(self, name: str, kwargs: dict[str, Any]) -> AgentType:
         """Return the agent type given by `type` or its synonym `agent_type`.
 
         As in 1.0.0, an invalid `type` means BASIC, and `agent_type` is also stored as an attribute.
@@ -505,19 +505,19 @@ class AgentStorage(Guarded):
 
     def details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
         """Return the sensors, attributes and strategy of each agent, read-only."""
-        return details_of(self._engine._stored(), self._engine._block.modes)
+        return list_details(self._engine._list_stored(), self._engine._block.modes)
 
     def strategies(self) -> list[Any]:
         """Return the strategy of each agent."""
-        return [one.strategy for one in self._engine._stored().values()]
+        return [one.strategy for one in self._engine._list_stored().values()]
 
     def attributes(self) -> dict[int, dict[str, Any]]:
         """Return the attributes of agents that have any, by row; read-only."""
-        return attributes_of(self._engine._agents, self._engine._block.modes)
+        return list_attributes(self._engine._agents, self._engine._block.modes)
 
     def made(self) -> list[BaseAgent]:
         """Return the agents whose objects exist: all except unused members of teams."""
-        return [agent for agent in self._engine._stored().values() if type(agent) is not UncreatedMembers]
+        return [agent for agent in self._engine._list_stored().values() if type(agent) is not UncreatedMembers]
 
     @property
     def present_block(self) -> AgentBlock:
@@ -531,12 +531,12 @@ class AgentStorage(Guarded):
 
     def renew_strategies(self, own: Callable[[Any], Any]) -> None:
         """Replace the strategies of teams, for agents whose objects are created later."""
-        for members in teams_in(self._engine._stored()).values():
+        for members in find_uncreated_teams(self._engine._list_stored()).values():
             members.strategy = own(members.strategy)
 
     def part(self) -> None:
         """Detach the present set of agents from the one that `share` has returned."""
-        self._engine._part()
+        self._engine._copy_on_change()
 
     def share(self) -> AgentSet:
         """Return the present set of agents, for `show`; when agents are created or deleted, it stays as it is."""
@@ -572,7 +572,7 @@ class AgentStorage(Guarded):
         block.locate()
         roster = self._roster
         if roster is None or block.has_teams or not roster.is_of(block):
-            roster = Roster(block, engine._stored())
+            roster = Roster(block, engine._list_stored())
             self._roster = roster
         attributes = [agent.__dict__ for agent in roster.agents]
         return AgentsSnapshot(
@@ -627,7 +627,7 @@ class AgentStorage(Guarded):
         block.take_all(before.columns, roster.columns)
         block.has_teams = roster.has_teams
         if roster.teams:
-            engine._agents = AgentsByName({}, engine._made)
+            engine._agents = AgentsByName({}, engine._make_member)
         for members, columns in zip(roster.teams, before.of_teams, strict=True):
             memo[id(members)] = members.copied(columns)
         equipment = zip(roster.agents, roster.strategies, roster.sensors, roster.shared, before.states, strict=True)
@@ -648,7 +648,7 @@ class AgentStorage(Guarded):
         first = graph.get_node(min(graph.get_nodes()))
         for row, columns in before.hidden(engine.block, known, first):
             engine.block.write(row, columns)
-        for name, agent in engine._stored().items():
+        for name, agent in engine._list_stored().items():
             agent.strategy = None
             if type(agent) is not UncreatedMembers and name not in known:
                 before.write_attributes(agent)
@@ -656,29 +656,29 @@ class AgentStorage(Guarded):
     def _restore_agents(self, before: AgentsSnapshot) -> None:
         """Restore the set of agents and their order."""
         engine = self._engine
-        for name, agent in list(engine._stored().items()):
+        for name, agent in list(engine._list_stored().items()):
             if not before.has(name, agent):
                 engine.delete_agent(name)
         block = engine.block
         then = before.roster.stored
-        if list(then) != list(engine._stored()):
-            engine._new_block()
+        if list(then) != list(engine._list_stored()):
+            engine._renew_block()
             engine._block.has_teams = block.has_teams
             engine._block.succeed(block)
-            engine._agents = AgentsByName({}, engine._made) if block.has_teams else Agents()
+            engine._agents = AgentsByName({}, engine._make_member) if block.has_teams else Agents()
             for name, known in then.items():
                 agent = known.made.get(name, known) if type(known) is UncreatedMembers else known
                 if type(agent) is UncreatedMembers:
                     engine._block.take_over(block, block.row_of(name))
                 else:
-                    agent._live_in(engine._block)
+                    agent._move_to_block(engine._block)
                 engine._agents[name] = agent
         for agent, own in before.deleted:  # restored as they were when they were deleted
             agent._block = own
             agent._row = 0
 
 
-def _what_changes_routes(columns: GraphColumns, name: str) -> str:
+def _explain_routes(columns: GraphColumns, name: str) -> str:
     """Return the hint for an attribute of an agent that names an attribute of the edges."""
     if not may_be_mode(columns, name):
         return "Modes and weights are attributes of edges with numbers, or with true or false."

@@ -9,7 +9,7 @@ from typing import Any
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, UncreatedMembers
 from gamms.core.copies import copied_values
-from gamms.ir.agents import AgentBlock, speed_of, speeds_of
+from gamms.ir.agents import AgentBlock, get_speed, list_speeds
 from gamms.ir.positions import Positions
 from gamms.ir.schema import PLACES
 from gamms.typing.graph_engine import Node
@@ -37,7 +37,7 @@ class Roster:
         self.version = block.structure, block.structure.version
         self.columns = block.structure_values()
         self.has_teams = block.has_teams
-        self.teams = list(teams_in(stored).values()) if block.has_teams else []
+        self.teams = list(find_uncreated_teams(stored).values()) if block.has_teams else []
         self.agents: list[BaseAgent] = [one for one in stored.values() if type(one) is not UncreatedMembers]
         self.strategies = [agent.strategy for agent in self.agents]
         self.sensors = [agent._sensor_list.copy() for agent in self.agents]
@@ -127,14 +127,14 @@ class AgentsSnapshot:
 
         Such an agent keeps its speed, and its height if it flies; it is on `node` until it is placed.
         """
-        speeds = dict(zip(self.names, speeds_of(self.columns["games"]), strict=True))
+        speeds = dict(zip(self.names, list_speeds(self.columns["games"]), strict=True))
         for row, name in enumerate(block.names):
             if name not in known:
                 was = self.places.get(name)
                 place = (node.x, node.y, was[2] if isinstance(was, tuple) else 0.0) if block.kind[row] else None
                 columns = {column.name: column.initial for column in PLACES}
                 columns |= {"node": node.id, "previous": node.id, "position": place, "previous_position": place}
-                columns |= {"quat": block.flights.quat_of(row), "speed": speeds.get(name, speed_of(block, row))}
+                columns |= {"quat": block.flights.quat_of(row), "speed": speeds.get(name, get_speed(block, row))}
                 yield row, columns
 
     def write_attributes(self, agent: BaseAgent) -> None:
@@ -147,15 +147,19 @@ class AgentsSnapshot:
             agent.__dict__.update(copied_values(own))
 
 
-def teams_in(stored: dict[str, Any]) -> dict[int, UncreatedMembers]:
+def find_uncreated_teams(stored: dict[str, Any]) -> dict[int, UncreatedMembers]:
     """Return id() -> `UncreatedMembers`, for members whose objects do not exist."""
     each = dict(zip(map(id, stored.values()), stored.values(), strict=True))
     return {key: one for key, one in each.items() if type(one) is UncreatedMembers}
 
 
-def details_of(stored: dict[str, Any], modes: Sequence[str | None]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
+def list_details(
+    stored: dict[str, Any], modes: Sequence[str | None]
+) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
     """Return the sensors, attributes and strategy of each agent, read-only; `modes` are among the attributes."""
-    alike: dict[int, Any] = {key: ({}, {}, one.strategy) for key, one in teams_in(stored).items() if not one.columns}
+    alike: dict[int, Any] = {
+        key: ({}, {}, one.strategy) for key, one in find_uncreated_teams(stored).items() if not one.columns
+    }
     return [
         alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
         if type(one) is UncreatedMembers
@@ -169,7 +173,7 @@ def _add_mode(attributes: dict[str, Any], mode: str | None) -> dict[str, Any]:
     return attributes if mode is None else {"mode": mode, **attributes}
 
 
-def attributes_of(agents: dict[str, BaseAgent], modes: Sequence[str | None]) -> dict[int, dict[str, Any]]:
+def list_attributes(agents: dict[str, BaseAgent], modes: Sequence[str | None]) -> dict[int, dict[str, Any]]:
     """Return the attributes of agents that have any, by row; read-only; `modes` are among them."""
     if not isinstance(agents, AgentsByName):
         of_each = {row: _add_mode(one.__dict__, modes[one._row]) for row, one in enumerate(agents.values())}

@@ -10,8 +10,17 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent.agent import Agent, BaseAgent
-from gamms.arguments import as_array, as_bool, as_key, as_mapping, as_name, as_range, misspelt, refuse_keywords
-from gamms.deciding import ContextPart, copied_part, phase_of
+from gamms.arguments import (
+    as_array,
+    as_bool,
+    as_key,
+    as_mapping,
+    as_name,
+    as_range,
+    explain_misspelled,
+    refuse_keywords,
+)
+from gamms.deciding import ContextPart, copy_part, get_phase
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, read_speed
@@ -21,19 +30,19 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import LookResults
 from gamms.kernels.draws import BitArray
 from gamms.limits import max_memory, refuse_above
-from gamms.text import printable_line, shown
+from gamms.text import make_printable_line, shown
 from gamms.typing import IContext, IGraph
-from gamms.typing.actions import as_heading, strategy_in
+from gamms.typing.actions import as_heading, make_strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor
 
 Column = np.ndarray[Any, Any]
 
 
-def _speed(speed: Any, name: str) -> float | None:
+def _check_speed(speed: Any, name: str) -> float | None:
     return None if speed is None else as_range(speed, name)
 
 
-_OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _speed}
+_OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _check_speed}
 """Columns of agents in their block -> the check of a value."""
 _NO_COLUMNS = frozenset({"name", "names", "node_ids", "agents", "start_node_id", "sensors", "team", "strategy"})
 _NO_COLUMNS |= {"type", "agent_type"}
@@ -42,11 +51,11 @@ _MANY = 256  # number of members from which legal nodes are read from arrays of 
 _BYTES_PER_MEMBER = 450
 _BYTES_PER_AGENT = 1_400
 _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
-    "current_node_id": lambda agent, node: agent._known(node),
-    "prev_node_id": lambda agent, node: agent._known(node),
+    "current_node_id": lambda agent, node: agent._check_node(node),
+    "prev_node_id": lambda agent, node: agent._check_node(node),
     "orientation": lambda _, heading: heading is None or as_heading(heading),
     "team": lambda _, team: as_key(team, "A team"),
-    "strategy": lambda agent, strategy: strategy is None or strategy_in(agent._ctx, strategy),
+    "strategy": lambda agent, strategy: strategy is None or make_strategy(agent._ctx, strategy),
 }
 """Other attributes that members check -> the same check, for all before one is set."""
 
@@ -106,12 +115,12 @@ class AgentsByName(Agents):
 
     def __getitem__(self, name: str) -> BaseAgent:
         found: Any = super().__getitem__(name)
-        return self._made(name, found) if type(found) is UncreatedMembers else found
+        return self._make_member(name, found) if type(found) is UncreatedMembers else found
 
     def get(self, name: Any, default: Any = None) -> Any:
         """Return an agent by name, or the default."""
         found: Any = super().get(name, default)
-        return self._made(name, found) if type(found) is UncreatedMembers else found
+        return self._make_member(name, found) if type(found) is UncreatedMembers else found
 
     def __iter__(self) -> Iterator[str]:
         return super().__iter__()  # so that copies contain agents
@@ -146,7 +155,7 @@ class AgentsByName(Agents):
         """Return name -> the agent, or the `UncreatedMembers` that it belongs to."""
         return dict(self.stored_items())
 
-    def _made(self, name: str, members: UncreatedMembers) -> BaseAgent:
+    def _make_member(self, name: str, members: UncreatedMembers) -> BaseAgent:
         agent = self._make(name, members)
         super().__setitem__(name, agent)
         return agent
@@ -154,7 +163,7 @@ class AgentsByName(Agents):
     def _make_all(self) -> None:
         for name, found in self.stored().items():
             if type(found) is UncreatedMembers:
-                self._made(name, found)
+                self._make_member(name, found)
 
 
 class Team(ContextPart):
@@ -170,12 +179,12 @@ class Team(ContextPart):
 
     def __init__(self, ctx: IContext, name: str, members: UncreatedMembers, block_of: Callable[[], AgentBlock]) -> None:
         self._ctx = ctx
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self.name = name
         self.names = members.names
         self._members = members
         self._block_of = block_of
-        self._rows: tuple[Any, Any] = None, None  # the block, and the result of `_selection` for it
+        self._rows: tuple[Any, Any] = None, None  # the block, and the result of `_select_members` for it
         self._draws = 0
         self._keys: BitArray | None = None  # keys of the names, for draws
 
@@ -187,7 +196,7 @@ class Team(ContextPart):
         members: UncreatedMembers = memo.get(id(self._members)) or self._members.copied()
         memo[id(self._members)] = members
         for name, agent in self._members.made.items():
-            members.made[name] = memo.get(id(agent)) or copied_part(agent, memo)
+            members.made[name] = memo.get(id(agent)) or copy_part(agent, memo)
         twin = Team(ctx, self.name, members, lambda: ctx.agent.block)
         twin._draws = self._draws
         return twin
@@ -214,12 +223,12 @@ class Team(ContextPart):
         object.__setattr__(self, name, value)
 
     def __iter__(self) -> Iterator[Agent]:
-        return map(self._agent, self.names)
+        return map(self._get_agent, self.names)
 
     def __contains__(self, one: object) -> bool:
         """Return whether a name or an agent is a member."""
         if isinstance(one, Agent):
-            return one.name in self._members.numbers and self._agent(one.name) is one
+            return one.name in self._members.numbers and self._get_agent(one.name) is one
         return one in self._members.numbers if isinstance(one, str) else False
 
     @property
@@ -227,11 +236,11 @@ class Team(ContextPart):
         """The members."""
         return list(self)
 
-    def _agent(self, name: str) -> Agent:
+    def _get_agent(self, name: str) -> Agent:
         found: Any = self._members.made.get(name) or self._ctx.agent.agents[name]
         return cast("Agent", found)
 
-    def _selection(self) -> tuple[Selection, dict[int, Agent]]:
+    def _select_members(self) -> tuple[Selection, dict[int, Agent]]:
         """Return the rows of the members, and the deleted members by index, ascending."""
         block = self._block_of()
         made = self._members.made
@@ -243,9 +252,9 @@ class Team(ContextPart):
         found: tuple[Selection, dict[int, Agent]] = self._rows[1]
         return found
 
-    def _of_block(self, column: str) -> Any:
+    def _read_column(self, column: str) -> Any:
         """Return a column of the block for all members, (agents,); deleted members have their own blocks."""
-        rows, deleted = self._selection()
+        rows, deleted = self._select_members()
         values = rows.of(getattr(self._block_of(), column))
         if deleted:
             values = list(values)
@@ -256,7 +265,7 @@ class Team(ContextPart):
     @property
     def node_ids(self) -> IntArray:
         """The nodes of the members, (agents,) ids; read-only, use `move` to move them."""
-        rows, deleted = self._selection()
+        rows, deleted = self._select_members()
         block = self._block_of()
         nodes: Any = block.ids_of(rows.of(block.node))
         if deleted:
@@ -268,7 +277,7 @@ class Team(ContextPart):
     @property
     def alive(self) -> BoolArray:
         """Whether each member takes part, (agents,); read-only, use `set` to change it."""
-        return _read_only(np.array(self._of_block("alive"), np.bool_))
+        return _read_only(np.array(self._read_column("alive"), np.bool_))
 
     def __getitem__(self, column: str) -> Column:
         """Return an attribute of all members, (agents,); read-only, use `set` to change it.
@@ -284,16 +293,16 @@ class Team(ContextPart):
         members = self._members
         try:
             if column == "speed":
-                values = np.array([*map(read_speed, self._of_block(column), self._of_block("has_int_speed"))])
+                values = np.array([*map(read_speed, self._read_column(column), self._read_column("has_int_speed"))])
             elif column in _OF_BLOCK:
-                values = np.array(self._of_block(column))
+                values = np.array(self._read_column(column))
             elif column in members.columns:
                 own = {members.numbers[name]: getattr(agent, column) for name, agent in members.made.items()}
-                values = _as_array(_changed(members.columns[column], own).tolist())
+                values = _as_array(_change_values(members.columns[column], own).tolist())
             else:
                 values = _as_array([getattr(agent, column) for agent in self])
         except AttributeError as error:
-            known = self._attributes()
+            known = self._list_attributes()
             if column in known:
                 raise UnknownName(f"attribute of {error.obj!r}:", column) from None
             raise UnknownName("column", column, ["alive", "speed", *sorted(known)]) from None
@@ -315,30 +324,30 @@ class Team(ContextPart):
         chosen = np.ones(len(self), np.bool_) if where is None else as_array(where, "where= of a team", "booleans")
         if chosen.shape != (len(self),):
             raise BadType(f"where= of a team must be an array ({len(self)},) of booleans, not {shown(where)}.")
-        phase_of(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
-        listed = each_of(values, len(self), column)
+        get_phase(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
+        listed = check_each(values, len(self), column)
         places = np.flatnonzero(chosen).tolist()
         members = self._members
         block = self._block_of()
         if column in _OF_BLOCK:
             checked = [_OF_BLOCK[column](listed[i], f"{column} of agent {self.names[i]!r}") for i in places]
-            rows, deleted = self._selection()
+            rows, deleted = self._select_members()
             if not deleted:
                 for i, value in zip(places, checked, strict=True):
                     block.set(rows.rows[i], column, value)
                 return
         for i in places if column in _OF_MEMBERS else ():
-            _OF_MEMBERS[column](self._agent(self.names[i]), listed[i])
+            _OF_MEMBERS[column](self._get_agent(self.names[i]), listed[i])
         has_column = column in members.columns
         if has_column or (where is None and not hasattr(Agent, column)):
             if not has_column:
                 self._warn_of_misspelt(column)
-            known = members.columns[column] if has_column else column_of(listed)
-            members.columns[column] = _changed(known, {i: listed[i] for i in places})
+            known = members.columns[column] if has_column else make_column(listed)
+            members.columns[column] = _change_values(known, {i: listed[i] for i in places})
             self._note(column, [i for i in places if self.names[i] not in members.made])
             places = [i for i in places if self.names[i] in members.made]
         for i in places:
-            setattr(self._agent(self.names[i]), column, listed[i])
+            setattr(self._get_agent(self.names[i]), column, listed[i])
 
     def _note(self, column: str, numbers: list[int]) -> None:
         """Record in the journal the values of members without an object."""
@@ -349,11 +358,11 @@ class Team(ContextPart):
             block.journal.attributed(rows, column, values if values.dtype.kind in "biuf" else values.tolist())
 
     def _warn_of_misspelt(self, column: str) -> None:
-        known = {*_OF_BLOCK, *_OF_MEMBERS, *self._attributes()}
-        for hint in misspelt([column], sorted(known), "attribute"):
+        known = {*_OF_BLOCK, *_OF_MEMBERS, *self._list_attributes()}
+        for hint in explain_misspelled([column], sorted(known), "attribute"):
             self._ctx.logger.warning(f"Team {self.name!r}: {hint} It is stored as an attribute.")
 
-    def _attributes(self) -> Iterable[str]:
+    def _list_attributes(self) -> Iterable[str]:
         """Return the names of the caller's attributes of members."""
         return {*self._members.columns, *(name for agent in self._members.made.values() for name in vars(agent))}
 
@@ -375,8 +384,8 @@ class Team(ContextPart):
         The draws depend on the seed of the context, the names, and the number of calls so far; strategies should draw
         from `state["draw"]` instead.
         """
-        phase_of(self._ctx).refuse(f"draw the random_actions of team {self.name!r}")
-        _, first, counts, ids_at = self._legal()
+        get_phase(self._ctx).refuse(f"draw the random_actions of team {self.name!r}")
+        _, first, counts, ids_at = self._get_legal_nodes()
         purpose = kernels.purpose_key(self._ctx.seed, "random_actions")
         if self._keys is None:
             self._keys = kernels.name_keys(self.names)
@@ -384,7 +393,7 @@ class Team(ContextPart):
         self._draws += 1
         return ids_at(first + kernels.below_many(bits, counts))
 
-    def _legal(self) -> tuple[IntArray, IntArray, IntArray, Callable[[IntArray], IntArray]]:
+    def _get_legal_nodes(self) -> tuple[IntArray, IntArray, IntArray, Callable[[IntArray], IntArray]]:
         """Return the nodes of the members, and their legal nodes.
 
         Returns (nodes, first, count, ids_at): for each member its node, the position of its first legal node, and the
@@ -413,13 +422,13 @@ class Team(ContextPart):
         Raises:
             BadValue: a node is not legal, or the number of nodes is wrong; no member has moved.
         """
-        phase_of(self._ctx).refuse(f"move team {self.name!r}")
+        get_phase(self._ctx).refuse(f"move team {self.name!r}")
         wanted = np.array(as_node_ids(node_ids, "node_ids", self._ctx.graph), np.int64)
         alive = self.alive
         if len(wanted) != len(self):
             raise BadValue(f"Team {self.name!r} has {len(self)} agents, and {len(wanted)} node_ids were given.")
         self._refuse_illegal(wanted, alive)
-        rows, deleted = self._selection()
+        rows, deleted = self._select_members()
         block = self._block_of()
         is_there = alive.copy()
         is_there[[*deleted]] = False
@@ -433,7 +442,7 @@ class Team(ContextPart):
 
     def _refuse_illegal(self, wanted: IntArray, alive: BoolArray) -> None:
         """Raise BadValue if a node of `wanted` (agents,) is not legal for its living member."""
-        nodes, first, counts, ids_at = self._legal()
+        nodes, first, counts, ids_at = self._get_legal_nodes()
         left = np.flatnonzero(alive)
         number = 0
         wrong = len(self)
@@ -477,7 +486,7 @@ def _refuse_fixed(column: str) -> None:
         raise BadValue(f"{column!r} of agents cannot be set; {', '.join(sorted(settable))} and custom names can.")
 
 
-def column_of(values: list[Any]) -> Column:
+def make_column(values: list[Any]) -> Column:
     """Return one value per agent as an array; an array of objects unless all are of one kind of number."""
     kinds = set(map(type, values))
     kind = next(iter(kinds)) if len(kinds) == 1 else object
@@ -491,14 +500,14 @@ def column_of(values: list[Any]) -> Column:
     return column
 
 
-def _changed(column: Column, values: Mapping[int, Any]) -> Column:
+def _change_values(column: Column, values: Mapping[int, Any]) -> Column:
     """Return a copy of a column with other values at some positions."""
     if not values:
         return column
     listed = column.tolist()
     for number, value in values.items():
         listed[number] = value
-    return column_of(listed)
+    return make_column(listed)
 
 
 def _as_array(values: list[Any]) -> Column:
@@ -518,7 +527,7 @@ def _read_only(values: Column) -> Column:
     return values
 
 
-def starts_in(given: object, graph: IGraph, *, are_made: bool) -> list[int]:
+def check_starts(given: object, graph: IGraph, *, are_made: bool) -> list[int]:
     """Return the start nodes of a team's members, from any collection of ids of nodes of a graph.
 
     Raises:
@@ -550,7 +559,7 @@ def note_created(block: AgentBlock, names: Sequence[str], given: Iterable[dict[s
         journal.note(events.AGENT_CREATE, {"name": name, "kwargs": keywords, "state": {}})
 
 
-def values_in(columns: object, count: int, others: Iterable[str]) -> dict[str, list[Any]]:
+def check_values(columns: object, count: int, others: Iterable[str]) -> dict[str, list[Any]]:
     """Return the columns of a team as name -> one plain value for each agent.
 
     Raises:
@@ -565,10 +574,10 @@ def values_in(columns: object, count: int, others: Iterable[str]) -> dict[str, l
                 f"{column!r} cannot be one of columns=: it follows from the other arguments of create_team. Use them, "
                 "or another name."
             )
-    return {column: each_of(value, count, column) for column, value in given.items()}
+    return {column: check_each(value, count, column) for column, value in given.items()}
 
 
-def each_of(values: object, count: int, name: str) -> list[Any]:
+def check_each(values: object, count: int, name: str) -> list[Any]:
     """Return one plain value for each of several agents.
 
     Raises:
@@ -579,5 +588,5 @@ def each_of(values: object, count: int, name: str) -> list[Any]:
         return [values.item() if isinstance(values, np.generic) else values] * count
     listed: list[Any] = values.tolist() if isinstance(values, np.ndarray) else list(values)  # type: ignore[call-overload]
     if len(listed) != count:
-        raise BadValue(f"{printable_line(name)}: one value, or {count}, one for each agent; not {len(listed)}.")
+        raise BadValue(f"{make_printable_line(name)}: one value, or {count}, one for each agent; not {len(listed)}.")
     return listed

@@ -17,16 +17,16 @@ from gamms.belief.evidence import (
     ObservedNodes,
     Sighting,
     TurnObservations,
-    agent_on_ground,
+    find_last_sightings,
+    get_ground_agent,
+    get_required,
     is_by_metres,
-    last_sightings,
+    join_turns,
     note_senses,
-    required,
-    turns_in,
 )
-from gamms.belief.filter import by_node
-from gamms.belief.ground import BeliefMap, belief_map_of
-from gamms.belief.motion import Motion, as_motion, chain_of, evidence_of, random_walk
+from gamms.belief.filter import list_by_node
+from gamms.belief.ground import BeliefMap, get_belief_map
+from gamms.belief.motion import Motion, as_motion, convert_evidence, get_chain, random_walk
 from gamms.belief.reach import ReachBounds, ReachByTurns
 from gamms.context import Context
 from gamms.core import belief as core
@@ -39,7 +39,7 @@ from gamms.typing.game import AerialState, State
 from gamms.visual.appearance import Rgb, table
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import render_values
-from gamms.visual.drawing import drawing_of
+from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import ColoredValues, ColorScale, LegendRow, LegendRows
 
 _MOST_BYTES = 1 << 27  # approximate size of the cached results for one map
@@ -83,8 +83,8 @@ def observe(ctx: Context, state: State | AerialState, *, share: bool = True, hor
 
 def believed(ctx: Context, state: State | AerialState) -> "Belief":
     """Return the belief from the memories of an agent and its team, without new observations."""
-    memories = required(state, "memory"), state.get("team_memory", {})
-    return Belief(as_context(ctx, "believed"), turns_in(*memories), state["turn"], state.get("time", 0.0))
+    memories = get_required(state, "memory"), state.get("team_memory", {})
+    return Belief(as_context(ctx, "believed"), join_turns(*memories), state["turn"], state.get("time", 0.0))
 
 
 def belief_of(ctx: Context, observer: str) -> "Belief":
@@ -95,7 +95,7 @@ def belief_of(ctx: Context, observer: str) -> "Belief":
     """
     team = getattr(as_context(ctx, "belief_of").agent.get_agent(observer), "team", None)
     shared = {} if team is None else ctx.game.team_memories.get(team, {})
-    return Belief(ctx, turns_in(ctx.game.memories.get(observer, {}), shared), ctx.game.turn)
+    return Belief(ctx, join_turns(ctx.game.memories.get(observer, {}), shared), ctx.game.turn)
 
 
 class Belief:
@@ -121,7 +121,7 @@ class Belief:
     @cached_property
     def last_seen(self) -> dict[str, Sighting]:
         """Agent -> its last sighting: where, in which turn and by whom."""
-        return last_sightings(self._turns)
+        return find_last_sightings(self._turns)
 
     # -- possible positions
     # ---------------------------------------------------------------------------------------
@@ -143,37 +143,41 @@ class Belief:
             BadType: the agent flies.
             TooLarge: the game is at a turn beyond 100,000.
         """
-        return set(belief_map_of(self._ctx.graph.columns()).ids_where(self.are_reachable([target], speed)[0]))
+        return set(get_belief_map(self._ctx.graph.columns()).ids_where(self.are_reachable([target], speed)[0]))
 
     def are_reachable(self, targets: Sequence[str], speed: float | None = None) -> BoolArray:
         """Return `reachable` of several targets, a mask (targets, nodes), with nodes as in `ctx.graph.columns()`."""
-        agents = [agent_on_ground(self._ctx, name) for name in as_items(targets, "targets", "names")]
+        agents = [get_ground_agent(self._ctx, name) for name in as_items(targets, "targets", "names")]
         paces = [getattr(agent, "speed", None) if speed is None else as_range(speed, "speed") for agent in agents]
         game = None if self._ctx.current_game is None else self._ctx.game
         in_metres = is_by_metres(self._ctx)
         turns = game.turn_seconds if game is not None and game.speed_unit == "metres_per_second" else 1.0
-        found = np.zeros((len(agents), belief_map_of(self._ctx.graph.columns()).size), bool)
+        found = np.zeros((len(agents), get_belief_map(self._ctx.graph.columns()).size), bool)
         # An agent without a speed moves along one edge of any length, even if other agents use metres.
-        kinds = [(pace is not None, _mode_of(agent)) for agent, pace in zip(agents, paces, strict=True)]
+        kinds = [(pace is not None, _get_mode(agent)) for agent, pace in zip(agents, paces, strict=True)]
         for has_pace, mode in dict.fromkeys(kinds):
             lines = [line for line, kind in enumerate(kinds) if kind == (has_pace, mode)]
             names = tuple(targets[line] for line in lines)
             attribute, obeys_turns = (None, False) if mode is None else split_mode(mode)
             if obeys_turns and not has_pace:
-                found[lines] = self._reached_with_turns(names, str(attribute))
+                found[lines] = self._find_reached_nodes_with_turns(names, str(attribute))
                 continue
             speeds = [(paces[line] or 0.0) * turns for line in lines]
             # with a speed, turn restrictions exclude nothing here
-            labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), attribute, has_pace and in_metres)
+            labels = self._find_reached_nodes(
+                names, speeds if has_pace else [1.0] * len(lines), attribute, has_pace and in_metres
+            )
             found[lines] = labels > -np.inf
         found[[not getattr(agent, "alive", True) for agent in agents]] = False
         return found
 
     def _map_of(self, mode: str | None) -> BeliefMap:
         """Return the map of the edges that targets of a mode may use."""
-        return belief_map_of(graph_of(self._ctx, mode).columns())
+        return get_belief_map(graph_of(self._ctx, mode).columns())
 
-    def _reached(self, targets: tuple[str, ...], speeds: list[float], mode: str | None, in_metres: bool) -> FloatArray:
+    def _find_reached_nodes(
+        self, targets: tuple[str, ...], speeds: list[float], mode: str | None, in_metres: bool
+    ) -> FloatArray:
         """Return labels (targets, nodes) of the nodes that targets can have reached; see `ReachBounds`."""
         ground = self._map_of(mode)
         closed = tuple((turn, arc) for turn, seen in self._turns.items() for arc in seen.closed)
@@ -188,17 +192,17 @@ class Belief:
             return reach.observe(labels, turn, seen, targets)
 
         key = ("reach", ground.digest, targets, speeds, in_metres, are_on_edges, is_free, closed)
-        labels = self._folded(key, reach.anywhere(0), reach.advance, look)
+        labels = self._apply_turns(key, reach.anywhere(0), reach.advance, look)
         return reach.advance(labels, self.turn + 1, self._time) if self._time else labels
 
-    def _reached_with_turns(self, targets: tuple[str, ...], mode: str) -> BoolArray:
+    def _find_reached_nodes_with_turns(self, targets: tuple[str, ...], mode: str) -> BoolArray:
         """Return the nodes (targets, nodes) that targets can have reached who obey the turn restrictions of a mode.
 
         Where roads were closed meanwhile, other turns were legal: then restrictions exclude nothing.
         """
         if any(seen.closed for seen in self._turns.values()):
-            return self._reached(targets, [1.0] * len(targets), mode, in_metres=False) > -np.inf
-        ground = belief_map_of(self._ctx.graph.columns())
+            return self._find_reached_nodes(targets, [1.0] * len(targets), mode, in_metres=False) > -np.inf
+        ground = get_belief_map(self._ctx.graph.columns())
         reach = ReachByTurns(ground, len(targets), mode)
 
         def move(states: BoolArray, _: int) -> BoolArray:
@@ -208,7 +212,7 @@ class Belief:
             return reach.observe(states, seen, targets)
 
         key = ("reach with turns", ground.digest, targets, mode)
-        return reach.find_nodes(self._folded(key, reach.anywhere(), move, look))
+        return reach.find_nodes(self._apply_turns(key, reach.anywhere(), move, look))
 
     # -- probable positions
     # -----------------------------------------------------------------------------------------
@@ -228,49 +232,53 @@ class Belief:
             BadType: the agent flies, or the motion is not a model.
             TooLarge: the game is at a turn beyond 100,000.
         """
-        return by_node(belief_map_of(self._ctx.graph.columns()), self.probabilities([target], motion)[0])
+        return list_by_node(get_belief_map(self._ctx.graph.columns()), self.probabilities([target], motion)[0])
 
     def probabilities(self, targets: Sequence[str], motion: Motion | None = None) -> FloatArray:
         """Return `probability` of several targets, (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
-        agents = [agent_on_ground(self._ctx, name) for name in as_items(targets, "targets", "names")]
+        agents = [get_ground_agent(self._ctx, name) for name in as_items(targets, "targets", "names")]
         model = random_walk() if motion is None else as_motion(motion, "motion")
-        kinds = [(self._metres_of(agent), _mode_of(agent)) for agent in agents]
+        kinds = [(self._get_metres_per_turn(agent), _get_mode(agent)) for agent in agents]
         if len(set(kinds)) == 1:
-            found = self._filtered(tuple(targets), model, *kinds[0])
+            found = self._filter_probabilities(tuple(targets), model, *kinds[0])
         else:
-            found = np.zeros((len(agents), belief_map_of(self._ctx.graph.columns()).size))
+            found = np.zeros((len(agents), get_belief_map(self._ctx.graph.columns()).size))
             for kind in dict.fromkeys(kinds):
                 lines = [line for line, one in enumerate(kinds) if one == kind]
-                found[lines] = self._filtered(tuple(targets[line] for line in lines), model, *kind)
+                found[lines] = self._filter_probabilities(tuple(targets[line] for line in lines), model, *kind)
         found[[not getattr(agent, "alive", True) for agent in agents]] = 0.0
         return found
 
-    def _metres_of(self, agent: IAgent) -> float | None:
+    def _get_metres_per_turn(self, agent: IAgent) -> float | None:
         """Return the metres that an agent moves per turn; None if it moves from node to node."""
         speed = getattr(agent, "speed", None)
         if speed is None or not is_by_metres(self._ctx):
             return None
         return float(speed) * (self._ctx.game.turn_seconds if self._ctx.game.speed_unit == "metres_per_second" else 1.0)
 
-    def _filtered(self, names: tuple[str, ...], model: Motion, metres: float | None, mode: str | None) -> FloatArray:
+    def _filter_probabilities(
+        self, names: tuple[str, ...], model: Motion, metres: float | None, mode: str | None
+    ) -> FloatArray:
         """Return the probability of each node (targets, nodes), for targets of equal speed and mode."""
         attribute, obeys_turns = (None, False) if mode is None else split_mode(mode)
         turns = attribute if obeys_turns else None
         ground = self._map_of(None if obeys_turns else mode)
-        chain = chain_of(model, ground, metres, turns)
+        chain = get_chain(model, ground, metres, turns)
 
         def move(masses: FloatArray, _: int) -> FloatArray:
             return chain.predicted(masses, model.steps)
 
         def look(masses: FloatArray, _: int, seen: list[Observation]) -> FloatArray:
-            found: FloatArray = chain.observed(masses[None], *_observed(ground, names, seen, metres or 0.0))[0][0]
+            found: FloatArray = chain.observed(
+                masses[None], *_convert_observations(ground, names, seen, metres or 0.0)
+            )[0][0]
             return found
 
         key = ("probable", ground.digest, names, model.name, model.steps, metres, turns)
         start = np.tile(chain.shares / ground.size, (len(names), 1))
-        return chain.of_nodes(self._folded(key, start, move, look))
+        return chain.of_nodes(self._apply_turns(key, start, move, look))
 
-    def _folded(self, key: object, start: StateArray, move: Moving, look: Looking) -> StateArray:
+    def _apply_turns(self, key: object, start: StateArray, move: Moving, look: Looking) -> StateArray:
         """Apply turns and observations to a start state, continuing from the last cached turn.
 
         The cache key of a turn is a digest of everything before it, so that cached results never become invalid.
@@ -289,7 +297,7 @@ class Belief:
             digests.append(blake2b(digests[-1] + (seen.digest if seen else b""), digest_size=16).digest())
         if digests[-1] in self._now:
             return self._now[digests[-1]]
-        kept = _worked_out.setdefault(belief_map_of(self._ctx.graph.columns()), OrderedDict())
+        kept = _worked_out.setdefault(get_belief_map(self._ctx.graph.columns()), OrderedDict())
         begin = next((turn for turn in range(self.turn, 0, -1) if digests[turn] in kept), 0)
         value = kept[digests[begin]] if begin else start
         for turn in range(begin, self.turn + 1):
@@ -308,12 +316,12 @@ class Belief:
         return value
 
 
-def _mode_of(agent: IAgent) -> str | None:
+def _get_mode(agent: IAgent) -> str | None:
     """Return the mode of an agent, by which it may use edges; None: all edges."""
     return getattr(agent, "mode", None)
 
 
-def _observed(
+def _convert_observations(
     ground: BeliefMap, targets: Sequence[str], seen: list[Observation], metres: float
 ) -> tuple[core.Evidence, IntArray]:
     """Return the observations of a turn in the form of `MotionChain.observed`.
@@ -322,32 +330,34 @@ def _observed(
     that the targets move per turn: targets seen within the turn had not moved so far at its beginning.
     """
     looks = [look for one in seen for look in one.looks]
-    covered = [_missed_by(ground, look) for look in looks]
+    covered = [_find_missed_nodes(ground, look) for look in looks]
     ends = np.cumsum([0, *(len(rows) for rows, _ in covered)])
     rows, missed = (np.concatenate(parts) for parts in zip(_NOTHING, *covered, strict=True))
     shown = np.array([name not in look.not_shown for look in looks for name in targets], np.bool_)
     found = {name: (ground.row(node), one.places.get(name)) for one in seen for name, node in one.found.items()}
-    places = [_found_at(ground, *found[name], metres) if name in found else _UNSEEN for name in targets]
+    places = [_make_found(ground, *found[name], metres) if name in found else _UNSEEN for name in targets]
     nodes, *on_edges = zip(*places, strict=True)
-    kinds = [_kind_of(look) for look in looks]
-    evidence = evidence_of(ends, (rows, missed), shown, np.array([nodes], np.int64), kinds, (on_edges[0], on_edges[1]))
+    kinds = [_get_kind(look) for look in looks]
+    evidence = convert_evidence(
+        ends, (rows, missed), shown, np.array([nodes], np.int64), kinds, (on_edges[0], on_edges[1])
+    )
     return evidence, np.array([0, len(looks)])
 
 
-def _missed_by(ground: BeliefMap, look: ObservedNodes) -> tuple[IntArray, FloatArray]:
+def _find_missed_nodes(ground: BeliefMap, look: ObservedNodes) -> tuple[IntArray, FloatArray]:
     """Return the rows of the nodes that a look covers, and the probability that it misses an agent there."""
     rows = np.arange(ground.size) if look.node_ids is None else ground.rows(look.node_ids)
     is_there = rows >= 0
     return rows[is_there], (1.0 - np.broadcast_to(look.detection, rows.shape))[is_there]
 
 
-def _kind_of(look: ObservedNodes) -> int:
+def _get_kind(look: ObservedNodes) -> int:
     if not look.is_convex:
         return core.LOOKS_AT_NODES
     return core.LOOKS_ALONG_EDGES if look.node_ids is None else core.LOOKS_ALONG_STRAIGHT_EDGES
 
 
-def _found_at(ground: BeliefMap, row: int, place: ExactPosition | None, metres: float) -> Found:
+def _make_found(ground: BeliefMap, row: int, place: ExactPosition | None, metres: float) -> Found:
     """Return the position of a target that was seen."""
     if row < 0:
         return core.IS_UNKNOWN, core.IS_ANYWHERE_ON_NODE, 0.0
@@ -383,7 +393,7 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
     def colors_of(ctx: Context) -> tuple[Rgb, ...]:
         if can_be:
             return (_CAN_BE,)
-        return table("magma") if sum(drawing_of(ctx).theme.background[:3]) < _DARK else table("magma")[::-1]
+        return table("magma") if sum(get_drawing(ctx).theme.background[:3]) < _DARK else table("magma")[::-1]
 
     def draw(ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG001 - the arguments of every drawer
         chances, most = chances_of(ctx)

@@ -23,9 +23,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.arguments import as_context, as_count, as_mapping
-from gamms.belief.ground import Arc, BeliefMap, belief_map_of
+from gamms.belief.ground import Arc, BeliefMap, get_belief_map
 from gamms.context import Context
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import BadType, BadValue, MissingKey, NotOffered
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import FloatArray, IntArray, as_node_id
@@ -168,7 +168,7 @@ class TurnObservations:
         return tuple(arc for one in self.observations for arc in one.closed or ())
 
 
-def turns_in(*memories: Mapping[Any, Any]) -> dict[int, TurnObservations]:
+def join_turns(*memories: Mapping[Any, Any]) -> dict[int, TurnObservations]:
     """Return the observations of each turn, merged from several memories."""
     joined: dict[int, set[str]] = {}
     alone: dict[int, dict[str, str]] = {}
@@ -181,9 +181,9 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, TurnObservations]:
             if kind not in (ENTRY, _REPORTS):
                 continue
             if type(turn) is not int or type(by) is not str or type(text) is not str:
-                raise _nonsense(turn, by, text)
+                raise _make_type_error(turn, by, text)
             if kind == _REPORTS:
-                for report in _reports_in(turn, by, text):
+                for report in _parse_reports(turn, by, text):
                     reports.setdefault(report.turn, []).append((by, report))
             elif by == _ALL:
                 joined.setdefault(turn, set()).add(text)
@@ -191,15 +191,15 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, TurnObservations]:
                 known = alone.setdefault(turn, {})
                 known[by] = max(text, known.get(by, ""))
     found = {
-        turn: _turn_of(turn, tuple(sorted(joined.get(turn, ()))), tuple(alone.get(turn, {}).items()))
+        turn: _join_turn(turn, tuple(sorted(joined.get(turn, ()))), tuple(alone.get(turn, {}).items()))
         for turn in {*joined, *alone}
     }
     for turn, reported in reports.items():
-        found[turn] = _with_reports(turn, found[turn].texts if turn in found else {}, reported)
+        found[turn] = _add_reports(turn, found[turn].texts if turn in found else {}, reported)
     return dict(sorted(found.items()))
 
 
-def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[str, Report]]) -> TurnObservations:
+def _add_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[str, Report]]) -> TurnObservations:
     """Return a turn with later reports about it."""
     entries = {by: json.loads(text) for by, text in texts.items()}
     found: dict[str, dict[str, Any]] = {by: entry.pop("found", {}) for by, entry in entries.items()}
@@ -215,29 +215,29 @@ def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[s
 
 
 @lru_cache(maxsize=_MOST_TEXTS)  # NOTE: saves joining the same hundred turns in each turn
-def _turn_of(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], ...]) -> TurnObservations:
+def _join_turn(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], ...]) -> TurnObservations:
     """Return a turn from its joined and its separate entries."""
-    parts = [_entries_in(turn, text) for text in joined]
+    parts = [_parse_entries(turn, text) for text in joined]
     parts.append({by: text for by, text in alone if not any(by in one for one in parts)})
     texts: dict[str, str] = {}
     for part in parts:
         for by, text in part.items():
             texts[by] = max(text, texts.get(by, ""))
-    return _written_turn(turn, tuple(sorted(texts.items())))
+    return _parse_turn(turn, tuple(sorted(texts.items())))
 
 
 @lru_cache(maxsize=_MOST_TEXTS)
-def _written_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> TurnObservations:
+def _parse_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> TurnObservations:
     return TurnObservations(turn, dict(texts))  # NOTE: the same object for all teammates
 
 
 @lru_cache(maxsize=_MOST_TEXTS)
-def _entries_in(turn: int, text: str) -> Mapping[str, str]:
+def _parse_entries(turn: int, text: str) -> Mapping[str, str]:
     """Return the entries in a joined text, by observer."""
     try:
         return {by: _as_text(entry) for by, entry in json.loads(text).items()}
     except (AttributeError, ValueError, RecursionError) as error:
-        raise _nonsense(turn, _ALL, text) from error
+        raise _make_type_error(turn, _ALL, text) from error
 
 
 # -- memories from recordings ---------------------------------------------------------------------------------------
@@ -314,10 +314,10 @@ def merge(*memories: Mapping[Any, Any]) -> dict[Key, str]:
     Merging observations merges the beliefs of teammates: the result follows from Bayes' rule with all observations, in
     any order, and an observation in several memories counts once.
     """
-    return {(ENTRY, turn, by): text for turn, seen in turns_in(*memories).items() for by, text in seen.texts.items()}
+    return {(ENTRY, turn, by): text for turn, seen in join_turns(*memories).items() for by, text in seen.texts.items()}
 
 
-def last_sightings(turns: Mapping[int, TurnObservations]) -> dict[str, Sighting]:
+def find_last_sightings(turns: Mapping[int, TurnObservations]) -> dict[str, Sighting]:
     """Return the last sighting of each agent; of several observers in one turn, the first by name counts."""
     last: dict[str, Sighting] = {}
     for turn in sorted(turns):
@@ -330,9 +330,9 @@ def last_sightings(turns: Mapping[int, TurnObservations]) -> dict[str, Sighting]
 
 def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
     """Write to memory the agents of other teams that an agent's sensors show in this turn."""
-    agent = as_context(ctx, "observe").agent.get_agent(required(state, "name"))
+    agent = as_context(ctx, "observe").agent.get_agent(get_required(state, "name"))
     is_between = state.get("edge") is not None
-    found: dict[str, Any] = dict(_respawned(ctx, state, share=share))
+    found: dict[str, Any] = dict(_find_respawned_agents(ctx, state, share=share))
     looks = []
     for name, (kind, data) in state["sensor"].items():
         if kind not in ON_GROUND | IN_AIR:
@@ -347,19 +347,19 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
             covered = _NO_COVERAGE
         not_shown = set(covered.not_shown)
         if covered.is_exact:
-            places = data if kind in ON_GROUND else _nodes_under(ctx, data)
+            places = data if kind in ON_GROUND else _find_nodes_below(ctx, data)
             found |= {one: _as_found(ctx, state, node) for one, node in places.items() if _is_other(ctx, state, one)}
             not_shown |= data.keys() - places.keys()
         else:  # approximate reports give no certain positions
             not_shown |= data.keys() & ctx.agent.agents.keys()
         others = sorted(one for one in not_shown if _is_other(ctx, state, one))
-        looks.append(_look(ctx, covered, others))
+        looks.append(_write_look(ctx, covered, others))
     if state.get("time", 0.0):  # beliefs are about the beginning of the turn, when agents were elsewhere
         looks = []
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
     shared = state.get("team_memory", {})
-    for memory in (required(state, "memory"), shared):
-        _prune(memory, _forgotten_before(state["turn"], as_count(horizon, "horizon")))
+    for memory in (get_required(state, "memory"), shared):
+        _prune(memory, _find_first_kept_turn(state["turn"], as_count(horizon, "horizon")))
     _join(shared, state["turn"])
 
 
@@ -382,7 +382,7 @@ def note(
     """
     graph = as_context(ctx, "note").graph.graph
     where = as_node_id(node, f"node of agent {shown(name)}", graph)
-    now = required(state, "turn")
+    now = get_required(state, "turn")
     graph.get_node(where)
     agent = ctx.agent.get_agent(name)
     then = now if turn is None else as_count(turn, "turn of note", 0)
@@ -395,20 +395,20 @@ def note(
 
 
 def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, share: bool) -> None:
-    memory = required(state, "memory")
-    turn = required(state, "turn")
-    key = (ENTRY, turn, required(state, "name"))
+    memory = get_required(state, "memory")
+    turn = get_required(state, "turn")
+    key = (ENTRY, turn, get_required(state, "name"))
     known = json.loads(memory.get(key, "{}"))
     found = dict(sorted({**known.get("found", {}), **new["found"]}.items()))
     looks = new["looks"] or known.get("looks", [])
-    entry = {"found": found, "looks": looks, "closed": known.get("closed", []) or _closed(ctx, memory)}
+    entry = {"found": found, "looks": looks, "closed": known.get("closed", []) or _list_closed_edges(ctx, memory)}
     text = _as_text({name: part for name, part in entry.items() if part not in ({}, [])})
     _write(state, key, text, share=share)
 
 
 def _report(state: State | AerialState, report: Report, *, share: bool) -> None:
-    key = (_REPORTS, required(state, "turn"), required(state, "name"))
-    known = json.loads(required(state, "memory").get(key, "[]"))
+    key = (_REPORTS, get_required(state, "turn"), get_required(state, "name"))
+    known = json.loads(get_required(state, "memory").get(key, "[]"))
     if list(report) not in known:
         _write(state, key, _as_text([*known, report]), share=share)
 
@@ -419,7 +419,7 @@ def _write(state: State | AerialState, key: Key, text: str, *, share: bool) -> N
         state["team_memory"][key] = text
 
 
-def required(state: State | AerialState, key: str) -> Any:
+def get_required(state: State | AerialState, key: str) -> Any:
     """Return the value of a key of the state.
 
     Raises:
@@ -436,12 +436,12 @@ def required(state: State | AerialState, key: str) -> Any:
 def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:
     """Return whether an agent is on the ground and on another team than the observer."""
     other = ctx.agent.get_agent(name)
-    team = required(state, "team")
+    team = get_required(state, "team")
     is_mate = name == state["name"] or are_mates(team, getattr(other, "team", None))
     return not is_mate and other.type is not AgentType.AERIAL
 
 
-def _nodes_under(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, ...]]]) -> dict[str, int]:
+def _find_nodes_below(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, ...]]]) -> dict[str, int]:
     """Return the nodes of agents that were seen from the air; agents between nodes are left out.
 
     The last node that an agent between nodes passed cannot be seen.
@@ -482,7 +482,7 @@ def _read_found(value: int | list[Any]) -> tuple[int, ExactPosition | None]:
     return int(node), ExactPosition(float(time), (int(node), int(target), int(edge)), float(offset))
 
 
-def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict[str, int]:
+def _find_respawned_agents(ctx: Context, state: State | AerialState, *, share: bool) -> dict[str, int]:
     """Return where `ctx.game.respawn` has put agents since the last observation, which all strategies can read.
 
     If the agent may have moved since, it becomes a report about an earlier turn.
@@ -490,9 +490,9 @@ def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict
     found: dict[str, int] = {}
     if ctx.current_game is None:
         return found
-    with phase_of(ctx).suspended(changes_world=False):  # NOTE: saves a copy of all events of the game, 3 us for each
+    with get_phase(ctx).suspended(changes_world=False):  # NOTE: saves a copy of all events of the game, 3 us for each
         events = ctx.game.events
-    memory = required(state, "memory")
+    memory = get_required(state, "memory")
     turn = state["turn"]
     known = set[str]()
     for event in reversed(events[memory.get(_EVENTS, 0) :]):
@@ -520,7 +520,7 @@ def _may_have_moved(ctx: Context, state: State | AerialState, name: str) -> bool
     return is_earlier or any(rule.phase == "deeds" for rule in ctx.game.rules)
 
 
-def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
+def _write_look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
     """Return the written form of a look; [] if nothing follows from it."""
     node_ids = covered.node_ids
     detection = covered.detection
@@ -551,18 +551,18 @@ def _read(turn: int, by: str, text: str) -> Observation:
         places = {name: place for name, (_, place) in found.items() if place is not None}
         return Observation({name: node for name, (node, _) in found.items()}, looks, arcs, places)
     except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
-        raise _nonsense(turn, by, text) from error
+        raise _make_type_error(turn, by, text) from error
 
 
 @lru_cache(maxsize=_MOST_TEXTS)
-def _reports_in(turn: int, by: str, text: str) -> list[Report]:
+def _parse_reports(turn: int, by: str, text: str) -> list[Report]:
     try:
         return [Report(str(name), int(node), int(then), bool(put)) for name, node, then, put in json.loads(text)]
     except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
-        raise _nonsense(turn, by, text) from error
+        raise _make_type_error(turn, by, text) from error
 
 
-def _nonsense(turn: object, by: object, text: object) -> BadType:
+def _make_type_error(turn: object, by: object, text: object) -> BadType:
     return BadType(
         f"The memory has {shown(text)} as the observation of {shown(by or 'a team')} in turn {shown(turn)}. "
         f"Keys that begin with {ENTRY!r} belong to gamms.belief; do not write to them."
@@ -585,9 +585,9 @@ def _read_look(
 # ----------------------------------------------------------------------------------------------
 
 
-def _closed(ctx: Context, memory: Memory) -> list[list[float]] | None:
+def _list_closed_edges(ctx: Context, memory: Memory) -> list[list[float]] | None:
     """Return the edges removed since the last observation of the agent; None if that map is no longer known."""
-    ground = belief_map_of(ctx.graph.columns())
+    ground = get_belief_map(ctx.graph.columns())
     known = _grounds.setdefault(ctx, {})
     known[ground.digest] = ground
     while len(known) > _MOST_MAPS:
@@ -599,12 +599,12 @@ def _closed(ctx: Context, memory: Memory) -> list[list[float]] | None:
     return [list(arc) for arc in sorted(known[before].arcs() - ground.arcs())] if before in known else None
 
 
-def _keys_of(memory: Mapping[Any, Any]) -> list[Key]:
+def _list_keys(memory: Mapping[Any, Any]) -> list[Key]:
     """Return the keys of observations and reports."""
     return [key for key in memory if type(key) is tuple and len(key) == 3 and key[0] in (ENTRY, _REPORTS)]
 
 
-def _forgotten_before(turn: int, horizon: int) -> int:
+def _find_first_kept_turn(turn: int, horizon: int) -> int:
     """Return the turn before which looks are forgotten, the same for all agents of a team; it changes rarely.
 
     Each change means that all results from the first look on are computed again.
@@ -614,11 +614,11 @@ def _forgotten_before(turn: int, horizon: int) -> int:
 
 def _prune(memory: Memory, before: int) -> None:
     """Forget looks of earlier turns; last sightings stay."""
-    old = [key for key in _keys_of(memory) if key[1] < before]
+    old = [key for key in _list_keys(memory) if key[1] < before]
     if not any(key[0] == _REPORTS or '"looks"' in str(memory[key]) for key in old):
         return
-    turns = turns_in(memory)
-    last = last_sightings(turns)
+    turns = join_turns(memory)
+    last = find_last_sightings(turns)
     oldest = min((one.turn for one in last.values()), default=max(turns))
     for then in (one for one in turns if one < before):
         memory.pop((ENTRY, then, _ALL), None)
@@ -629,24 +629,24 @@ def _prune(memory: Memory, before: int) -> None:
             memory.pop((ENTRY, then, by), None)
             if found or closed:
                 memory[ENTRY, then, by] = _as_text(({"found": found} if found else {}) | closed)
-    for key in [key for key in _keys_of(memory) if key[0] == _REPORTS]:
-        kept = [report for report in _reports_in(key[1], key[2], memory.pop(key)) if report.turn >= before]
+    for key in [key for key in _list_keys(memory) if key[0] == _REPORTS]:
+        kept = [report for report in _parse_reports(key[1], key[2], memory.pop(key)) if report.turn >= before]
         if kept:
             memory[key] = _as_text(kept)
 
 
 def _join(memory: Memory, turn: int) -> None:
     """Join the observations of turns that all members know; all members do the same and get the same result."""
-    keys = [key for key in _keys_of(memory) if key[0] == ENTRY]
+    keys = [key for key in _list_keys(memory) if key[0] == ENTRY]
     then_of = sorted({then for _, then, by in keys if by != _ALL and then < turn - 1})
-    turns = turns_in({key: memory[key] for key in keys if key[1] in then_of}) if then_of else {}
+    turns = join_turns({key: memory[key] for key in keys if key[1] in then_of}) if then_of else {}
     for then, seen in turns.items():
         for by in seen.texts:
             memory.pop((ENTRY, then, by), None)
         memory[ENTRY, then, _ALL] = seen.joined
 
 
-def agent_on_ground(ctx: Context, name: str) -> IAgent:
+def get_ground_agent(ctx: Context, name: str) -> IAgent:
     """Return an agent on the ground by name.
 
     Raises:

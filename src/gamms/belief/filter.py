@@ -18,8 +18,8 @@ from gamms.arguments import (
     as_numbers_of,
     as_range,
 )
-from gamms.belief.ground import BeliefMap, belief_map_of
-from gamms.belief.motion import Motion, MotionChain, as_motion, chain_of, evidence_of
+from gamms.belief.ground import BeliefMap, get_belief_map
+from gamms.belief.motion import Motion, MotionChain, as_motion, convert_evidence, get_chain
 from gamms.core import belief as core
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_ids
@@ -50,7 +50,7 @@ class StateProbabilities:
         self._ground = ground
         self._metres = None if metres is None else as_range(metres, "metres of a filter")
         self._motion = as_motion(motion, "motion")
-        self.chain: MotionChain = chain_of(self._motion, ground, self._metres)
+        self.chain: MotionChain = get_chain(self._motion, ground, self._metres)
         if not ground.size:
             raise BadValue("A filter needs a map, but the graph has no nodes. Add nodes first.")
         self._masses = np.tile(self.chain.shares / ground.size, (number, 1))  # (targets, states)
@@ -64,7 +64,7 @@ class StateProbabilities:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Become a copy."""
         vars(self).update(state)
-        self.chain = chain_of(self._motion, self._ground, self._metres)
+        self.chain = get_chain(self._motion, self._ground, self._metres)
 
     @property
     def masses(self) -> FloatArray:
@@ -112,7 +112,7 @@ class StateProbabilities:
             The probability of the observation, (games, targets).
         """
         games, targets = found.shape
-        evidence = evidence_of(looks, seen, shown, found)
+        evidence = convert_evidence(looks, seen, shown, found)
         masses = self._masses.reshape(games, targets, len(self.chain.rows))
         weighed, totals = self.chain.observed(masses, evidence, np.arange(games + 1))
         self._masses = weighed.reshape(self._masses.shape)
@@ -142,7 +142,7 @@ class Filter(StateProbabilities):
 
     def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str], *, metres: float | None = None) -> None:
         self.targets: Sequence[str] = tuple(as_items(targets, "targets", "names"))
-        super().__init__(belief_map_of(as_context(ctx, "Filter").graph.columns()), motion, metres, len(self.targets))
+        super().__init__(get_belief_map(as_context(ctx, "Filter").graph.columns()), motion, metres, len(self.targets))
 
     def update(
         self,
@@ -216,7 +216,7 @@ class Filter(StateProbabilities):
             UnknownName (KeyError): the target does not exist.
         """
         as_known(as_key(target, "The name of a target"), "target", self.targets)
-        return by_node(self._ground, self.probabilities()[self.targets.index(target)])
+        return list_by_node(self._ground, self.probabilities()[self.targets.index(target)])
 
 
 class GamesFilter(StateProbabilities):
@@ -239,7 +239,7 @@ class GamesFilter(StateProbabilities):
         self, columns: GraphColumns, motion: Motion, games: int, targets: int = 1, *, metres: float | None = None
     ) -> None:
         self._shape = as_count(games, "games", least=0), as_count(targets, "targets", least=0)
-        super().__init__(belief_map_of(columns), motion, metres, self._shape[0] * self._shape[1])
+        super().__init__(get_belief_map(columns), motion, metres, self._shape[0] * self._shape[1])
 
     def update(
         self, seen: FloatArray | BoolArray, found: IntArray | None = None, not_shown: BoolArray | None = None
@@ -298,7 +298,7 @@ def _as_weights(given: object, name: str, shape: tuple[int, ...]) -> FloatArray:
     return weights
 
 
-def by_node(ground: BeliefMap, probabilities: FloatArray) -> dict[int, float]:
+def list_by_node(ground: BeliefMap, probabilities: FloatArray) -> dict[int, float]:
     """Return node -> probability, without probabilities of 0."""
     rows = np.flatnonzero(probabilities)
     return dict(zip(ground.ids_where(rows), probabilities[rows].tolist(), strict=True))

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadType, UnknownName
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_usable_edges, forbidden_paths
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_usable_edges, list_forbidden_paths
 from gamms.text import shown
 from gamms.typing.routes import TurnRoutes
 
@@ -34,7 +34,7 @@ class BeliefMap:
         ).hexdigest()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return belief_map_of, (self.columns,)
+        return get_belief_map, (self.columns,)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
@@ -77,7 +77,7 @@ class BeliefMap:
 
 
 @lru_cache(maxsize=4)
-def belief_map_of(columns: GraphColumns) -> BeliefMap:
+def get_belief_map(columns: GraphColumns) -> BeliefMap:
     """Return the map of a graph revision, cached.
 
     Raises:
@@ -188,7 +188,7 @@ def map_moves(ground: BeliefMap, turns: str | None = None) -> MoveMap:
     edges = np.arange(len(columns.edge_ids))
     if turns is None:
         return MoveMap(ground, here, np.ones(ground.size), columns.node_ids, (columns.sources, columns.targets, edges))
-    paths = forbidden_paths(columns).get(turns, [])
+    paths = list_forbidden_paths(columns).get(turns, [])
     traffic = TurnRoutes(columns, columns.lengths, find_usable_edges(columns, turns), paths)
     *arcs, nodes = traffic.list_arcs()
     shares = np.concatenate((np.zeros(len(nodes) - ground.size), np.ones(ground.size)))

@@ -126,7 +126,7 @@ class MotionChain:
         return found
 
 
-def evidence_of(
+def convert_evidence(
     looks: IntArray,
     covered: tuple[IntArray, FloatArray],
     shown: BoolArray,
@@ -224,12 +224,12 @@ def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1,
     shares = _as_shares(weights, "goals of to_goals")
     share = _as_probability(wander, "wander of to_goals")
     name = ("to_goals", tuple(ids), tuple(shares), share)
-    return Motion(name, as_count(steps, "steps of to_goals"), partial(_paths, tuple(ids), shares, share))
+    return Motion(name, as_count(steps, "steps of to_goals"), partial(_join_paths, tuple(ids), shares, share))
 
 
-def _paths(goals: Sequence[int], shares: list[float], wander: float, moves: MoveMap) -> Transitions:
+def _join_paths(goals: Sequence[int], shares: list[float], wander: float, moves: MoveMap) -> Transitions:
     rows = moves.ground.known_rows(np.array(goals, np.int64)).tolist()
-    return _joined([_path(moves, row, wander) for row in rows], shares)
+    return _join_chains([_make_path_chain(moves, row, wander) for row in rows], shares)
 
 
 def mixture(models: Mapping[Motion, float]) -> Motion:
@@ -248,15 +248,15 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
     if len(steps) != 1:
         raise BadValue(f"The models of a mixture have different steps, {sorted(steps)}. Give all of them the same.")
     name = ("mixture", tuple((one.name, share) for one, share in zip(models, shares, strict=True)))
-    return Motion(name, steps.pop(), partial(_mixed, tuple(models), shares))
+    return Motion(name, steps.pop(), partial(_mix_models, tuple(models), shares))
 
 
-def _mixed(models: Sequence[Motion], shares: list[float], moves: MoveMap) -> Transitions:
-    return _joined([one.make(moves) for one in models], shares)
+def _mix_models(models: Sequence[Motion], shares: list[float], moves: MoveMap) -> Transitions:
+    return _join_chains([one.make(moves) for one in models], shares)
 
 
 @lru_cache(maxsize=32)
-def chain_of(motion: Motion, ground: BeliefMap, metres: float | None = None, turns: str | None = None) -> MotionChain:
+def get_chain(motion: Motion, ground: BeliefMap, metres: float | None = None, turns: str | None = None) -> MotionChain:
     """Return the chain of a model on a map, cached.
 
     Args:
@@ -267,10 +267,10 @@ def chain_of(motion: Motion, ground: BeliefMap, metres: float | None = None, tur
     """
     moves = map_moves(ground, turns)
     found = motion.make(moves)
-    return MotionChain(found, moves) if metres is None else _by_metres(found, moves, metres / motion.steps)
+    return MotionChain(found, moves) if metres is None else _make_chain_by_metres(found, moves, metres / motion.steps)
 
 
-def _by_metres(found: Transitions, moves: MoveMap, step_m: float) -> MotionChain:
+def _make_chain_by_metres(found: Transitions, moves: MoveMap, step_m: float) -> MotionChain:
     """Return a chain with states along edges: each step leads to a node, or on along an edge.
 
     A target that reaches a node within a step decides again in the next step.
@@ -312,7 +312,7 @@ def _walk(moves: MoveMap, stay: float | None) -> Transitions:
     return Transitions(*ends, chances, here, moves.shares)
 
 
-def _path(moves: MoveMap, goal: int, wander: float) -> Transitions:
+def _make_path_chain(moves: MoveMap, goal: int, wander: float) -> Transitions:
     steps = moves.find_steps(goal)
     is_there: BoolArray = moves.nodes == goal
     walk = _walk(moves, None)
@@ -325,7 +325,7 @@ def _path(moves: MoveMap, goal: int, wander: float) -> Transitions:
     return Transitions(*ends, chances, walk.places, walk.shares)
 
 
-def _joined(chains: list[Transitions], shares: list[float]) -> Transitions:
+def _join_chains(chains: list[Transitions], shares: list[float]) -> Transitions:
     """Return one chain that consists of several chains without transitions between them."""
     first = np.cumsum([0, *(len(chain.places) for chain in chains)])[:-1].tolist()
     return Transitions(

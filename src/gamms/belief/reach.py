@@ -63,13 +63,13 @@ class ReachBounds:
 
     def anywhere(self, turn: int) -> FloatArray:
         """Return labels of targets that can be on any node."""
-        return np.tile(self._edges(turn).most_covered, (len(self._speeds), 1))
+        return np.tile(self._list_open_edges(turn).most_covered, (len(self._speeds), 1))
 
     def advance(self, labels: FloatArray, turn: int, share: float = 1.0) -> FloatArray:
         """Return the labels after the moves of a turn, or after a share of these moves."""
         if self._is_free:
             return self.anywhere(turn)
-        edges = self._edges(turn)
+        edges = self._list_open_edges(turn)
         parts = np.where(np.isfinite(self._speeds), share, 1.0) if self._in_metres else 1.0
         left = labels + (np.minimum(self._speeds, edges.enough) * parts)[:, None]
         values = kernels.buffer(left)
@@ -85,7 +85,7 @@ class ReachBounds:
         places = {name: one.places.get(name) for one in seen for name in one.found}
         is_clear = np.zeros(labels.shape, bool)
         for look in (look for one in seen for look in one.looks if not self._are_on_edges):
-            rows = _certain_rows(self._ground, look)
+            rows = _find_certain_rows(self._ground, look)
             is_shown = np.flatnonzero([name not in look.not_shown and name not in found for name in targets])
             is_clear[np.ix_(is_shown, rows)] = True
         labels[is_clear] = -inf
@@ -98,22 +98,22 @@ class ReachBounds:
                 labels[line, row] = anywhere[line, row]
                 place = places.get(name)
                 if row >= 0 and place is not None and self._in_metres:
-                    labels[line, row] = min(anywhere[line, row], self._covered(place, self._speeds[line]))
+                    labels[line, row] = min(anywhere[line, row], self._compute_label(place, self._speeds[line]))
         return labels
 
-    def _covered(self, place: ExactPosition, speed: float) -> float:
+    def _compute_label(self, place: ExactPosition, speed: float) -> float:
         """Convert the position of a seen agent to its label at the beginning of this turn."""
         gone = place.time * speed if np.isfinite(speed) else 0.0
         return place.offset_m - gone + _ROUNDED * (1.0 + place.offset_m + gone)
 
-    def _edges(self, turn: int) -> _OpenEdges:
+    def _list_open_edges(self, turn: int) -> _OpenEdges:
         """Return the edges that may have been open during the moves of a turn."""
         more = tuple(sorted({arc for seen, arc in self._closed if seen >= turn}))
-        return _edges_of(self._ground, more, self._in_metres)
+        return _make_open_edges(self._ground, more, self._in_metres)
 
 
 @lru_cache(maxsize=8)
-def _edges_of(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _OpenEdges:
+def _make_open_edges(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _OpenEdges:
     columns = ground.columns
     ends = ground.rows(np.array([arc[:2] for arc in more], np.int64).reshape(-1)).reshape(-1, 2)
     is_there = (ends >= 0).all(axis=1)
@@ -169,7 +169,7 @@ class ReachByTurns:
             row = found.get(name)
             is_clear = np.zeros(self._ground.size, np.bool_)
             for look in (look for one in seen for look in one.looks if row is None and name not in look.not_shown):
-                is_clear[_certain_rows(self._ground, look)] = True
+                is_clear[_find_certain_rows(self._ground, look)] = True
             states[line] &= ~is_clear[self._node_of]
             if row is not None:
                 states[line] = False
@@ -186,7 +186,7 @@ class ReachByTurns:
         return found
 
 
-def _certain_rows(ground: BeliefMap, look: ObservedNodes) -> IntArray:
+def _find_certain_rows(ground: BeliefMap, look: ObservedNodes) -> IntArray:
     """Return the rows of the nodes on which a target would have been seen for certain."""
     if look.node_ids is None:
         return np.arange(ground.size if look.detection == 1.0 else 0)

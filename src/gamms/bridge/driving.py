@@ -7,9 +7,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from gamms.arguments import as_name, as_range, names_keywords
+from gamms.arguments import as_name, as_range, explain_call_errors
 from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, WallClock, as_feed
-from gamms.bridge.matching import XY, FixChecks, PositionTracker, RoadRoute, RoutePoint, route_along, route_of
+from gamms.bridge.matching import XY, FixChecks, PositionTracker, RoadRoute, RoutePoint, find_route, find_route_along
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.settings import RuleSpec, declared
@@ -33,7 +33,7 @@ _LINE_PX = 2
 _WAY_PX = 4
 
 
-@names_keywords
+@explain_call_errors
 def drive(
     agent: IAgent | str,
     feed: Feed | Source,
@@ -135,7 +135,7 @@ class Drive:
         one = ctx.agent.get_agent(self.agent)
         if one.type == AgentType.AERIAL:
             raise BadType(f"Agent {self.agent!r} flies, and gamms.bridge.drive is for agents on the ground.")
-        for other in drives_of(ctx):
+        for other in list_drives(ctx):
             clocks = self.feed.clock, other.feed.clock
             if clocks[0] is not clocks[1] and not all(isinstance(clock, WallClock) for clock in clocks):
                 raise BadValue(
@@ -163,7 +163,7 @@ class Drive:
                 f"{self!r} was added with phase={phase!r}, and it puts the agent of a late robot where that is after a "
                 "turn: add it with ctx.game.add(rule), without phase=."
             )
-        drives = [one for one in drives_of(ctx) if one._tracker is not None]
+        drives = [one for one in list_drives(ctx) if one._tracker is not None]
         if drives and drives[0] is self:
             wait_for_robots(ctx, drives)
 
@@ -185,7 +185,7 @@ class Drive:
             return False  # the agent is out of the game, or its team has moved before
         self.read()
         columns = ctx.graph.columns()
-        self._route = self._route_from_robot(ctx, route_of(ctx.graph.graph, columns, move))
+        self._route = self._find_route_from_robot(ctx, find_route(ctx.graph.graph, columns, move))
         self._on = None
         self.read()
         if self.has_arrived():
@@ -225,12 +225,12 @@ class Drive:
             return
         now = self.feed.clock.now()
         place = tracker.last
-        noted: dict[str, Any] = {"status": self._status(now), "waited_s": round(waited_s, _DECIMALS)}
+        noted: dict[str, Any] = {"status": self._describe_status(now), "waited_s": round(waited_s, _DECIMALS)}
         if place is not None:
             noted |= {"x": round(place.xy[0], _DECIMALS), "y": round(place.xy[1], _DECIMALS)}
             noted["age_s"] = round(tracker.age(now), _DECIMALS)
             noted |= {} if place.heading is None else {"heading": round(place.heading, _DECIMALS)}
-            on = self._matched_xy()
+            on = self._find_matched_xy()
             near = ctx.graph.routes.nearest_edge(*on, self._checks.within_m)
             if near is not None:
                 noted |= {"edge": near.edge_id, "offset_m": round(near.offset, _DECIMALS)}
@@ -244,7 +244,7 @@ class Drive:
         passed = None
         if route is not None and on is not None and on.off <= self._checks.within_m:
             passed = route.passed(on.along + self._arrive_m)
-        status = self._status(self.feed.clock.now())
+        status = self._describe_status(self.feed.clock.now())
         here = ctx.agent.get_agent(self.agent).current_node_id
         ctx.game.refuse(self.agent, f"its robot has not arrived after {waited_s:g} s ({status})")
         self._put_on = passed if passed != here else None
@@ -266,21 +266,21 @@ class Drive:
     def _is_stale(self, now: float) -> bool:
         return self._tracker is None or self._tracker.age(now) > self._checks.max_age_s
 
-    def _status(self, now: float) -> str:
+    def _describe_status(self, now: float) -> str:
         if self._tracker is None or self._tracker.last is None:
             return "off map" if self._tracker is not None and self._tracker.counts["off_map"] else "no fix"
         if self._is_stale(now):
             return "stale"
         return "off road" if self._on is None or self._on.off > self._checks.within_m else "ok"
 
-    def _matched_xy(self) -> XY:
+    def _find_matched_xy(self) -> XY:
         """Return the robot's matched position on its route, or its measured position if that is far from the route."""
         place = self._tracker.last if self._tracker is not None else None
         if self._route is not None and self._on is not None and self._on.off <= self._checks.within_m:
             return self._route.at(self._on.along)
         return (0.0, 0.0) if place is None else place.xy
 
-    def _route_from_robot(self, ctx: Context, planned: RoadRoute) -> RoadRoute:
+    def _find_route_from_robot(self, ctx: Context, planned: RoadRoute) -> RoadRoute:
         """Return the planned route; or, if the robot is far from it, a route to the same end from the robot's edge."""
         place = None if self._tracker is None else self._tracker.last
         if place is None or planned.place(place.xy).off <= self._checks.within_m:
@@ -297,7 +297,7 @@ class Drive:
         far, behind, ahead = min(ways)
         if far == inf:
             return planned
-        return route_along(ctx.graph.columns(), (behind, *graph.shortest_path(ahead, end)))
+        return find_route_along(ctx.graph.columns(), (behind, *graph.shortest_path(ahead, end)))
 
     def _send_waypoints(self, ctx: Context) -> None:
         """Send the robot the rest of its route as waypoints."""
@@ -329,7 +329,7 @@ class Drive:
             visual.drawing.render_symbols([place.xy], line, color, _LINE_PX)
 
 
-def drives_of(ctx: Context) -> list[Drive]:
+def list_drives(ctx: Context) -> list[Drive]:
     """Return the `Drive` rules of a game, in their order."""
     return [one.rule for one in ctx.game.rules if isinstance(one.rule, Drive)]
 

@@ -98,7 +98,7 @@ def parse(line: bytes | str) -> Incoming:
         raise BadLine(f"No line of version {VERSION}: {shown(str(error))}.") from None
 
 
-def line_of(kind: str, fields: Mapping[str, object]) -> bytes:
+def encode_line(kind: str, fields: Mapping[str, object]) -> bytes:
     """Return a message as one line of JSON, without the final line feed."""
     return msgspec.json.encode({"gamms": VERSION, "type": kind, **fields})
 

@@ -23,7 +23,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 
 from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
-from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, line_of, parse
+from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, encode_line, parse
 from gamms.child_processes import die_with_parent
 from gamms.errors import BadType, BadValue, MissingFile, NetworkError
 from gamms.plugins import needing
@@ -71,12 +71,12 @@ class Link(NotPickled, ABC):
         """Return the feed of an agent's robot; its messages to the robot are sent by this link."""
         name = as_name(agent, "an agent")
         if name not in self._feeds:
-            self._feeds[name] = Feed(self._look, clock=self._clock, send=self.send)
+            self._feeds[name] = Feed(self._read_waiting_lines, clock=self._clock, send=self.send)
         return self._feeds[name]
 
     def send(self, message: Message) -> None:
         """Send a message as one line; if that would block, count and drop it."""
-        line = line_of(str(message.get("type", "")), message)
+        line = encode_line(str(message.get("type", "")), message)
         if len(line) <= LONGEST_LINE and self._transmit(line):
             self._count("sent")
         else:
@@ -90,7 +90,7 @@ class Link(NotPickled, ABC):
         ends = monotonic() + wait_s
         with self._has_news:
             while True:
-                self._look()
+                self._read_waiting_lines()
                 while self._roads and self._roads[0].turn < turn:
                     self._roads.popleft()
                 found = next((one for one in self._roads if one.turn == turn), None)
@@ -107,7 +107,7 @@ class Link(NotPickled, ABC):
     def _transmit(self, line: bytes) -> bool:
         """Send a line; return False if that would block."""
 
-    def _look(self) -> None:
+    def _read_waiting_lines(self) -> None:
         """Read waiting lines, in links without a reader thread."""
         return  # links with a thread of their own read there
 
@@ -175,7 +175,7 @@ class Udp(Link):
                 self._socket.bind(as_address(listen, "listen", 0))
         except OSError as error:
             self._socket.close()
-            raise _cannot_listen(listen, error) from None
+            raise _make_listen_error(listen, error) from None
         except BaseException:
             self._socket.close()
             raise
@@ -194,7 +194,7 @@ class Udp(Link):
             return False
         return True
 
-    def _look(self) -> None:
+    def _read_waiting_lines(self) -> None:
         if self.address is None:
             return
         for _ in range(_MOST_AT_ONCE):
@@ -391,7 +391,7 @@ class WebSocketServer(Link):
         try:
             asyncio.run(self._serve(is_ready))
         except OSError as error:
-            self._errors.append(_cannot_listen(self._listen, error))
+            self._errors.append(_make_listen_error(self._listen, error))
         finally:
             is_ready.set()
 
@@ -459,7 +459,7 @@ def as_address(value: object, name: str, least_port: int) -> Address:
     return as_name(value[0], "a host"), port
 
 
-def _cannot_listen(address: object, error: OSError) -> NetworkError:
+def _make_listen_error(address: object, error: OSError) -> NetworkError:
     return NetworkError(
         f"Nothing can listen at {shown(address)}: {error.strerror}. Check the host; port 0 takes a free one."
     )

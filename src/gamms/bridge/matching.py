@@ -21,7 +21,7 @@ from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.typing import IGraph
 from gamms.typing.game import Move
-from gamms.typing.on_edges import line_along
+from gamms.typing.on_edges import cut_line
 
 _AGREEING = 3  # outliers in a row that agree with each other: the robot was carried there
 _DRIFT = 1e-3  # largest drift of a clock in real time, seconds per second
@@ -111,24 +111,24 @@ class SenderClock:
         if self._stamps == "arrival":
             delay = 0.0
         elif self._stamps == "real":
-            delay = self._delay_in_real_time(t, at)
+            delay = self._estimate_delay_in_real_time(t, at)
         else:
-            delay = self._delay(_Arrival(t, at))
+            delay = self._estimate_delay(_Arrival(t, at))
         self._last_measured = max(self._last_measured, min(at, at - delay))
         return self._last_measured
 
-    def _delay_in_real_time(self, t: float, at: float) -> float:
+    def _estimate_delay_in_real_time(self, t: float, at: float) -> float:
         drift = _DRIFT * (at - self._least_at)
         self._least = min(at - t, self._least + drift)
         self._least_at = at
         return at - t - self._least
 
-    def _delay(self, new: _Arrival) -> float:
+    def _estimate_delay(self, new: _Arrival) -> float:
         self._add(new)
         delay = new.at - new.t - min(one.at - one.t for one in self._arrivals)
         span_s = new.at - self._arrivals[0].at
         if len(self._arrivals) >= _LEAST_ARRIVALS and span_s >= self._max_age_s / 2.0:
-            delay = min(delay, _delay_at_own_rate(self._arrivals, new))
+            delay = min(delay, _estimate_delay_at_own_rate(self._arrivals, new))
         return max(0.0, delay)
 
     def _add(self, new: _Arrival) -> None:
@@ -146,23 +146,23 @@ class SenderClock:
             arrivals[-1] = new
 
 
-def _delay_at_own_rate(arrivals: Sequence[_Arrival], new: _Arrival) -> float:
+def _estimate_delay_at_own_rate(arrivals: Sequence[_Arrival], new: _Arrival) -> float:
     """Return how far an arrival is above the line that is below all arrivals and nearest to them on average."""
     hull: list[_Arrival] = []  # convex, from below
     for one in arrivals:
         if hull and one.t <= hull[-1].t:
             continue
-        while len(hull) >= 2 and _slope(hull[-2], one) <= _slope(hull[-2], hull[-1]):
+        while len(hull) >= 2 and _compute_slope(hull[-2], one) <= _compute_slope(hull[-2], hull[-1]):
             hull.pop()
         hull.append(one)
     if len(hull) < 2:
         return inf
     middle = sum(one.t / len(arrivals) for one in arrivals)
     begin, end = next((pair for pair in pairwise(hull) if pair[1].t >= middle), (hull[-2], hull[-1]))
-    return new.at - begin.at - _slope(begin, end) * (new.t - begin.t)
+    return new.at - begin.at - _compute_slope(begin, end) * (new.t - begin.t)
 
 
-def _slope(one: _Arrival, other: _Arrival) -> float:
+def _compute_slope(one: _Arrival, other: _Arrival) -> float:
     return (other.at - one.at) / (other.t - one.t)
 
 
@@ -200,10 +200,10 @@ class PositionTracker:
 
     def _judge(self, received: ReceivedFix) -> str:
         fix = received.fix
-        xy = self._position(fix)
+        xy = self._find_position(fix)
         if xy is None:
             return "off_map"
-        at = self._measured_at(received)
+        at = self._find_time(received)
         if at is None or (self.last is not None and at < self.last.at):
             return "out_of_order"
         place = MeasuredPosition(xy, at, fix.heading)
@@ -215,7 +215,7 @@ class PositionTracker:
         self.last = place
         return "taken"
 
-    def _position(self, fix: Fix) -> XY | None:
+    def _find_position(self, fix: Fix) -> XY | None:
         if fix.x is not None and fix.y is not None:
             return fix.x, fix.y
         if fix.lat is None or fix.lon is None:
@@ -225,7 +225,7 @@ class PositionTracker:
         except BadValue:
             return None
 
-    def _measured_at(self, received: ReceivedFix) -> float | None:
+    def _find_time(self, received: ReceivedFix) -> float | None:
         """Return the time of a fix's measurement by our clock; None: a newer fix has arrived already."""
         fix, at = received
         newest = self._newest
@@ -301,14 +301,14 @@ class RoadRoute:
         return [self.nodes[0], *(node for node, at in zip(self.nodes, self._node_at, strict=True) if at <= along)][-1]
 
 
-def route_of(graph: IGraph, columns: GraphColumns, move: Move) -> RoadRoute:
+def find_route(graph: IGraph, columns: GraphColumns, move: Move) -> RoadRoute:
     """Return the route of a move, by its legs if the game measures moves in meters."""
     if not move.legs:
-        return route_along(columns, move.path)
+        return find_route_along(columns, move.path)
     lines = list[FloatArray]()
     ends = list[int | None]()
     for leg in move.legs:
-        line = line_along(graph.get_edge(leg.edge).points, leg.begin, leg.end)
+        line = cut_line(graph.get_edge(leg.edge).points, leg.begin, leg.end)
         lines.append(np.array([point[1:] for point in line], np.float64))
         if leg.end >= 1.0:
             ends.append(leg.target)
@@ -316,10 +316,10 @@ def route_of(graph: IGraph, columns: GraphColumns, move: Move) -> RoadRoute:
             ends.append(leg.source)
         else:
             ends.append(None)
-    return _joined(lines, move.start, ends)
+    return _join_lines(lines, move.start, ends)
 
 
-def route_along(columns: GraphColumns, path: Iterable[int]) -> RoadRoute:
+def find_route_along(columns: GraphColumns, path: Iterable[int]) -> RoadRoute:
     """Return the route along a path of adjacent nodes, by the shortest of parallel edges."""
     nodes = list(path)
     rows = kernels.rows_of(columns.node_ids, np.array(nodes, np.int64), columns.node_order).tolist()
@@ -334,10 +334,10 @@ def route_along(columns: GraphColumns, path: Iterable[int]) -> RoadRoute:
             lines.append(columns.polylines.get(edge, columns.xy[[source, target]]))
         else:  # moves need no edges if `ctx.game.legal` is "any"
             lines.append(columns.xy[[source, target]])
-    return _joined(lines, nodes[0], nodes[1:])
+    return _join_lines(lines, nodes[0], nodes[1:])
 
 
-def _joined(lines: list[FloatArray], start: int, ends: Iterable[int | None]) -> RoadRoute:
+def _join_lines(lines: list[FloatArray], start: int, ends: Iterable[int | None]) -> RoadRoute:
     """Return the route that joins lines; each line ends at a node, or at None."""
     nodes = [start]
     node_at = [0.0]

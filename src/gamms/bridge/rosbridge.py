@@ -245,7 +245,7 @@ def rosbridge(
     class BoundedRos(roslibpy.Ros):  # type: ignore[misc] # roslibpy has no types
         def connect(self) -> None:
             """Connect with a bounded length of messages, and with a protocol that skips invalid ones."""
-            self.factory.protocol = _skipping_invalid(self.factory.protocol, counts)
+            self.factory.protocol = _skip_invalid(self.factory.protocol, counts)
             self.factory.setProtocolOptions(
                 maxFramePayloadSize=_LONGEST, maxMessagePayloadSize=_LONGEST, perMessageCompressionOffers=[]
             )
@@ -264,7 +264,7 @@ def rosbridge(
     return RosBridge(ros, at, as_name(frame_id, "a frame"), clock, counts)
 
 
-def _skipping_invalid(protocol: type[Any], counts: Counter[str]) -> type[Any]:
+def _skip_invalid(protocol: type[Any], counts: Counter[str]) -> type[Any]:
     """Return a protocol that counts messages which roslibpy cannot use; its own prints a traceback for each."""
 
     class SkippingProtocol(protocol):  # type: ignore[misc] # roslibpy has no types

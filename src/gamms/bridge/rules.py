@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from gamms.arguments import as_context, as_items, as_range, shown_as_called
+from gamms.arguments import as_context, as_items, as_range, show_as_call
 from gamms.bridge.feeds import Message, Send
 from gamms.bridge.lines import RoadChanges
 from gamms.bridge.links import Link
@@ -22,7 +22,7 @@ _LAST = Rank.END + 1  # after the rules that decide whether the game is over
 _SLOWEST_S = 1e9
 
 
-@shown_as_called
+@show_as_call
 def publish(to: Link | Send, agents: Iterable[str] | None = None) -> Rule:
     """Make a rule that sends the positions of agents to other programs after each turn.
 
@@ -36,7 +36,7 @@ def publish(to: Link | Send, agents: Iterable[str] | None = None) -> Rule:
         BadType: `to` or `agents` has a wrong type.
         UnknownName (KeyError): an agent does not exist, when the rule is added to a game.
     """
-    send = sender_of(to)
+    send = find_sender(to)
     names = None if agents is None else frozenset(as_items(agents, "agents", "names of agents"))
 
     def prepare(ctx: Context) -> None:
@@ -50,7 +50,9 @@ def publish(to: Link | Send, agents: Iterable[str] | None = None) -> Rule:
                 send(message)
         over = ctx.game.over
         send(
-            _message("turn", ctx, agents=len(messages), crs=ctx.graph.crs, over=None if over is None else as_json(over))
+            _make_message(
+                "turn", ctx, agents=len(messages), crs=ctx.graph.crs, over=None if over is None else as_json(over)
+            )
         )
 
     return declared(publish, RuleSpec(prepare=prepare, rank=_LAST))
@@ -63,9 +65,11 @@ def positions(ctx: Context) -> list[Message]:
         BadType: `ctx` is not a context.
     """
     agents = as_context(ctx, "gamms.bridge.positions").game.agents
-    places = [_xyz(agent) for agent in agents]
+    places = [_find_xyz(agent) for agent in agents]
     messages = [
-        _message("position", ctx, agent=agent.name, team=_team(agent.team), node=agent.current_node_id, **place)
+        _make_message(
+            "position", ctx, agent=agent.name, team=_convert_team(agent.team), node=agent.current_node_id, **place
+        )
         for agent, place in zip(agents, places, strict=True)
     ]
     if ctx.graph.crs is not None and agents:
@@ -79,7 +83,7 @@ def positions(ctx: Context) -> list[Message]:
     return messages
 
 
-@shown_as_called
+@show_as_call
 def traffic(link: Link, wait_s: float = 5.0) -> Rule:
     """Make a rule for the phase "before" that lets another program close, open and slow roads.
 
@@ -100,7 +104,7 @@ def traffic(link: Link, wait_s: float = 5.0) -> Rule:
 
     def traffic(ctx: Context) -> None:
         turn = ctx.game.turn
-        link.send(_message("turn", ctx))
+        link.send(_make_message("turn", ctx))
         roads = link.roads(turn, seconds)
         if roads is None:
             ctx.game.emit("traffic_late", waited_s=seconds)
@@ -128,7 +132,7 @@ def change_roads(ctx: Context, roads: RoadChanges) -> int:
     return wanted - len(opened) - len(shut) - len(slowed)
 
 
-def sender_of(to: object) -> Callable[[Message], object]:
+def find_sender(to: object) -> Callable[[Message], object]:
     """Return the function that sends messages to `to`: the link's `send`, or `to` itself.
 
     Raises:
@@ -148,16 +152,16 @@ def _is_edge(ctx: Context, edge: int) -> bool:
     return True
 
 
-def _team(team: object) -> str | int | None:
+def _convert_team(team: object) -> str | int | None:
     return team if team is None or type(team) in (str, int) else str(team)  # type: ignore[return-value] # as it says
 
 
-def _xyz(agent: IAgent) -> dict[str, float]:
+def _find_xyz(agent: IAgent) -> dict[str, float]:
     if agent.type == AgentType.AERIAL:
         return {axis: round(value, _DECIMALS) for axis, value in zip("xyz", agent.position, strict=True)}
     x, y = agent.xy
     return {"x": round(x, _DECIMALS), "y": round(y, _DECIMALS)}
 
 
-def _message(kind: str, ctx: Context, **fields: object) -> Message:
+def _make_message(kind: str, ctx: Context, **fields: object) -> Message:
     return {"gamms": 1, "type": kind, "turn": ctx.game.turn, **fields}

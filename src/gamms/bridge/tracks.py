@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_float, as_name, as_path, as_positive, names_keywords
+from gamms.arguments import as_float, as_name, as_path, as_positive, explain_call_errors
 from gamms.bridge.feeds import FixLike
 from gamms.bridge.lines import as_fix
 from gamms.context import Context, create_context
@@ -35,7 +35,7 @@ class _TimedPart(NamedTuple):
     along: FloatArray  # (knots,) distances from the start at these times
 
 
-@names_keywords
+@explain_call_errors
 def recording_from_tracks(
     tracks: Tracks,
     graph: Context | str | os.PathLike[str],
@@ -74,14 +74,14 @@ def recording_from_tracks(
         as_positive(value, name)
         for value, name in ((turn_seconds, "turn_seconds"), (noise_m, "noise_m"), (within_m, "within_m"))
     )
-    with _empty_copy(graph) as ctx:
+    with _copy_map(graph) as ctx:
         points = dict(sorted(_read_all(tracks, ctx.graph.graph).items()))
         if not points:
             raise BadValue("There are no tracks: give GPX or CSV files, or a mapping from names to fixes.")
         columns = ctx.graph.columns()
         matcher = TrackMatcher(ctx.graph.graph, ctx.graph.routes, columns, noise, within)
         matched = {name: matcher.match(one) for name, one in points.items()}
-        found = {name: _timed_parts(points[name], one, within) for name, one in matched.items()}
+        found = {name: _time_parts(points[name], one, within) for name, one in matched.items()}
         began = min(parts[0].times[0] for parts in found.values())
         turns = ceil((max(parts[-1].times[-1] for parts in found.values()) - began) / seconds)
         if turns > _MOST_TURNS:
@@ -93,7 +93,7 @@ def recording_from_tracks(
     return [join_matches([one]) for one in matched.items()]
 
 
-def _empty_copy(graph: object) -> Context:
+def _copy_map(graph: object) -> Context:
     """Return a context with the map and without agents."""
     if isinstance(graph, Context):
         ctx = graph.fork(0)[0]
@@ -159,7 +159,7 @@ def _read_fixes(given: object, graph: IGraph) -> TrackPoints:
     return TrackPoints("", found[:, 0], found[:, 1:])
 
 
-def _timed_parts(points: TrackPoints, matched: MatchedPoints, within_m: float) -> list[_TimedPart]:
+def _time_parts(points: TrackPoints, matched: MatchedPoints, within_m: float) -> list[_TimedPart]:
     if not matched.parts:
         raise BadValue(
             f"No point of the track of {shown(points.name)} is within {within_m:g} of a road. Check the map and its "

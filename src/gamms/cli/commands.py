@@ -17,11 +17,11 @@ import gamms
 from gamms.cli import experiments, play, recordings
 from gamms.cli.gallery import gallery
 from gamms.cli.new import new
-from gamms.cli.output import INTERRUPTED, console, echo, explained, guarded, rich_table, warn, write_page
+from gamms.cli.output import INTERRUPTED, console, echo, explain_error, guarded, make_rich_table, warn, write_page
 from gamms.cli.studies import study
 from gamms.errors import BadValue, nearest
 from gamms.folders import write_whole
-from gamms.text import printable_line
+from gamms.text import make_printable_line
 
 if TYPE_CHECKING:
     from gamms.osm import Report
@@ -43,13 +43,13 @@ def check(
 ) -> None:
     """Check a scenario file, without running its code."""
     from gamms import scenario
-    from gamms.scenario.documents import in_words
+    from gamms.scenario.documents import describe_path
 
     game = scenario.load(file, allow or (), key_variable=key_variable)
     done = game.check()
     warn(game)
     for one in game.code() if build else []:
-        echo(f"imports {printable_line(f'{in_words(one.path, game.to_dict())}: {one}')}")
+        echo(f"imports {make_printable_line(f'{describe_path(one.path, game.to_dict())}: {one}')}")
     if build:
         game.build().terminate()
         done.append("the whole game, built once")
@@ -99,7 +99,7 @@ def diff(
 
     found = scenario.load(first, allow or ()).differences(scenario.load(second, allow or ()))
     for line in found:
-        echo(printable_line(line))
+        echo(make_printable_line(line))
     if found:
         raise typer.Exit(1)
     echo(f"{first} and {second} are the same scenario.")
@@ -157,16 +157,18 @@ def report(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Say how faithful the graph of a map is; exit code 1 if it is not."""
-    found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
+    found = _compute_fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
     if as_json:
         echo(json.dumps(found.to_dict(), indent=2))
     else:
-        console().print(rich_table(("fidelity", ""), found.rows(), right=False))
+        console().print(make_rich_table(("fidelity", ""), found.rows(), right=False))
     if not found.is_faithful:
         raise typer.Exit(1)
 
 
-def _fidelity(file: Path, network: str, *, resolution: float, tolerance: float | None, retain_all: bool) -> "Report":
+def _compute_fidelity(
+    file: Path, network: str, *, resolution: float, tolerance: float | None, retain_all: bool
+) -> "Report":
     from gamms import osm
 
     kind: str | list[str] | None = network.split(",") if "," in network else network
@@ -262,16 +264,16 @@ class _Interruptible(TyperGroup):
     """A group whose commands print a message when they are interrupted."""
 
     def make_context(self, *args: Any, **options: Any) -> Any:  # Any: of a library inside typer
-        with _saying_when_interrupted():
+        with _report_interrupt():
             return super().make_context(*args, **options)
 
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override] # a click.Context
-        with _saying_when_interrupted():
+        with _report_interrupt():
             return super().invoke(ctx)
 
 
 @contextmanager
-def _saying_when_interrupted() -> Iterator[None]:
+def _report_interrupt() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
@@ -296,7 +298,7 @@ def _group(
     group = typer.Typer(
         cls=kind,
         help=about,
-        epilog=_shown(examples),
+        epilog=_format_examples(examples),
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -304,11 +306,11 @@ def _group(
         context_settings={"max_content_width": 100},
     )
     for command, usage in commands.items():
-        group.command(cls=_Command, epilog=_shown(usage))(guarded(command))
+        group.command(cls=_Command, epilog=_format_examples(usage))(guarded(command))
     return group
 
 
-def _shown(examples: tuple[str, ...]) -> str | None:
+def _format_examples(examples: tuple[str, ...]) -> str | None:
     """Return examples as the end of a help text, one per line."""
     return "\n".join(("\b", "Examples:", *(f"  {example}" for example in examples))) if examples else None
 
@@ -341,4 +343,4 @@ def run() -> None:
     except OSError as error:  # the output is full
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would report it again at its end
         before = error.__context__
-        sys.exit(before.code if isinstance(before, SystemExit) and before.code else explained(error))
+        sys.exit(before.code if isinstance(before, SystemExit) and before.code else explain_error(error))

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gamms.cli.many import checked_keys
-from gamms.cli.output import INTERRUPTED, echo, in_words, warn
-from gamms.cli.play import Allow, KeyVariable, foreign_code
+from gamms.cli.many import check_keys
+from gamms.cli.output import INTERRUPTED, echo, join_names, warn
+from gamms.cli.play import Allow, KeyVariable, find_foreign_code
 from gamms.errors import MissingExtra, install_command
-from gamms.folders import made_folder, write_whole
-from gamms.text import printable_line
+from gamms.folders import make_folder, write_whole
+from gamms.text import make_printable_line
 
 if TYPE_CHECKING:
     from gamms.experiment import Rows
@@ -56,26 +56,26 @@ def run(
 ) -> None:
     """Play each variant with each seed, or continue an interrupted run."""
     from gamms import experiment
-    from gamms.experiment.files import read_experiment, seeds_of
-    from gamms.experiment.folders import JOURNAL, rows_in, shard_folder, shard_of
-    from gamms.workers import cores
+    from gamms.experiment.files import parse_seeds, read_experiment
+    from gamms.experiment.folders import JOURNAL, find_shard_folder, parse_shard, read_journal
+    from gamms.workers import count_cores
 
     planned = read_experiment(file, allow or (), key_variable)
     folder = out or planned.out or Path(f"{file.stem}-results")
     folder = folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
-    part = shard_folder(folder, shard_of(shard))
-    for line in foreign_code(planned.scenario, {}):
-        echo(f"imports {printable_line(line)}")
+    part = find_shard_folder(folder, parse_shard(shard))
+    for line in find_foreign_code(planned.scenario, {}):
+        echo(f"imports {make_printable_line(line)}")
     warn(planned.scenario)
-    before = len(rows_in(part / JOURNAL))
+    before = len(read_journal(part / JOURNAL))
     if before:
         echo(f"{part} already has {before:,} games; the run continues from there.")
-    with _going_on(part, lambda: len(rows_in(part / JOURNAL))):
+    with _explain_interrupt(part, lambda: len(read_journal(part / JOURNAL))):
         rows = experiment.run(
             planned.scenario,
-            planned.seeds if seeds is None else seeds_of(seeds),
+            planned.seeds if seeds is None else parse_seeds(seeds),
             planned.vary,
-            workers=(planned.workers or cores()) if workers is None else workers or None,
+            workers=(planned.workers or count_cores()) if workers is None else workers or None,
             out=folder,
             shard=shard,
             progress=True,
@@ -87,11 +87,11 @@ def run(
     _print_root(rows)
     written = [one for one in sorted(folder.glob("rows.*")) if one.suffix in (".csv", ".jsonl", ".parquet")]
     missing = "" if len(written) > 2 else f" For rows.parquet: {install_command('parquet')}."
-    echo(f"\nWrote {in_words(written)}.{missing}")
+    echo(f"\nWrote {join_names(written)}.{missing}")
 
 
 @contextmanager
-def _going_on(folder: Path, count: Callable[[], int]) -> Iterator[None]:
+def _explain_interrupt(folder: Path, count: Callable[[], int]) -> Iterator[None]:
     """Print after Ctrl-C in a `with` block how many games are in the folder, and that the command continues there."""
     try:
         yield
@@ -116,7 +116,7 @@ def merge(
     rows = experiment.load(out)
     _print_digest(rows)
     _print_root(rows)
-    echo(f"\nWrote {in_words(written)}.")
+    echo(f"\nWrote {join_names(written)}.")
 
 
 def verify(
@@ -239,26 +239,24 @@ def suite(
 ) -> None:
     """Play a strategy on the tasks of the benchmark suite."""
     from gamms import suite as suites
-    from gamms.experiment.files import seeds_of
-    from gamms.experiment.folders import JOURNAL, rows_in
-    from gamms.suite.results import measured_references
-    from gamms.workers import cores
+    from gamms.experiment.files import parse_seeds
+    from gamms.experiment.folders import JOURNAL, read_journal
+    from gamms.suite.results import measure_references
+    from gamms.workers import count_cores
 
-    count = cores() if workers is None else workers or None
-    by_seed = None if seeds is None else seeds_of(seeds)
+    count = count_cores() if workers is None else workers or None
+    by_seed = None if seeds is None else parse_seeds(seeds)
     if by_seed is not None:
         echo("These are not the seeds of the protocol: do not compare them with other results.")
     if strategy == "references":
         file = out / "references.json"
-        with made_folder(out):
-            write_whole(
-                file, (json.dumps(measured_references(count, only, by_seed, version), indent=1) + "\n").encode()
-            )
+        with make_folder(out):
+            write_whole(file, (json.dumps(measure_references(count, only, by_seed, version), indent=1) + "\n").encode())
         echo(f"Wrote {file}.")
         return
     baselines = {name for task in suites.tasks(version) for name in task.baselines}
-    reference, code = (strategy, {}) if strategy in baselines else _found(strategy, allow or [])
-    with _going_on(out, lambda: sum(len(rows_in(one)) for one in sorted(out.glob(f"*/{JOURNAL}")))):
+    reference, code = (strategy, {}) if strategy in baselines else _find_strategy(strategy, allow or [])
+    with _explain_interrupt(out, lambda: sum(len(read_journal(one)) for one in sorted(out.glob(f"*/{JOURNAL}")))):
         results = suites.run(
             reference, only=only, seeds=by_seed, version=version, workers=count, out=out, progress=True, **code
         )
@@ -269,7 +267,7 @@ def suite(
     echo(f"\nWrote {file}, the rows of each task, and recordings (gamms replay).")
 
 
-def _found(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
+def _find_strategy(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
     """Return the reference by which a scenario names a strategy, and the place of its code."""
     from gamms.scenario.code import chosen
 
@@ -303,19 +301,19 @@ def tournament(
 ) -> None:
     """Let entries play each other, confined."""
     from gamms import scenario, tournament
-    from gamms.experiment.files import seeds_of
-    from gamms.experiment.folders import JOURNAL, rows_in
+    from gamms.experiment.files import parse_seeds
+    from gamms.experiment.folders import JOURNAL, read_journal
     from gamms.scenario import documents
-    from gamms.workers import cores
+    from gamms.workers import count_cores
 
     with documents.named(file):
-        values: Any = checked_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)
+        values: Any = check_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)
         given = values.pop("seeds")
         with documents.at("seeds"):
-            seeds = range(given) if isinstance(given, int) else seeds_of(given)
+            seeds = range(given) if isinstance(given, int) else parse_seeds(given)
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
-    with _going_on(out, lambda: len(rows_in(out / JOURNAL))):
-        table = tournament.run(game, seeds=seeds, out=out, workers=workers or cores(), folder=folder, **values)
+    with _explain_interrupt(out, lambda: len(read_journal(out / JOURNAL))):
+        table = tournament.run(game, seeds=seeds, out=out, workers=workers or count_cores(), folder=folder, **values)
     echo(str(table))
     echo(f"\nWrote {out / 'index.html'} (all results), {out / 'games'} (recordings; gamms replay, gamms render).")

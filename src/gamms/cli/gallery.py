@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from gamms.cli.output import console, echo, recorded, rich_table
+from gamms.cli.output import console, echo, make_rich_table, recorded
 from gamms.errors import MissingExtra
-from gamms.folders import made_folder, without_link, write_whole
+from gamms.folders import make_folder, remove_link, write_whole
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -100,7 +100,7 @@ def gallery(
         _print_list()
 
 
-def records() -> dict[str, GalleryStatistics]:
+def list_statistics() -> dict[str, GalleryStatistics]:
     """Return the statistics of the gallery's games, by name."""
     from gamms import scenario
 
@@ -121,7 +121,7 @@ def _print_list() -> None:
     from gamms import scenario
 
     rows = [(name, scenario.from_gallery(name).spec.description or "") for name in scenario.gallery()]
-    console().print(rich_table(("game", ""), rows, right=False))
+    console().print(make_rich_table(("game", ""), rows, right=False))
     first = next(name for name, _ in rows if name == "patrol")
     echo(
         f"\nPlay one:      gamms gallery {first}\nChange one:    gamms new mine --from {first}\n"
@@ -133,7 +133,7 @@ def _play(name: str, seed: int | None, out: Path) -> None:
     from gamms import scenario
 
     game = scenario.from_gallery(name)
-    result = _recorded(game, seed, out, out / "game.html", is_kept=True)
+    result = _record_game(game, seed, out, out / "game.html", is_kept=True)
     echo(f"{game.spec.name}: {result}")
     echo(
         f"\nWrote {out / 'game.html'} (the game, to be opened in a browser), {out / 'result.json'} (what came "
@@ -142,13 +142,13 @@ def _play(name: str, seed: int | None, out: Path) -> None:
     )
 
 
-def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path, *, is_kept: bool) -> "Result":
+def _record_game(game: "Scenario", seed: int | None, folder: Path, html: Path, *, is_kept: bool) -> "Result":
     """Play a game, save its result and recording in a folder, and write the page that replays it."""
     from gamms import recorder
 
     with game.build(seed) as ctx, recorded(ctx, folder, is_kept=is_kept) as recording:
         result = ctx.game.run(progress=True)
-    result.save(without_link(folder / "result.json"))
+    result.save(remove_link(folder / "result.json"))
     with recorder.open(recording) as whole:
         whole.save(html)
     return result
@@ -159,14 +159,14 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
     from gamms import scenario
 
     games = {name: scenario.from_gallery(name) for name in names}
-    known = records()
+    known = list_statistics()
     cards = []
     index = folder / "index.html"
-    with made_folder(folder):
+    with make_folder(folder):
         for name, game in games.items():
             echo(f"{name} ...")
             try:
-                cards.append(_card(name, game, seed, folder, str(known[name]) if name in known else ""))
+                cards.append(_make_card(name, game, seed, folder, str(known[name]) if name in known else ""))
             except scenario.ScenarioError as error:
                 if len(games) == 1 or not isinstance(error.__cause__, MissingExtra):
                     raise
@@ -175,14 +175,14 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
     echo(f"Wrote {index}.")
 
 
-def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str) -> str:
+def _make_card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str) -> str:
     """Play a game, write its replay and its still, and return its card for the page."""
     with TemporaryDirectory() as scratch:
-        result = _recorded(game, seed, Path(scratch), without_link(folder / f"{name}.html"), is_kept=False)
+        result = _record_game(game, seed, Path(scratch), remove_link(folder / f"{name}.html"), is_kept=False)
         turn = result.turns // 3
         recording = Path(scratch) / "game.ggr"
-        still = _still(recording, folder / name, turn, "light")
-        dark = _still(recording, folder / f"{name}_dark", turn, "dark")
+        still = _write_still(recording, folder / name, turn, "light")
+        dark = _write_still(recording, folder / f"{name}_dark", turn, "dark")
     texts: dict[str, Any] = {
         "name": name,
         "still": still.name,
@@ -198,7 +198,7 @@ def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str
     return _CARD.format(**{key: escape(str(text)) for key, text in texts.items()}, about=paragraphs)
 
 
-def _still(recording: Path, file: Path, turn: int, theme: Literal["light", "dark"]) -> Path:
+def _write_still(recording: Path, file: Path, turn: int, theme: Literal["light", "dark"]) -> Path:
     """Write a picture of where the agents are after a turn, as PNG if Pillow is installed, else as SVG; return it."""
     from gamms.rendering import RenderOptions, render
 
@@ -216,7 +216,7 @@ def _still(recording: Path, file: Path, turn: int, theme: Literal["light", "dark
                 legend=False,
                 crop=True,
             )
-            render(recording, without_link(found), options)
+            render(recording, remove_link(found), options)
         except MissingExtra:
             continue
         return found

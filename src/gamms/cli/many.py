@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from gamms.cli.output import console, echo, explained, in_words, rich_table
+from gamms.cli.output import console, echo, explain_error, join_names, make_rich_table
 from gamms.errors import BadValue, nearest
-from gamms.folders import made_folder, whole_file, without_link, write_csv
+from gamms.folders import make_folder, open_whole_file, remove_link, write_csv
 from gamms.limits import allowing, max_memory
 from gamms.progress import progress
-from gamms.text import empty_range, printable_line, shown
+from gamms.text import describe_empty_range, make_printable_line, shown
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -28,7 +28,7 @@ _MOST = 1_000_000  # seeds
 _MOST_IN_A_BATCH = 20  # games that a process plays before it reports
 
 
-def parsed_seeds(text: str) -> Sequence[int]:
+def parse_seeds(text: str) -> Sequence[int]:
     """Parse `0:50`, which is 0 to 49, or `1,2,5`."""
     first, colon, last = text.partition(":")
     try:
@@ -36,7 +36,7 @@ def parsed_seeds(text: str) -> Sequence[int]:
     except ValueError:
         raise typer.BadParameter(f"{text!r}: give 0:50 or 1,2,5.", param_hint="--seeds") from None
     if colon and numbers[1] < numbers[0]:
-        raise typer.BadParameter(empty_range(text, *numbers), param_hint="--seeds")
+        raise typer.BadParameter(describe_empty_range(text, *numbers), param_hint="--seeds")
     count = numbers[1] - numbers[0] if colon else len(numbers)
     if not 0 < count <= _MOST:
         raise typer.BadParameter(f"{text!r}: give 1 to {_MOST:,} seeds, such as 0:50.", param_hint="--seeds")
@@ -45,7 +45,7 @@ def parsed_seeds(text: str) -> Sequence[int]:
     return range(*numbers) if colon else numbers
 
 
-def checked_keys(file: Path, values: object, kind: str, required: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
+def check_keys(file: Path, values: object, kind: str, required: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
     """Return the values of a file, which must be a mapping with the required keys and no unknown ones.
 
     Args:
@@ -70,26 +70,26 @@ def checked_keys(file: Path, values: object, kind: str, required: Sequence[str],
     return values
 
 
-def imported(strategies: Strategies) -> dict[str, Callable[..., Any]]:
+def import_strategies(strategies: Strategies) -> dict[str, Callable[..., Any]]:
     """Import the code of strategies; one person plays all agents of a team."""
-    from gamms.scenario.code import function_of
+    from gamms.scenario.code import import_function
     from gamms.web import human
 
-    found = {team: function_of(*one) for team, one in strategies.items()}
+    found = {team: import_function(*one) for team, one in strategies.items()}
     return {team: human() if function is human else function for team, function in found.items()}
 
 
 def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Path, jobs: int | None) -> None:
     """Play a game for each seed, write `result_<seed>.json` and `results.csv`, and print a table and a summary."""
-    from gamms.workers import cores
+    from gamms.workers import count_cores
 
     teams = list(game.spec.teams)
     played: list[dict[str, Any]] = []
-    with made_folder(out):
+    with make_folder(out):
         try:
-            for seed, result in _results(game, seeds, strategies, jobs or cores()):
-                result.save(without_link(out / f"result_{seed}.json"))
-                played.append(_row(result, teams))
+            for seed, result in _play_seeds(game, seeds, strategies, jobs or count_cores()):
+                result.save(remove_link(out / f"result_{seed}.json"))
+                played.append(_make_row(result, teams))
         except KeyboardInterrupt:
             if played:
                 _write_rows(played, teams, out)
@@ -100,20 +100,20 @@ def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Pa
 
 def _write_rows(played: list[dict[str, Any]], teams: list[str], out: Path) -> None:
     """Write `results.csv`, and print a table and a summary."""
-    with whole_file(out / "results.csv") as whole:
+    with open_whole_file(out / "results.csv") as whole:
         write_csv(whole, played[0], (row.values() for row in played))
     header = ("seed", "turns", "winner", *teams, "reason")
-    rows = [_cells(row, teams) for row in played]
-    console().print(rich_table(tuple(map(printable_line, header)), rows))
-    echo(f"\n{_summary(played, teams)}")
-    echo(f"\nWrote {in_words([out / 'results.csv', out / 'result_<seed>.json'])}.")
+    rows = [_format_cells(row, teams) for row in played]
+    console().print(make_rich_table(tuple(map(make_printable_line, header)), rows))
+    echo(f"\n{_summarize(played, teams)}")
+    echo(f"\nWrote {join_names([out / 'results.csv', out / 'result_<seed>.json'])}.")
 
 
-def _results(
+def _play_seeds(
     game: "Scenario", seeds: Sequence[int], strategies: Strategies, jobs: int
 ) -> Iterator[tuple[int, "Result"]]:
     """Yield the result of each seed, in order, from any process."""
-    from gamms.workers import WorkerPool, result_of
+    from gamms.workers import WorkerPool, wait_for_result
 
     game.warn_of_idle_teams(strategies)
     jobs = min(jobs, len(seeds))
@@ -125,7 +125,9 @@ def _results(
         pool = None if jobs == 1 else WorkerPool(jobs)  # its games end with it, also after Ctrl-C
         try:
             results: Iterator[list[Result] | str] = (
-                map(batch, batches) if pool is None else map(result_of, [pool.submit(batch, some) for some in batches])
+                map(batch, batches)
+                if pool is None
+                else map(wait_for_result, [pool.submit(batch, some) for some in batches])
             )
             for some, found in zip(batches, results, strict=True):
                 if isinstance(found, str):
@@ -144,16 +146,16 @@ def _play_batch(game: "Scenario", strategies: Strategies, memory: int, seeds: Se
     seed = seeds[0]
     try:
         with allowing(memory):
-            functions = imported(strategies)
+            functions = import_strategies(strategies)
             results = []
             for seed in seeds:
                 results.append(game.play(seed, functions))
             return results
     except Exception as error:  # noqa: BLE001 - it is printed by the process that has asked
-        return f"{explained(error)}\nWith seed {seed}; to play it alone: --seed {seed}"
+        return f"{explain_error(error)}\nWith seed {seed}; to play it alone: --seed {seed}"
 
 
-def _row(result: "Result", teams: list[str]) -> dict[str, Any]:
+def _make_row(result: "Result", teams: list[str]) -> dict[str, Any]:
     """Return the contents of a CSV row."""
     table = result.table("teams")
     alive = dict(zip(table["team"].tolist(), table["alive"].tolist(), strict=True))
@@ -168,13 +170,13 @@ def _row(result: "Result", teams: list[str]) -> dict[str, Any]:
     }
 
 
-def _cells(row: dict[str, Any], teams: list[str]) -> tuple[str, ...]:
+def _format_cells(row: dict[str, Any], teams: list[str]) -> tuple[str, ...]:
     scores = (f"{row[f'score_{team}']:g}" for team in teams)
     winner = "-" if row["winner"] is None else str(row["winner"])
     return (str(row["seed"]), str(row["turns"]), winner, *scores, row["reason"])
 
 
-def _summary(rows: list[dict[str, Any]], teams: list[str]) -> str:
+def _summarize(rows: list[dict[str, Any]], teams: list[str]) -> str:
     """Return in words how often each team won, and the length of the games."""
     wins = Counter(row["winner"] for row in rows)
     turns = [row["turns"] for row in rows]
@@ -183,4 +185,4 @@ def _summary(rows: list[dict[str, Any]], teams: list[str]) -> str:
     if wins[None]:
         parts.append(f"no winner in {wins[None]} ({wins[None] / len(rows):.0%})")
     length = f"{fmean(turns):.1f} turns ({min(turns)} to {max(turns)})"
-    return printable_line(f"{len(rows)} games: {', '.join(parts)}. Mean length {length}.")
+    return make_printable_line(f"{len(rows)} games: {', '.join(parts)}. Mean length {length}.")

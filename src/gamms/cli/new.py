@@ -8,7 +8,7 @@ import typer
 
 from gamms.cli.output import RECORDING, echo
 from gamms.errors import BadValue
-from gamms.folders import made_folder, write_whole
+from gamms.folders import make_folder, write_whole
 
 if TYPE_CHECKING:
     from gamms.scenario import Scenario
@@ -33,14 +33,14 @@ def new(
         raise BadValue(f"{str(name)!r} already exists. Choose another name; `gamms new` never overwrites files.")
     scenario = name / f"{name.name}.yaml"
     text = "" if game.file is None else game.file.read_text(encoding="utf-8")
-    files = _code_of(game)
+    files = _find_code(game)
     copies = {module: _name_copy(module, source) for module in files}
     for module, copy in copies.items():
         text = re.sub(rf"(?<![\w.]){re.escape(module)}(?=:\w)", copy, text)
         text = text.replace(f"{module}.py", f"{copy}.py")
     text = re.sub(r"^name: .*", f'name: "{name.name}"', text, flags=re.MULTILINE)
     text = text.replace(f"{source}.yaml", scenario.name)
-    with made_folder(name):
+    with make_folder(name):
         try:
             write_whole(scenario, text.encode())
             for module, copy in copies.items():
@@ -73,7 +73,7 @@ def _name_copy(module: str, source: str) -> str:
     return "strategies" if module == _DEMO else module.removeprefix(source).removeprefix("_") or "strategies"
 
 
-def _code_of(game: "Scenario") -> dict[str, Path]:
+def _find_code(game: "Scenario") -> dict[str, Path]:
     """Return the files of a game's own code, by the names of their modules in the scenario."""
     from gamms import demo
 

@@ -17,9 +17,9 @@ from rich.console import Console
 from rich.table import Table
 
 from gamms.errors import BadValue, GammsError, MissingExtra, MissingFile, install_command
-from gamms.folders import made_folder, without_link, write_whole
+from gamms.folders import make_folder, remove_link, write_whole
 from gamms.limits import allowing, parse_memory
-from gamms.text import printable, printable_line, reason
+from gamms.text import make_printable, make_printable_line, reason
 
 if TYPE_CHECKING:
     from gamms.context import Context
@@ -55,7 +55,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
         except (Exception, SystemExit) as error:  # a strategy may raise it, too
             if traceback:
                 raise
-            echo(explained(error), err=True)
+            echo(explain_error(error), err=True)
             raise typer.Exit(1) from None
 
     known = signature(command)
@@ -67,7 +67,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def explained(error: BaseException) -> str:
+def explain_error(error: BaseException) -> str:
     """Return the message for an error: a sentence for errors of GAMMS or of files, a traceback for the user's code.
 
     A traceback contains only the user's own frames; without any, it is an error in GAMMS itself, and the whole
@@ -76,26 +76,26 @@ def explained(error: BaseException) -> str:
     from gamms.scenario import ScenarioError
 
     raised = error.__cause__ if isinstance(error, ScenarioError) else error
-    lines = [] if raised is None else _own_traceback(raised)
+    lines = [] if raised is None else _format_own_traceback(raised)
     if raised is error and lines:
         return "".join(lines).rstrip()
     if isinstance(error, (GammsError, OSError)):
-        return "".join(lines) + "\n".join((f"gamms: {_sentence(error)}", *getattr(error, "__notes__", ())))
+        return "".join(lines) + "\n".join((f"gamms: {_write_sentence(error)}", *getattr(error, "__notes__", ())))
     return "".join(TracebackException.from_exception(error).format()).rstrip()
 
 
-def _own_traceback(error: BaseException) -> list[str]:
+def _format_own_traceback(error: BaseException) -> list[str]:
     """Return the traceback of an error without frames of GAMMS and its callers; [] if none is left."""
     shown = TracebackException.from_exception(error)
-    own = _own_frames(shown.stack)
+    own = _select_own_frames(shown.stack)
     part: TracebackException | None = shown
     while part is not None:
-        part.stack = StackSummary.from_list(_own_frames(part.stack))
+        part.stack = StackSummary.from_list(_select_own_frames(part.stack))
         part = part.__cause__ or part.__context__
     return list(shown.format()) if own else []
 
 
-def _own_frames(frames: StackSummary) -> list[FrameSummary]:
+def _select_own_frames(frames: StackSummary) -> list[FrameSummary]:
     """Return the frames from the user's first one on, without those of GAMMS."""
     foreign = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
     own = [frame for frame in frames if not frame.filename.startswith((_GAMMS, "<frozen")) and not _is_compiled(frame)]
@@ -109,7 +109,7 @@ def _is_compiled(frame: FrameSummary) -> bool:
     )
 
 
-def _sentence(error: GammsError | OSError) -> str:
+def _write_sentence(error: GammsError | OSError) -> str:
     """Return the message of an error; for system errors with the file, and a file of a similar name."""
     if isinstance(error, FileNotFoundError) and _is_current_folder_gone():
         return "The current folder is not there any more: change into another one."
@@ -135,7 +135,7 @@ def _is_current_folder_gone() -> bool:
 
 def echo(text: str, *, err: bool = False) -> None:
     """Print a text with its control characters escaped."""
-    typer.echo(printable(text), err=err)
+    typer.echo(make_printable(text), err=err)
 
 
 def warn(game: "Scenario") -> None:
@@ -152,8 +152,8 @@ class _Console(Console):
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
     def print(self, *objects: object, **options: Any) -> None:  # Any: the options of rich
-        """Print texts, and tables of `rich_table`."""
-        super().print(*(printable(one) if isinstance(one, str) else one for one in objects), **options)
+        """Print texts, and tables of `make_rich_table`."""
+        super().print(*(make_printable(one) if isinstance(one, str) else one for one in objects), **options)
 
 
 def console() -> Console:
@@ -161,14 +161,14 @@ def console() -> Console:
     return _Console(highlight=False, soft_wrap=True)
 
 
-def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, right: bool = True) -> Table:
+def make_rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, right: bool = True) -> Table:
     """Return a table without lines, all columns but the first aligned right, with the first 500 rows."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(header):
         table.add_column(title, justify="right" if i and right else "left", overflow="fold")
     every = list(rows)
     for row in every[:_MOST_ROWS]:
-        table.add_row(*map(printable_line, row))
+        table.add_row(*map(make_printable_line, row))
     if len(every) > _MOST_ROWS:
         table.add_row(f"and {len(every) - _MOST_ROWS:,} more")
     return table
@@ -193,7 +193,7 @@ def recorded(ctx: "Context", folder: Path, *, sensed: bool | None = None, is_kep
     After Ctrl-C, a line says up to which turn it goes, unless the folder is removed then (not `is_kept`).
     """
     path = folder / RECORDING
-    with _saying_what_is_kept(path) if is_kept else nullcontext(), made_folder(folder):
+    with _report_kept_turns(path) if is_kept else nullcontext(), make_folder(folder):
         path.unlink(missing_ok=True)
         ctx.record.start(path, sensed=sensed)
         try:
@@ -203,7 +203,7 @@ def recorded(ctx: "Context", folder: Path, *, sensed: bool | None = None, is_kep
 
 
 @contextmanager
-def _saying_what_is_kept(path: Path) -> Iterator[None]:
+def _report_kept_turns(path: Path) -> Iterator[None]:
     """Print after Ctrl-C in a `with` block up to which turn the recording of a game goes."""
     try:
         yield
@@ -223,7 +223,7 @@ def filmed(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> It
     """Film a game into a folder; yield the file, or None if the libraries for films are missing."""
     for name, options in _FILMS.items():
         try:
-            film = ctx.visual.film(without_link(folder / name), **options, **page)
+            film = ctx.visual.film(remove_link(folder / name), **options, **page)
         except MissingExtra:
             continue
         with film:
@@ -242,26 +242,26 @@ def save_pictures(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]
         return files
     for name in ("final.png", "final.svg"):
         try:
-            ctx.visual.save(without_link(folder / name), dpi=_FINE, **page)
+            ctx.visual.save(remove_link(folder / name), dpi=_FINE, **page)
         except MissingExtra:
             continue
         files.append(folder / name)
     return files
 
 
-def not_made(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
+def describe_missing(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
     """Return a line about files that could not be made, and how to install the libraries for them."""
     missing = [path for path in wanted if path not in made]
     if not missing:
         return ""
     extras = ("viz", "video") if any(path.name in _FILMS for path in missing) else ("viz",)
     return (
-        f"\nSkipped because optional packages are missing: {in_words(missing)}. "
+        f"\nSkipped because optional packages are missing: {join_names(missing)}. "
         f"To install them: {install_command(*extras)}, then play again."
     )
 
 
-def in_words(files: Iterable[Path]) -> str:
+def join_names(files: Iterable[Path]) -> str:
     """Return the names of files: "a", "a and b", "a, b and c"."""
     *others, last = map(str, files)
     return f"{', '.join(others)} and {last}" if others else last

@@ -11,19 +11,19 @@ from gamms.cli import many
 from gamms.cli.output import (
     RECORDING,
     console,
+    describe_missing,
     echo,
-    explained,
+    explain_error,
     filmed,
-    in_words,
-    not_made,
+    join_names,
+    make_rich_table,
     recorded,
-    rich_table,
     save_pictures,
     warn,
 )
 from gamms.errors import GammsError
-from gamms.folders import made_folder, without_link
-from gamms.text import printable_line, reason
+from gamms.folders import make_folder, remove_link
+from gamms.text import make_printable_line, reason
 
 if TYPE_CHECKING:
     from gamms.context import Context
@@ -72,7 +72,7 @@ def demo(
     from gamms import recorder
     from gamms.demo import capture_the_flag, check_ways
 
-    sides = _parsed_teams(teams)
+    sides = _parse_teams(teams)
     game = capture_the_flag(sides, max_turns, map)
     map_name = _HELSINKI if map is None else map.name
     page: PictureOptions = {"title": f"Capture the flag, {map_name}", "captions": True, "sensors": False}
@@ -82,17 +82,17 @@ def demo(
             recording = making.enter_context(recorded(ctx, out))
             film_file = making.enter_context(filmed(ctx, out, **page) if film else nullcontext())
             played = ctx.game.run(progress=True)
-        played.save(without_link(out / "result.json"))
+        played.save(remove_link(out / "result.json"))
         with recorder.open(recording) as whole:
-            whole.save(without_link(out / "game.html"), title=page["title"], sensors=page["sensors"])
+            whole.save(remove_link(out / "game.html"), title=page["title"], sensors=page["sensors"])
         pictures = save_pictures(ctx, out, **page)
         _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
     wanted = [out / name for name in ("game.mp4",) * film + ("final.png",)]
     echo(
         f"\nWrote {out / 'game.html'} (the game, to be opened in a browser), {out / 'result.json'} (every event), "
-        f"{recording} (every move; gamms replay){named} and {in_words(pictures)} (the last turn)."
-        f"{not_made(wanted, [film_file, *pictures])}"
+        f"{recording} (every move; gamms replay){named} and {join_names(pictures)} (the last turn)."
+        f"{describe_missing(wanted, [film_file, *pictures])}"
     )
 
 
@@ -165,25 +165,25 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
         _refuse_given(served, "this option needs --web.")
     if web or seeds is not None:
         _refuse_given({"--no-sensed": not sensed}, "this option is for a single game that is not served.")
-    given = _changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
+    given = _parse_changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
 
     def load() -> "Scenario":
         return scenario.load(file, allow or (), key_variable=key_variable).replace(**given)
 
     game = load()
-    found = _found_strategies(strategies or [])
-    for line in foreign_code(game, found):
-        echo(f"imports {printable_line(line)}")
+    found = _find_strategies(strategies or [])
+    for line in find_foreign_code(game, found):
+        echo(f"imports {make_printable_line(line)}")
     warn(game)
     if seeds is None:
         if jobs is not None:
             raise typer.BadParameter(f"{jobs} games at once need several seeds: add --seeds 0:20.", param_hint="--jobs")
         if web:
             options: ServeOptions = {"seed": seed, "port": port, "host": host, "allow_network": allow_network}
-            played = many.imported(found)
+            played = many.import_strategies(found)
 
             def load_again() -> "Scenario":
-                played.update(many.imported(found))
+                played.update(many.import_strategies(found))
                 return load()
 
             options |= {"watch": load_again if watch else False, "strategies": played}
@@ -193,7 +193,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
         return
     if seed is not None or film is not None or window or web:
         raise typer.BadParameter("--seed, --film, --window and --web are for a single game.", param_hint="--seeds")
-    many.play(game, many.parsed_seeds(seeds), found, out, jobs)
+    many.play(game, many.parse_seeds(seeds), found, out, jobs)
 
 
 def _refuse_given(options: dict[str, bool], why: str) -> None:
@@ -217,14 +217,14 @@ def _play_one(
 
     engine = visual.Engine.PYGAME if is_shown else visual.Engine.NO_VIS
     name = game.spec.name or (game.file.stem if game.file else "A game")
-    with game.build(seed, many.imported(found), engine) as ctx:
+    with game.build(seed, many.import_strategies(found), engine) as ctx:
         with ExitStack() as making:
-            making.enter_context(made_folder(out))  # the film may be there
+            making.enter_context(make_folder(out))  # the film may be there
             if film is not None:  # if refused, then before an earlier recording is replaced
                 making.enter_context(ctx.visual.film(film, title=name))
             recording = making.enter_context(recorded(ctx, out, sensed=None if sensed else False))
             result = ctx.game.run(progress=True)
-        result.save(without_link(out / "result.json"))
+        result.save(remove_link(out / "result.json"))
         _draw_scenery(game, ctx)
         pictures = save_pictures(ctx, out, title=name, captions=True)
         echo(f"\n{name}: {result}")
@@ -232,8 +232,8 @@ def _play_one(
         if film is not None:
             made.append(f"{film} (the game as a film)")
         if pictures:
-            made.append(f"{in_words(pictures)} (the last turn)")
-        missing = not_made([out / "final.png"] if pictures else [], pictures)
+            made.append(f"{join_names(pictures)} (the last turn)")
+        missing = describe_missing([out / "final.png"] if pictures else [], pictures)
         echo(f"\nWrote {', '.join(made)}.{missing}")
         if is_shown:
             ctx.visual.stay_open()
@@ -241,12 +241,12 @@ def _play_one(
 
 def _draw_scenery(game: "Scenario", ctx: "Context") -> None:
     """Draw buildings, parks and water in pictures of a game that has been played and recorded."""
-    from gamms.scenario.maps import scenery_for_pictures
+    from gamms.scenario.maps import load_scenery
 
     if ctx.is_terminated():
         return
     try:
-        scenery = scenery_for_pictures(game.spec.map, game.to_dict()["map"], game.folder, ctx)
+        scenery = load_scenery(game.spec.map, game.to_dict()["map"], game.folder, ctx)
     except (GammsError, OSError) as error:
         echo(f"gamms: The pictures show streets only. {reason(error)}", err=True)
         return
@@ -259,24 +259,24 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
     from gamms import web
 
     recording = out / RECORDING
-    options["record"] = without_link(recording)
-    with made_folder(out), web.serve(game, **options) as live, suppress(KeyboardInterrupt):
-        live.when_failed.append(lambda error: echo(explained(error), err=True))
+    options["record"] = remove_link(recording)
+    with make_folder(out), web.serve(game, **options) as live, suppress(KeyboardInterrupt):
+        live.when_failed.append(lambda error: echo(explain_error(error), err=True))
         echo("The game is served until Ctrl-C. Open a link in a browser:")
         words = {"admin": "pause and change", "everything": "watch everything"}
         links = {words.get(name, f"watch as {name}"): link for name, link in live.links.items()}
-        links |= {f"play {printable_line(name)}": link for name, link in live.players.items()}
+        links |= {f"play {make_printable_line(name)}": link for name, link in live.players.items()}
         for name, link in links.items():
             echo(f"  {name:<18} {link}")
         result = live.wait()
         if result is not None:
-            result.save(without_link(out / "result.json"))
+            result.save(remove_link(out / "result.json"))
             echo(f"\n{result}\n\nWrote {out / 'result.json'}. The last turn is served until Ctrl-C.")
         live.stay_open()
     echo(f"\nWrote {recording} (every move; gamms replay).")
 
 
-def _changes(texts: list[str]) -> dict[str, Any]:
+def _parse_changes(texts: list[str]) -> dict[str, Any]:
     """Parse `--set`: dotted path -> value."""
     from gamms.scenario.documents import from_yaml, named
 
@@ -290,7 +290,7 @@ def _changes(texts: list[str]) -> dict[str, Any]:
     return changes
 
 
-def _found_strategies(texts: list[str]) -> many.Strategies:
+def _find_strategies(texts: list[str]) -> many.Strategies:
     """Find the code of `--strategy`: team or agent -> (reference, folder to import it from)."""
     from gamms.scenario.code import chosen
 
@@ -303,7 +303,7 @@ def _found_strategies(texts: list[str]) -> many.Strategies:
     return found
 
 
-def foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
+def find_foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
     """Yield the code to be imported from outside of GAMMS, the folder of the file and the current folder."""
     replaced = [f"teams.{team}.strategy" for team in chosen]
     named = [(found.path, found) for found in game.code() if found.path not in replaced]
@@ -314,7 +314,7 @@ def foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
             yield f"{place}: {found}"
 
 
-def _parsed_teams(text: str) -> "tuple[Team, Team]":
+def _parse_teams(text: str) -> "tuple[Team, Team]":
     """Parse two teams from `5`, `5,3` or `cats=5,dogs=3`."""
     from gamms.demo import Team
 
@@ -348,4 +348,4 @@ def _print_demo(ctx: "Context", played: "Result", sides: "tuple[Team, Team]", ma
         out.print(f"  turn {turn:>4}  {sentence}")
     out.print(f"\n[bold]{demo.headline(ctx, played)}[/]\n")
     header, *rows = demo.table(ctx, played)
-    out.print(rich_table(header, rows))
+    out.print(make_rich_table(header, rows))

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.markup import escape
 
-from gamms.cli.output import console, echo, in_words, rich_table, write_page
+from gamms.cli.output import console, echo, join_names, make_rich_table, write_page
 from gamms.errors import BadValue
 from gamms.progress import progress
-from gamms.text import as_text, printable_line, shown
+from gamms.text import as_text, make_printable_line, shown
 
 if TYPE_CHECKING:
     from gamms.context import Context
@@ -38,13 +38,15 @@ def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Prin
 
     version = recordings.version_of(file)
     found: dict[str, Any] = {"file": file.name, "version": version, "bytes": file.stat().st_size}
-    found |= _of_version_2(file) if version < 3 else _of_version_3(file)
+    found |= _describe_version_2(file) if version < 3 else _describe_version_3(file)
     if as_json:
         echo(json.dumps(plain.as_json(found), indent=2, default=str))
         return
-    rows = [(key, _text(value)) for key, value in found.items() if key != "events"]
+    rows = [(key, _format_value(value)) for key, value in found.items() if key != "events"]
     rows += [(f"event {kind}", f"{count:,}") for kind, count in found["events"].items()]
-    console().print(rich_table(("recording", ""), [(escape(key), escape(text)) for key, text in rows], right=False))
+    console().print(
+        make_rich_table(("recording", ""), [(escape(key), escape(text)) for key, text in rows], right=False)
+    )
 
 
 def verify(file: _File, map: _Map = None) -> None:
@@ -105,23 +107,23 @@ def convert(
     A map, .gamms, becomes .geojson, .gpkg, .graphml, .csv, .osmnx.graphml (for OSMnx) or .net.xml (for SUMO). Tracks,
     .gpx or .csv, become a recording on a --map.
     """
-    from gamms.recordings.conversion import with_map
+    from gamms.recordings.conversion import make_context_with_map
 
     if file.suffix.lower() in (".gpx", ".csv"):
         _record_tracks(file, out, map, turn_seconds)
         return
     if file.suffix.lower() == ".gamms":
-        with with_map(file) as ctx:
-            echo(f"Wrote {in_words(ctx.graph.export(out))}.")
+        with make_context_with_map(file) as ctx:
+            echo(f"Wrote {join_names(ctx.graph.export(out))}.")
         return
-    made, warning = _converted(file, out, map, turn_seconds) if team is None else _cut(file, out, team)
-    echo(f"Wrote {in_words(made) if made else 'nothing: there are no rows'}.")
+    made, warning = _convert_file(file, out, map, turn_seconds) if team is None else _cut(file, out, team)
+    echo(f"Wrote {join_names(made) if made else 'nothing: there are no rows'}.")
     if warning:
         echo(f"gamms: {warning} Everything before was converted.", err=True)
         raise typer.Exit(1)
 
 
-def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> tuple[list[Path], str | None]:
+def _convert_file(file: Path, out: Path, map: Path | None, turn_seconds: float) -> tuple[list[Path], str | None]:
     """Convert a recording; return the written files, and a warning if the recording is incomplete."""
     from gamms import recorder, recordings
 
@@ -164,8 +166,8 @@ def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float)
     for found in recording_from_tracks([file], map, out, turn_seconds=turn_seconds):
         parts = "" if found.parts == 1 else f" in {found.parts} parts"
         echo(
-            f"{printable_line(found.agent)}: {found.points} points{parts}, on average {found.off_m:.1f} m from their "
-            f"roads; outliers: {found.off_road}."
+            f"{make_printable_line(found.agent)}: {found.points} points{parts}, on average {found.off_m:.1f} m "
+            f"from their roads; outliers: {found.off_road}."
         )
     echo(f"Wrote {out if out.suffix == '.ggr' else f'{out}.ggr'}.")
 
@@ -222,7 +224,7 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
         _print_agents(ctx, file, start + len(turns) if playback is None else playback.turn)
         if window:
             ctx.visual.stay_open()
-    _refuse_unfinished(warning or _missing_of(file))
+    _refuse_unfinished(warning or _find_missing(file))
 
 
 def render(  # noqa: PLR0913, PLR0917 - one argument per option
@@ -278,7 +280,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
     ] = None,
 ) -> None:
     """Make a film, a picture or a page for browsers of a recording."""
-    first, last = _parsed_turns(turns)
+    first, last = _parse_turns(turns)
     with progress() as show:
         from gamms import rendering
 
@@ -309,10 +311,10 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
             raise
     is_film = out.suffix.lower() in (".mp4", ".gif", ".html")
     echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
-    _refuse_unfinished(_missing_of(file))
+    _refuse_unfinished(_find_missing(file))
 
 
-def _missing_of(file: Path) -> str | None:
+def _find_missing(file: Path) -> str | None:
     """Return what an unfinished recording of version 3 lacks; None if it is complete, or older."""
     from gamms import recorder, recordings
 
@@ -329,7 +331,7 @@ def _refuse_unfinished(warning: str | None) -> None:
         raise typer.Exit(1)
 
 
-def _of_version_3(file: Path) -> dict[str, Any]:
+def _describe_version_3(file: Path) -> dict[str, Any]:
     from gamms import recorder
 
     with recorder.open(file) as recording:
@@ -346,7 +348,7 @@ def _of_version_3(file: Path) -> dict[str, Any]:
             "agents": len(names),
             **_map_of(recording),
             "moves": recording.count_moves(),
-            "events": {**recording.counts(), **_game_events(recording)},
+            "events": {**recording.counts(), **_count_game_events(recording)},
         }
 
 
@@ -358,12 +360,12 @@ def _map_of(recording: "Recording") -> dict[str, Any]:
     return {"nodes": len(columns.node_ids), "edges": len(columns.edge_ids)}
 
 
-def _game_events(recording: "Recording") -> dict[str, int]:
+def _count_game_events(recording: "Recording") -> dict[str, int]:
     """Count the events of rules and programs by kind."""
     return dict(sorted(Counter(event["kind"] for event in recording.events()).items()))
 
 
-def _of_version_2(file: Path) -> dict[str, Any]:
+def _describe_version_2(file: Path) -> dict[str, Any]:
     from gamms import recordings
     from gamms.recorder import RecordingError
     from gamms.recorder.tables import KINDS
@@ -384,7 +386,7 @@ def _of_version_2(file: Path) -> dict[str, Any]:
     }
 
 
-def _text(value: object) -> str:
+def _format_value(value: object) -> str:
     if value is None:
         return "-"
     if type(value) is int:
@@ -396,7 +398,7 @@ def _score(score: object) -> str:
     try:
         return format(score, "g")
     except (OverflowError, TypeError, ValueError):  # rules may write any value as a score
-        return _text(score)
+        return _format_value(score)
 
 
 def _print_agents(ctx: "Context", file: Path, turns: int) -> None:
@@ -407,16 +409,16 @@ def _print_agents(ctx: "Context", file: Path, turns: int) -> None:
     for agent in ctx.agent.create_iter():
         position = getattr(agent, "position", None)  # of aerial agents
         place = str(agent.current_node_id) if position is None else ", ".join(f"{part:.6g}" for part in position)
-        team = _text(agent.team)
+        team = _format_value(agent.team)
         rows.append(tuple(map(escape, (agent.name, team, "yes" if agent.alive else "no", place))))
-    out.print(rich_table(("agent", "team", "alive", "at"), rows, right=False))
+    out.print(make_rich_table(("agent", "team", "alive", "at"), rows, right=False))
     if ctx.game.scores:
         out.print()
-        scores = [(escape(_text(of)), escape(_score(score))) for of, score in ctx.game.scores.items()]
-        out.print(rich_table(("", "score"), scores))
+        scores = [(escape(_format_value(of)), escape(_score(score))) for of, score in ctx.game.scores.items()]
+        out.print(make_rich_table(("", "score"), scores))
 
 
-def _parsed_turns(text: str) -> tuple[int | None, int | None]:
+def _parse_turns(text: str) -> tuple[int | None, int | None]:
     """Return the first and last turn of `100:200`, `100:`, `:200`, or `100` for that turn alone."""
     first, colon, last = text.partition(":")
     try:

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gamms.cli.many import checked_keys, imported
-from gamms.cli.output import echo, in_words, warn
-from gamms.cli.play import HERE, Allow, KeyVariable, foreign_code
+from gamms.cli.many import check_keys, import_strategies
+from gamms.cli.output import echo, join_names, warn
+from gamms.cli.play import HERE, Allow, KeyVariable, find_foreign_code
 from gamms.errors import BadType, BadValue
-from gamms.text import printable_line, shown
+from gamms.text import make_printable_line, shown
 
 if TYPE_CHECKING:
     from gamms.web import Study
@@ -83,16 +83,19 @@ def study(  # noqa: PLR0913, PLR0917 - one argument per option
         echo(f"Taken out of the study in {out}: {', '.join(take_out)}. Their rows stay in the table.")
         return
     with documents.named(file):
-        values: Any = checked_keys(file, documents.read(file), "study", _REQUIRED, _KEYS)
-    paths = {key: file.parent / _text(file, key, values.pop(key)) for key in ("scenario", "consent")}
+        values: Any = check_keys(file, documents.read(file), "study", _REQUIRED, _KEYS)
+    paths = {key: file.parent / _read_text(file, key, values.pop(key)) for key in ("scenario", "consent")}
     game = scenario.load(paths["scenario"], allow or (), key_variable=key_variable)
     if otherwise is not None:
-        values |= imported({"otherwise": chosen(otherwise, "--otherwise")})
-    for line in foreign_code(game, {}):
-        echo(f"imports {printable_line(line)}")
+        values |= import_strategies({"otherwise": chosen(otherwise, "--otherwise")})
+    for line in find_foreign_code(game, {}):
+        echo(f"imports {make_printable_line(line)}")
     warn(game)
     values |= {"port": port, "host": host, "allow_network": allow_network}
-    with web.study(game, consent=_consent(paths["consent"]), out=out, **values) as running, suppress(KeyboardInterrupt):
+    with (
+        web.study(game, consent=_read_consent(paths["consent"]), out=out, **values) as running,
+        suppress(KeyboardInterrupt),
+    ):
         if running.codes is None:
             echo("The study is served until Ctrl-C. The link of a participant, with a code of theirs in place of CODE:")
             echo(f"  {running.url}")
@@ -100,16 +103,16 @@ def study(  # noqa: PLR0913, PLR0917 - one argument per option
             echo("The study is served until Ctrl-C. The links of the participants:")
             echo("\n".join(f"  {running.link(code)}" for code in running.codes))
         running.stay_open()
-    echo(f"\n{_summary(running)} The same command goes on.")
+    echo(f"\n{_summarize(running)} The same command goes on.")
 
 
-def _text(file: Path, key: str, value: object) -> str:
+def _read_text(file: Path, key: str, value: object) -> str:
     if not isinstance(value, str):
         raise BadType(f"{file}: {key} is the name of a file beside this one, not {shown(value)}.")
     return value
 
 
-def _consent(file: Path) -> str:
+def _read_consent(file: Path) -> str:
     """Return the text that participants agree to.
 
     Raises:
@@ -129,12 +132,12 @@ def _consent(file: Path) -> str:
     return text
 
 
-def _summary(running: "Study") -> str:
+def _summarize(running: "Study") -> str:
     """Return in words the contents of the results folder."""
     rows = running.rows
     folder = running.folder
     if not rows:
         return f"No round was played to its end; {folder} says how many have agreed: {sum(running.assigned.values())}."
     people = len({row["participant"] for row in rows})
-    written = in_words([folder / "rows.csv", folder / "rows.jsonl", folder / "games"])
+    written = join_names([folder / "rows.csv", folder / "rows.jsonl", folder / "games"])
     return f"{len(rows):,} rounds of {people:,} participants are in {written}."

@@ -70,7 +70,7 @@ cdef class AgentColumns:
     cpdef int move_all(self, object rows, object ends) except -1
     @cython.locals(log=list, ids=list)
     cdef int _move(self, Py_ssize_t row, i64 node, i64 number) except -1
-    cdef i64 _node_of(self, Py_ssize_t row) except? -1
+    cdef i64 _get_node(self, Py_ssize_t row) except? -1
 
 
 cdef class GamePointer:

@@ -223,7 +223,7 @@ class AgentColumns:
 
     def node_of(self, row: int) -> int:
         """Return the id of the node of an agent (IndexError: the row does not exist)."""
-        return self._node_of(row)
+        return self._get_node(row)
 
     def previous_of(self, row: int) -> int:
         """Return the id of the previous node of an agent (IndexError: the row does not exist)."""
@@ -257,7 +257,7 @@ class AgentColumns:
         if place_at is not None:
             return place_at(self.under_way.time)
         progress = self.progress_of(row)
-        return progress if progress is not None and progress.source == self._node_of(row) else None
+        return progress if progress is not None and progress.source == self._get_node(row) else None
 
     def progress_of(self, row: int) -> Any:
         """Return the position of an agent on an edge, as `ir.progress.Progress`; None: it is on its node.
@@ -329,7 +329,7 @@ class AgentColumns:
         self._changed.add(row)
         return 0
 
-    def _node_of(self, row: int) -> int:
+    def _get_node(self, row: int) -> int:
         if row < 0 or row >= len(self._nodes):
             raise IndexError(f"There is no agent in row {row}.")
         return self.numbers.ids[self._nodes[row]]
@@ -496,7 +496,7 @@ class MovingAgents:
         """Let agents that took no part stay where they are now: a rule may have placed them meanwhile."""
         for i in range(len(self.rows)):
             if not took_part[i]:
-                starts[i] = self.columns._node_of(self.rows[i])
+                starts[i] = self.columns._get_node(self.rows[i])
                 ends[i] = starts[i]
         return 0
 
@@ -523,7 +523,7 @@ class MovingAgents:
         """Set the start and the end of each move to the agent's current node (IndexError: a row does not exist)."""
         columns = self.columns
         for i in range(len(self.rows)):
-            node = columns._node_of(self.rows[i])
+            node = columns._get_node(self.rows[i])
             moves.starts[i] = node
             moves.ends[i] = node
         return 0
@@ -584,7 +584,7 @@ class AgentView:
     @property
     def current_node_id(self) -> int:
         """The id of the agent's node; setting it leaves `prev_node_id` unchanged."""
-        node: int = self._block._node_of(self._row)
+        node: int = self._block._get_node(self._row)
         return node
 
     @current_node_id.setter
@@ -597,9 +597,9 @@ class AgentView:
             self._phase.refuse("call agent.get_state")
         block = self._block
         if block.is_closed:
-            return self._last_state()
+            return self._make_last_state()
         row = self._row
-        node = block._node_of(row)
+        node = block._get_node(row)
         share = block._shares[row]
         if share == share:  # noqa: PLR0124 - not NaN: on an edge
             state = {"curr_pos": node, "sensor": self.sense()}
@@ -651,7 +651,7 @@ class AgentView:
         """Ask all sensors; return a dict: name -> (type, data)."""
         raise NotImplementedError
 
-    def _last_state(self) -> Any:
+    def _make_last_state(self) -> Any:
         """Return the last state, when the context has ended."""
         raise NotImplementedError
 

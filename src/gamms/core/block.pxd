@@ -38,7 +38,7 @@ cdef class Block:
     cpdef copied(self, Py_ssize_t game=*)
     cdef _begin_own(self, Py_ssize_t game)
 
-cdef _view(bytearray memory, str code)
+cdef _cast_memory(bytearray memory, str code)
 
 @cython.final
 cdef class StartColumn:

@@ -85,7 +85,7 @@ class Block:
         code = column.code
         view = self._views.get(code)
         if view is None:
-            view = _view(self.memory, code)
+            view = _cast_memory(self.memory, code)
             self._views[code] = view
         first = (game * self._stride + self._first[name]) // view.itemsize
         return view[first : first + self.sizes[column.axis] * column.width]
@@ -138,7 +138,7 @@ class Block:
         """Reset the columns with `is_copied=False` to their initial numbers."""
         for name in self._own:
             numbers = self.row(name, game)
-            numbers[:] = _initial(self.columns[name], len(numbers))
+            numbers[:] = _make_column(self.columns[name], len(numbers))
 
     def _make_room(self, room: dict[str, int]) -> None:
         """Allocate memory for these numbers of rows of each axis, all of them free."""
@@ -148,7 +148,7 @@ class Block:
         size = 0
         for name, column in self.columns.items():
             self._first[name] = size
-            numbers = bytes(_initial(column, room[column.axis] * column.width))
+            numbers = bytes(_make_column(column, room[column.axis] * column.width))
             padding = bytes(-len(numbers) % _ALIGNED)
             parts += numbers, padding
             size += len(numbers) + len(padding)
@@ -174,17 +174,17 @@ def _close_up(numbers: memoryview[Any], gone: Sequence[int], column: BlockColumn
         last = (gone[i + 1] if i + 1 < len(gone) else size) * column.width
         numbers[target : target + last - first] = numbers[first:last]
         target += last - first
-    numbers[target:] = _initial(column, len(numbers) - target)
+    numbers[target:] = _make_column(column, len(numbers) - target)
 
 
-def _initial(column: BlockColumn, count: int) -> memoryview[Any]:
+def _make_column(column: BlockColumn, count: int) -> memoryview[Any]:
     """Return `count` copies of the initial number of a column."""
     memory = bytearray(calcsize(column.code))
-    _view(memory, column.code)[0] = column.initial
-    return _view(memory * max(count, 1), column.code)[:count]
+    _cast_memory(memory, column.code)[0] = column.initial
+    return _cast_memory(memory * max(count, 1), column.code)[:count]
 
 
-def _view(memory: bytearray, code: str) -> memoryview[Any]:
+def _cast_memory(memory: bytearray, code: str) -> memoryview[Any]:
     """Return memory as an array of numbers of a format."""
     numbers: memoryview[Any] = memoryview(memory).cast(code)  # type: ignore[call-overload] # which knows literals only
     return numbers

@@ -172,27 +172,27 @@ cdef class Contacts:
     cdef int _put_legs(self, bint are_known) except -1 nogil
     cdef bint _is_of(self, i64 piece, int side) except -1 nogil
     @cython.locals(first=i64, last=i64)
-    cdef Py_ssize_t _node_at(self, i64 agent, double time) except -1 nogil
+    cdef Py_ssize_t _find_node(self, i64 agent, double time) except -1 nogil
     @cython.locals(slack=double, piece=i64, node=i64, other=i64, time=double)
-    cdef int _on_nodes(self) except -1 nogil
+    cdef int _find_on_nodes(self) except -1 nogil
     @cython.locals(agent=i64, first=i64, place=i64, piece=i64, source=i64, other=i64, a=i64, b=i64, time=double)
     cdef int _pass_by(self) except -1 nogil
     @cython.locals(piece=i64, other=i64, time=double, a=i64, b=i64)
-    cdef int _on_streets(self) except -1 nogil
+    cdef int _find_on_streets(self) except -1 nogil
     @cython.locals(since=double, until=double, gap=double, later=double)
-    cdef double _first_touch(self, i64 piece, i64 other) except? -1.0 nogil
+    cdef double _find_first_touch(self, i64 piece, i64 other) except? -1.0 nogil
     @cython.locals(begin=double, share=double, span=double)
-    cdef double _place_on_street(self, i64 piece, double time) except? -1.0 nogil
+    cdef double _find_place_on_street(self, i64 piece, double time) except? -1.0 nogil
     @cython.locals(side=int, piece=i64, node=i64, begin=i64, entry=i64, other=i64, back=double, distance=double)
-    cdef int _near(self) except -1 nogil
+    cdef int _find_near(self) except -1 nogil
     @cython.locals(time=double, a_node=i64, b_node=i64)
-    cdef int _come_near(self, i64 piece, i64 other, double distance) except -1 nogil
+    cdef int _add_near(self, i64 piece, i64 other, double distance) except -1 nogil
     @cython.locals(theirs=i64, width=double, farthest=double, piece=i64, rim=double, first=i64, last=i64, middle=i64)
     cdef int _sweep(self) except -1 nogil
     @cython.locals(agent=i64, part=i64, piece=i64)
     cdef int _put_lines(self) except -1 nogil
     @cython.locals(agent=i64, place=i64, piece=i64)
-    cdef int _place_steps(self) except -1 nogil
+    cdef int _set_step_positions(self) except -1 nogil
     @cython.locals(a=i64, b=i64, x=double, y=double, z=double, far=double)
     cdef int _step_near(self, i64 piece, i64 other) except -1 nogil
     @cython.locals(
@@ -203,23 +203,23 @@ cdef class Contacts:
     @cython.locals(a=i64, b=i64, a_node=i64, b_node=i64)
     cdef int _meet_on_way(self, double time, double distance, i64 piece, i64 other) except -1 nogil
     @cython.locals(side=int, piece=i64, end=int, node=i64, other=i64)
-    cdef int _within(self) except -1 nogil
+    cdef int _find_within(self) except -1 nogil
     @cython.locals(leg=i64)
-    cdef Py_ssize_t _door(self, i64 piece, int end, bint is_entry) except? -1 nogil
+    cdef Py_ssize_t _find_door(self, i64 piece, int end, bint is_entry) except? -1 nogil
     @cython.locals(leg=i64, begin=double, end=double)
-    cdef double _metres_to(self, i64 piece, bint is_source, double time) except? -1.0 nogil
+    cdef double _measure_distance(self, i64 piece, bint is_source, double time) except? -1.0 nogil
     @cython.locals(since=double, until=double)
-    cdef double _even(self, i64 piece, double begin, double end, double time) except? -1.0 nogil
+    cdef double _interpolate(self, i64 piece, double begin, double end, double time) except? -1.0 nogil
     @cython.locals(
         first=i64, row=i64, entry=i64, other=i64, since=double, until=double, is_source=bint, begin=double, last=double
     )
     cdef int _go_from(self, i64 piece, int end, i64 node, int side) except -1 nogil
     @cython.locals(since=double, until=double, length=double, first=double, last=double, passing=double)
-    cdef int _along_street(self, i64 piece, i64 other, int side) except -1 nogil
+    cdef int _follow_street(self, i64 piece, i64 other, int side) except -1 nogil
     @cython.locals(begin=double, end=double)
-    cdef double _street_share(self, i64 piece, double time) except? -1.0 nogil
+    cdef double _interpolate_street_share(self, i64 piece, double time) except? -1.0 nogil
     @cython.locals(time=double)
-    cdef int _come_within(
+    cdef int _add_within(
         self, i64 piece, i64 other, double since, double until, double begin, double end, int side
     ) except -1 nogil
     @cython.locals(found=int)

@@ -720,14 +720,14 @@ class Contacts:
         if search == ON_NODES:
             if not self.by_metres and not self._share_nodes(self.tracks.nodes, self.tracks.lengths, self.pieces.first):
                 return 0
-            self._on_nodes()
+            self._find_on_nodes()
         elif search == BY_PATHS:
-            self._near()
+            self._find_near()
         elif search == ON_WAYS:
-            self._within()
+            self._find_within()
         elif search == NEAR_PLACES:
             self._put_steps()
-            self._place_steps()
+            self._set_step_positions()
             self._sweep()
         else:
             self._put_lines()
@@ -738,7 +738,7 @@ class Contacts:
         """Add meetings on edges, and sort the contacts in `order`."""
         if self.crossing:
             if self.by_metres:
-                self._on_streets()
+                self._find_on_streets()
             else:
                 self._pass_by()
         if self.count == 0 or self.count > self.room:
@@ -881,7 +881,7 @@ class Contacts:
         """Return whether the agent of an interval is of a side."""
         return (self.tracks.sides[self.pieces.agents[piece]] & side) != 0
 
-    def _node_at(self, agent: int, time: float) -> int:
+    def _find_node(self, agent: int, time: float) -> int:
         """Return the node that an agent passed last; a node reached immediately after the time counts, too."""
         first = agent * self.tracks.most
         last = first + self.tracks.lengths[agent] - 1
@@ -892,7 +892,7 @@ class Contacts:
 
     # -- at the same place ---------------------------------------------------------------------------------------------
 
-    def _on_nodes(self) -> int:
+    def _find_on_nodes(self) -> int:
         """Find the pairs that are on the same node at the same time."""
         put_visits(self.tracks, self.legs, self.pieces)
         slack = SLACK if self.by_metres else 0.0
@@ -947,14 +947,14 @@ class Contacts:
                         b = self.pieces.agents[other]
                         time = max(self.pieces.since[piece], self.pieces.since[other])
                         if self.tracks.at_end:
-                            self._meet(1.0, 0.0, 1, a, b, self._node_at(a, 1.0), self._node_at(b, 1.0))
+                            self._meet(1.0, 0.0, 1, a, b, self._find_node(a, 1.0), self._find_node(b, 1.0))
                         else:
                             self._meet(time, 0.0, 1, a, b, source, self.pieces.legs[other])
                     other = self.pieces.next[other]
         self.pieces.forget(self.pieces.count)
         return 0
 
-    def _on_streets(self) -> int:
+    def _find_on_streets(self) -> int:
         """Find the pairs at the same point of a street at the same time: they pass, overtake, or stand together."""
         self.pieces.count = 0
         self._put_legs(False)
@@ -966,30 +966,30 @@ class Contacts:
             if self._is_of(piece, OURS):
                 other = self.pieces.first[self.legs.streets[self.pieces.legs[piece]]]
                 while other >= 0:
-                    time = self._first_touch(piece, other)
+                    time = self._find_first_touch(piece, other)
                     if time >= 0.0:
                         a = self.pieces.agents[piece]
                         b = self.pieces.agents[other]
-                        self._meet(time, 0.0, 1, a, b, self._node_at(a, time), self._node_at(b, time))
+                        self._meet(time, 0.0, 1, a, b, self._find_node(a, time), self._find_node(b, time))
                     other = self.pieces.next[other]
         self.pieces.forget(self.pieces.count)
         return 0
 
-    def _first_touch(self, piece: int, other: int) -> float:
+    def _find_first_touch(self, piece: int, other: int) -> float:
         """Return the first time when two agents on a street are at the same point; -1: never, or only at the start."""
         since = max(self.pieces.since[piece], self.pieces.since[other])
         until = min(self.pieces.until[piece], self.pieces.until[other])
         if since > until:
             return -1.0
-        gap = self._place_on_street(piece, since) - self._place_on_street(other, since)
-        later = self._place_on_street(piece, until) - self._place_on_street(other, until)
+        gap = self._find_place_on_street(piece, since) - self._find_place_on_street(other, since)
+        later = self._find_place_on_street(piece, until) - self._find_place_on_street(other, until)
         if fabs(gap) <= SLACK:
             return since if since > 0.0 or fabs(later) <= SLACK else -1.0
         if gap * later < 0.0:
             return since + (until - since) * gap / (gap - later)
         return until if fabs(later) <= SLACK else -1.0
 
-    def _place_on_street(self, piece: int, time: float) -> float:
+    def _find_place_on_street(self, piece: int, time: float) -> float:
         """Return the position of an agent on its street at a time, as a share."""
         begin = self.pieces.begins[piece]
         share = self.pieces.ends[piece]
@@ -1000,7 +1000,7 @@ class Contacts:
 
     # -- within a distance of the nodes passed last --------------------------------------------------------------------
 
-    def _near(self) -> int:
+    def _find_near(self) -> int:
         """Find the pairs within the distance along edges, tested whenever one of the two reaches a node."""
         self.reach.begin()
         self._put_steps()
@@ -1024,14 +1024,14 @@ class Contacts:
                     distance = min(self.reach.far[entry], back)
                     while other >= 0:
                         if side:
-                            self._come_near(other, piece, distance)
+                            self._add_near(other, piece, distance)
                         else:
-                            self._come_near(piece, other, distance)
+                            self._add_near(piece, other, distance)
                         other = self.pieces.next[other]
             self.pieces.forget(self.pieces.count)
         return 0
 
-    def _come_near(self, piece: int, other: int, distance: float) -> int:
+    def _add_near(self, piece: int, other: int, distance: float) -> int:
         """Add a contact at the later of two arrivals, if the other agent has not moved on."""
         time = max(self.pieces.since[piece], self.pieces.since[other])
         if time >= self.pieces.until[piece] or time >= self.pieces.until[other]:
@@ -1091,7 +1091,7 @@ class Contacts:
                     self.pieces.ends[piece] = max(self.lines.begins[3 * part], self.lines.ends[3 * part])
         return 0
 
-    def _place_steps(self) -> int:
+    def _set_step_positions(self) -> int:
         """Set the positions of the steps for `_sweep`, and their keys to the numbers of these positions."""
         for piece in range(self.pieces.count):
             agent = self.pieces.agents[piece]
@@ -1110,7 +1110,7 @@ class Contacts:
         z = self.places.xyz[a + 2] - self.places.xyz[b + 2]
         far = x * x + y * y + z * z
         if far <= self.limit * self.limit:  # squares, because they are exact on every machine
-            self._come_near(piece, other, sqrt(far))
+            self._add_near(piece, other, sqrt(far))
         return 0
 
     def _approach(self, piece: int, other: int) -> int:
@@ -1146,13 +1146,13 @@ class Contacts:
         """Add a contact of two agents at their positions at a time, on nodes or between them."""
         a = self.pieces.agents[piece]
         b = self.pieces.agents[other]
-        a_node = self._node_at(a, time)
-        b_node = self._node_at(b, time)
+        a_node = self._find_node(a, time)
+        b_node = self._find_node(b, time)
         return self._meet(time, distance, 0, a, b, a_node, b_node)
 
     # -- within a distance along edges, with exact positions -----------------------------------------------------------
 
-    def _within(self) -> int:
+    def _find_within(self) -> int:
         """Find the pairs within the distance along edges, on nodes or between them."""
         self.reach.begin()
         put_visits(self.tracks, self.legs, self.pieces)
@@ -1163,13 +1163,13 @@ class Contacts:
                 for end in range(2):
                     self.pieces.keys[2 * piece + end] = -1
                     if self._is_of(piece, OURS if side else THEIRS):
-                        node = self._door(piece, end, True)
+                        node = self._find_door(piece, end, True)
                         if node >= 0:
                             self.pieces.enter(2 * piece + end, node)
             for piece in range(self.pieces.count):
                 if self._is_of(piece, THEIRS if side else OURS):
                     for end in range(2):
-                        node = self._door(piece, end, False)
+                        node = self._find_door(piece, end, False)
                         if node >= 0:
                             self._go_from(piece, end, node, side)
             self.pieces.forget(2 * self.pieces.count)
@@ -1181,12 +1181,12 @@ class Contacts:
                 if self.pieces.legs[piece] >= 0 and self._is_of(piece, THEIRS if side else OURS):
                     other = self.pieces.first[self.legs.streets[self.pieces.legs[piece]]]
                     while other >= 0:
-                        self._along_street(piece, other, side)
+                        self._follow_street(piece, other, side)
                         other = self.pieces.next[other]
             self.pieces.forget(self.pieces.count)
         return 0
 
-    def _door(self, piece: int, end: int, is_entry: bool) -> int:
+    def _find_door(self, piece: int, end: int, is_entry: bool) -> int:
         """Return a node through which paths leave or reach the position of an agent.
 
         Args:
@@ -1204,7 +1204,7 @@ class Contacts:
             return -1
         return self.legs.sources[leg] if (end == 1) != is_entry else self.legs.targets[leg]
 
-    def _metres_to(self, piece: int, is_source: bool, time: float) -> float:
+    def _measure_distance(self, piece: int, is_source: bool, time: float) -> float:
         """Return the distance at a time between an agent and an end of its edge; 0 on a node."""
         leg = self.pieces.legs[piece]
         if leg < 0:
@@ -1214,9 +1214,9 @@ class Contacts:
         if not is_source:
             begin = 1.0 - begin
             end = 1.0 - end
-        return self._even(piece, begin * self.legs.lengths[leg], end * self.legs.lengths[leg], time)
+        return self._interpolate(piece, begin * self.legs.lengths[leg], end * self.legs.lengths[leg], time)
 
-    def _even(self, piece: int, begin: float, end: float, time: float) -> float:
+    def _interpolate(self, piece: int, begin: float, end: float, time: float) -> float:
         """Return the value at a time of a quantity that changes linearly during an interval."""
         since = self.pieces.since[piece]
         until = self.pieces.until[piece]
@@ -1236,38 +1236,38 @@ class Contacts:
                 until = min(self.pieces.until[piece], self.pieces.until[other])
                 if since <= until:
                     is_source = (entry & 1) == 0
-                    begin = self.reach.far[row] + self._metres_to(piece, end == 1, since)
-                    begin += self._metres_to(other, is_source, since)
-                    last = self.reach.far[row] + self._metres_to(piece, end == 1, until)
-                    last += self._metres_to(other, is_source, until)
-                    self._come_within(piece, other, since, until, begin, last, side)
+                    begin = self.reach.far[row] + self._measure_distance(piece, end == 1, since)
+                    begin += self._measure_distance(other, is_source, since)
+                    last = self.reach.far[row] + self._measure_distance(piece, end == 1, until)
+                    last += self._measure_distance(other, is_source, until)
+                    self._add_within(piece, other, since, until, begin, last, side)
                 entry = self.pieces.next[entry]
         return 0
 
-    def _along_street(self, piece: int, other: int, side: int) -> int:
+    def _follow_street(self, piece: int, other: int, side: int) -> int:
         """Follow the path between two agents along the street that both are on."""
         since = max(self.pieces.since[piece], self.pieces.since[other])
         until = min(self.pieces.until[piece], self.pieces.until[other])
         if since > until:
             return 0
         length = self.legs.lengths[self.pieces.legs[piece]]
-        first = (self._street_share(piece, since) - self._street_share(other, since)) * length
-        last = (self._street_share(piece, until) - self._street_share(other, until)) * length
+        first = (self._interpolate_street_share(piece, since) - self._interpolate_street_share(other, since)) * length
+        last = (self._interpolate_street_share(piece, until) - self._interpolate_street_share(other, until)) * length
         if first * last < 0.0:  # they pass each other
             passing = since + (until - since) * first / (first - last)
-            return self._come_within(piece, other, since, passing, fabs(first), 0.0, side)
-        return self._come_within(piece, other, since, until, fabs(first), fabs(last), side)
+            return self._add_within(piece, other, since, passing, fabs(first), 0.0, side)
+        return self._add_within(piece, other, since, until, fabs(first), fabs(last), side)
 
-    def _street_share(self, piece: int, time: float) -> float:
+    def _interpolate_street_share(self, piece: int, time: float) -> float:
         """Return the position of an agent on its street at a time, as a share, by interpolation between the ends."""
         begin = self.pieces.begins[piece]
         end = self.pieces.ends[piece]
         if self.legs.flags[self.pieces.legs[piece]] & BACKWARDS:
             begin = 1.0 - begin
             end = 1.0 - end
-        return self._even(piece, begin, end, time)
+        return self._interpolate(piece, begin, end, time)
 
-    def _come_within(
+    def _add_within(
         self, piece: int, other: int, since: float, until: float, begin: float, end: float, side: int
     ) -> int:
         """Add a contact at the first time within the distance, when the distance changes linearly between two times."""

@@ -43,7 +43,7 @@ def copied_values(each: Any, memo: Any = None) -> Any:
     except NotPlain:
         if memo is ONLY_PLAIN:
             raise
-        return {key: _copied_or_shared(value, memo) for key, value in each.items()}
+        return {key: _copy_or_share(value, memo) for key, value in each.items()}
 
 
 def copied_dict(value: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copied` is
@@ -124,7 +124,7 @@ def refill_each(known: Any, value: Any) -> Any:
             one.clear()
         if other:
             one.update(other)
-    return _with_missing(known, value)
+    return _add_missing(known, value)
 
 
 def refill_counts(known: Any, value: Any) -> Any:
@@ -135,17 +135,17 @@ def refill_counts(known: Any, value: Any) -> Any:
     for key, one in known.items():
         other = value.get(key)
         one.update(dict.fromkeys(one, 0) if other is None else other)
-    return _with_missing(known, value)
+    return _add_missing(known, value)
 
 
-def _with_missing(known: Any, value: Any) -> Any:
+def _add_missing(known: Any, value: Any) -> Any:
     for key, one in value.items():
         if key not in known:
             known[key] = one.copy()
     return known
 
 
-def _copied_or_shared(value: Any, memo: Any) -> Any:
+def _copy_or_share(value: Any, memo: Any) -> Any:
     try:
         return copied(value, memo)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied

@@ -71,7 +71,7 @@ cdef class TurnStream:
 
     @cython.locals(turns=TurnCounter, begun=i64)
     cdef int _seek(self) except -1
-    cdef u64 _next(self) except? 1
+    cdef u64 _draw_next(self) except? 1
     @cython.locals(bound=u64)
     cpdef object below(self, object n)
     @cython.locals(count=Py_ssize_t, place=Py_ssize_t)

@@ -362,18 +362,18 @@ class TurnStream:
             self._count = 0
         return 0
 
-    def _next(self) -> int:
+    def _draw_next(self) -> int:
         self._seek()
         self._count += 1
         return bits_at(self._key, self._count - 1)
 
     def bits(self) -> int:
         """Return 64 random bits."""
-        return self._next()
+        return self._draw_next()
 
     def random(self) -> float:
         """Return a number in [0, 1)."""
-        return fraction(self._next())
+        return fraction(self._draw_next())
 
     def below(self, n: Any) -> Any:
         """Return a uniform random integer from 0 to `n - 1`.
@@ -385,8 +385,8 @@ class TurnStream:
             self.refuse_bound(n)  # type: ignore[attr-defined] # of a subclass
         if type(n) is int:
             bound = n
-            return below(self._next(), bound)
-        return (self._next() >> 32) * n >> 32
+            return below(self._draw_next(), bound)
+        return (self._draw_next() >> 32) * n >> 32
 
     def choice(self, options: Any) -> Any:
         """Return a uniform random item of a sequence.
@@ -397,4 +397,4 @@ class TurnStream:
         count = len(options)
         if count < 1:
             self.refuse_bound(count)  # type: ignore[attr-defined] # of a subclass
-        return options[below(self._next(), count)]
+        return options[below(self._draw_next(), count)]

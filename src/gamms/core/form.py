@@ -37,7 +37,7 @@ def choose(package: str, folder: Path) -> bool:
     asked = os.environ.get("GAMMS_CORE", "")
     if asked not in ("", "python", "compiled"):
         raise ImportError(f"GAMMS_CORE is {asked!r}: set it to 'python' or 'compiled', or not at all.")
-    problem = None if asked == "python" else _problem(package, folder)
+    problem = None if asked == "python" else _find_problem(package, folder)
     if asked != "python" and problem is None:
         return True
     if problem and asked == "compiled":
@@ -64,7 +64,7 @@ def digest(folder: Path) -> str:
     return total.hexdigest()
 
 
-def _problem(package: str, folder: Path) -> _Problem | None:
+def _find_problem(package: str, folder: Path) -> _Problem | None:
     """Return why the compiled modules cannot be loaded or, in a checkout, are of other source; None: they run."""
     try:
         stamp = import_module(f"{package}._stamp")

@@ -170,7 +170,7 @@ cdef class Flags:
     @cython.locals(piece=i64, flag=i64, agent=i64)
     cdef int _find_involved(self, i64 game, MotionIntervals pieces) except -1 nogil
     @cython.locals(soonest=double, place=i64, since=double)
-    cdef double _next_moment(self, MotionIntervals pieces, double now) except? -1.0 nogil
+    cdef double _find_next_moment(self, MotionIntervals pieces, double now) except? -1.0 nogil
     @cython.locals(row=i64, agent=i64, place=i64, piece=i64, team=i64)
     cdef int _capture(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
     @cython.locals(agent=i64, found=bint, team=i64)
@@ -178,7 +178,7 @@ cdef class Flags:
     @cython.locals(row=i64, taker=i64, least=u64, bits=u64, first=u64, place=i64, piece=i64, agent=i64)
     cdef int _take(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
     @cython.locals(flag=i64, found=bint)
-    cdef bint _carries(self, i64 game, i64 agent) except -1 nogil
+    cdef bint _is_carrying(self, i64 game, i64 agent) except -1 nogil
     @cython.locals(winner=i64, full=i64, team=i64)
     cdef bint _end(self, GameColumns games, Events events, i64 game, i64 rule) except -1 nogil
 

@@ -856,7 +856,7 @@ class Flags:
         self._find_involved(game, pieces)
         for flag in range(self.flags):
             self.taken[flag] = -1.0
-        now = self._next_moment(pieces, -1.0)
+        now = self._find_next_moment(pieces, -1.0)
         while now >= 0.0:
             for flag in range(self.flags):
                 self._capture(games, events, game, rule, pieces, flag, now)
@@ -864,7 +864,7 @@ class Flags:
                 self._take(games, events, game, rule, pieces, flag, now)
             if self._end(games, events, game, rule):
                 break
-            now = self._next_moment(pieces, now)
+            now = self._find_next_moment(pieces, now)
         return 0
 
     def _find_involved(self, game: int, pieces: MotionIntervals) -> int:
@@ -883,7 +883,7 @@ class Flags:
                 self.involved += 1
         return 0
 
-    def _next_moment(self, pieces: MotionIntervals, now: float) -> float:
+    def _find_next_moment(self, pieces: MotionIntervals, now: float) -> float:
         """Return the next time when a listed agent reaches a node; -1: none."""
         soonest = -1.0
         for place in range(self.involved):
@@ -942,7 +942,7 @@ class Flags:
                 or pieces.since[piece] > now
                 or now > pieces.until[piece]
                 or not self._may_take(agent, flag)
-                or self._carries(game, agent)
+                or self._is_carrying(game, agent)
             ):
                 continue
             first = draws.first_key(self.purposes[row], self.names[agent])
@@ -956,7 +956,7 @@ class Flags:
             events.put(game, games.turn[game], rule, TAKE, taker, flag, self.base[flag])
         return 0
 
-    def _carries(self, game: int, agent: int) -> bool:
+    def _is_carrying(self, game: int, agent: int) -> bool:
         """Return whether an agent carries a flag."""
         found = False
         for flag in range(game * self.flags, (game + 1) * self.flags):

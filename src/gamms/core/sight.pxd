@@ -96,15 +96,15 @@ cdef class RangeSearch:
     @cython.locals(after=i64, before=i64)
     cdef int _leave(self, i64 row) except -1 nogil
     @cython.locals(place=double, cell=i64)
-    cdef i64 _cell(self, double value) noexcept nogil
-    cdef i64 _entry(self, i64 cell_x, i64 cell_y) noexcept nogil
+    cdef i64 _find_cell(self, double value) noexcept nogil
+    cdef i64 _find_entry(self, i64 cell_x, i64 cell_y) noexcept nogil
     @cython.locals(
         count=i64, row=i64, xs=double[::1], ys=double[::1], middle_x=i64, middle_y=i64, cell_x=i64, cell_y=i64,
         dx=double, dy=double
     )
     cdef Py_ssize_t _find(self, double x, double y) except -1 nogil
     @cython.locals(names=list, nodes=list, data=dict, place=i64, row=i64, own_row=i64)
-    cdef dict _named(self, i64 count, str own)
+    cdef dict _make_named_results(self, i64 count, str own)
     cpdef dict by_name(self, double x, double y, str own)
     @cython.locals(count=i64, place=i64)
     cpdef list rows(self, double x, double y)

@@ -261,7 +261,7 @@ class AgentPositions:
         """Update the nodes of all agents from the columns; return the number of agents that have moved (KeyError)."""
         moved = 0
         for row in range(self.count):
-            node = columns._node_of(row)
+            node = columns._get_node(row)
             if node != self.nodes[row]:
                 place = self.at[node]
                 self.nodes[row] = node
@@ -336,7 +336,7 @@ class RangeSearch:
         self._enter_all()
         self._forget()
         if self.is_endless:
-            self.everyone = self._named(self._find(0.0, 0.0), "")
+            self.everyone = self._make_named_results(self._find(0.0, 0.0), "")
         self.is_built = True
         return 0
 
@@ -379,9 +379,9 @@ class RangeSearch:
         return 0
 
     def _enter(self, row: int) -> int:
-        self.cell_x[row] = self._cell(self.places.x[row])
-        self.cell_y[row] = self._cell(self.places.y[row])
-        entry = self._entry(self.cell_x[row], self.cell_y[row])
+        self.cell_x[row] = self._find_cell(self.places.x[row])
+        self.cell_y[row] = self._find_cell(self.places.y[row])
+        entry = self._find_entry(self.cell_x[row], self.cell_y[row])
         other = self.first[entry]
         self.after[row] = other
         self.before[row] = -1
@@ -396,13 +396,13 @@ class RangeSearch:
         if before >= 0:
             self.after[before] = after
         else:
-            self.first[self._entry(self.cell_x[row], self.cell_y[row])] = after
+            self.first[self._find_entry(self.cell_x[row], self.cell_y[row])] = after
         if after >= 0:
             self.before[after] = before
         self.before[row] = -2
         return 0
 
-    def _cell(self, value: float) -> int:
+    def _find_cell(self, value: float) -> int:
         """Return the cell number of a coordinate; coordinates far away are clamped to the last cell."""
         place = value / self.size
         if place > MOST_CELLS:
@@ -414,7 +414,7 @@ class RangeSearch:
             cell -= 1
         return cell
 
-    def _entry(self, cell_x: int, cell_y: int) -> int:
+    def _find_entry(self, cell_x: int, cell_y: int) -> int:
         return ((cell_x * FACTOR_X) ^ (cell_y * FACTOR_Y)) & self.mask
 
     def _find(self, x: float, y: float) -> int:
@@ -428,11 +428,11 @@ class RangeSearch:
             return count
         xs = self.places.x
         ys = self.places.y
-        middle_x = self._cell(x)
-        middle_y = self._cell(y)
+        middle_x = self._find_cell(x)
+        middle_y = self._find_cell(y)
         for cell_y in range(middle_y - 1, middle_y + 2):
             for cell_x in range(middle_x - 1, middle_x + 2):
-                row = self.first[self._entry(cell_x, cell_y)]
+                row = self.first[self._find_entry(cell_x, cell_y)]
                 while row >= 0:
                     if self.cell_x[row] == cell_x and self.cell_y[row] == cell_y:
                         dx = (xs[row] - x) * self.scale
@@ -444,7 +444,7 @@ class RangeSearch:
         sort_numbers(self.found, count)
         return count
 
-    def _named(self, count: int, own: str) -> dict[Any, Any]:
+    def _make_named_results(self, count: int, own: str) -> dict[Any, Any]:
         names = self.places.names
         nodes = self.places.nodes
         own_row = self.places.rows.get(own, -1)
@@ -460,7 +460,7 @@ class RangeSearch:
         if not self.is_built:
             self.build()
         if not self.is_endless:
-            return self._named(self._find(x, y), own)
+            return self._make_named_results(self._find(x, y), own)
         data = self.everyone.copy()
         data.pop(own, None)
         return data
@@ -502,10 +502,10 @@ class RangeSearch:
         if found is None:
             count = self._find(place[0], place[1])
             if count < MANY:
-                return self._named(count, own)
+                return self._make_named_results(count, own)
             if self.kept + count > MOST_KEPT:
                 self._forget()
-            found = self._named(count, "")
+            found = self._make_named_results(count, "")
             self.known[node] = found
             self.kept += count
         data = found.copy()

@@ -61,19 +61,19 @@ cdef int begin(Strategies p, i64 game) except -1 nogil
 cdef int take_legal(Strategies p, const i64[::1] nodes, i64 count) except -1 nogil
 @cython.locals(node=i64, step=i64, kind=u8, target=i64)
 cdef i64 act(Strategies p, i64 game, i64 agent) except? -2 nogil
-cdef double _distance(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -1.0 nogil
+cdef double _find_distance(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -1.0 nogil
 @cython.locals(has_path=bint)
-cdef i64 _towards(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -2 nogil
-cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
+cdef i64 _step_towards(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -2 nogil
+cdef i64 _draw_number(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
 @cython.locals(key=u64)
-cdef double _fraction(Strategies p, i64 game, i64 agent) except? -1.0 nogil
-cdef i64 _place(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
+cdef double _draw_fraction(Strategies p, i64 game, i64 agent) except? -1.0 nogil
+cdef i64 _find_index(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
 @cython.locals(first=i64, place=i64, at=i64)
 cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(first=i64, found=i64, least=double, number=i64, far=double)
-cdef i64 _nearest_stop(Strategies p, i64 step, i64 node) except -1 nogil
+cdef i64 _find_nearest_stop(Strategies p, i64 step, i64 node) except -1 nogil
 @cython.locals(place=i64, place_of_left=i64, target=i64, left=i64, far=double)
-cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
+cdef i64 _choose_waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(first=i64, target=i64, is_near=bint, count=i64, left=i64, number=i64)
 cdef i64 _draw_waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(place=i64, at=i64, number=i64, edge=i64)
@@ -81,6 +81,6 @@ cdef int _list_reachable(Strategies p, i64 node) except -1 nogil
 @cython.locals(count=i64, enemies=i64, place=i64)
 cdef i64 _find_enemies(Strategies p, i64 game, i64 agent) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double, place=i64)
-cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
+cdef i64 _find_nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
 @cython.locals(at=i64, count=i64, number=i64, place=i64, far=double)
-cdef i64 _farthest(Strategies p, i64 game, i64 agent) except? -2 nogil
+cdef i64 _find_farthest(Strategies p, i64 game, i64 agent) except? -2 nogil

@@ -238,62 +238,62 @@ def act(p: Strategies, game: int, agent: int) -> int:
         if kind == STAYS:
             return NOTHING
         if kind == WALKS:
-            return p.ahead if p.ahead >= 0 else p.legal[_drawn(p, game, agent, p.count)]
+            return p.ahead if p.ahead >= 0 else p.legal[_draw_number(p, game, agent, p.count)]
         if kind == GOES:
             target = p.steps.nodes[p.steps.first[step]]
         elif kind == FOLLOWS:
             target = _stop(p, game, agent, step, node)
         elif kind == WANDERS:
-            target = _waypoint(p, game, agent, step, node)
+            target = _choose_waypoint(p, game, agent, step, node)
         elif kind == CHASES:
-            target = _nearest_enemy(p, game, agent, node)
+            target = _find_nearest_enemy(p, game, agent, node)
         elif kind == FLEES:
-            target = _farthest(p, game, agent)
+            target = _find_farthest(p, game, agent)
         elif kind == PICKS:
             if not is_drawn(p.shares[game * p.games.agents + agent], p.steps.chances[step]):
                 step += p.steps.numbers[step]
-        elif kind == SKIPS or not is_drawn(_fraction(p, game, agent), p.steps.chances[step]):
+        elif kind == SKIPS or not is_drawn(_draw_fraction(p, game, agent), p.steps.chances[step]):
             step += p.steps.numbers[step]
-        target = _towards(p, game, agent, node, target)
+        target = _step_towards(p, game, agent, node, target)
         if target >= 0:
             return target
         step += 1
     return NOTHING
 
 
-def _distance(p: Strategies, game: int, agent: int, node: int, target: int) -> float:
+def _find_distance(p: Strategies, game: int, agent: int, node: int, target: int) -> float:
     """Return the distance from a node to the target of an agent; with `goes_far`, the path is stored."""
     if p.goes_far:
         return travel.distance(p.long_ways, game * p.games.agents + agent, node, target)  # type: ignore[arg-type]
     return p.ways.distance(node, target)
 
 
-def _towards(p: Strategies, game: int, agent: int, node: int, target: int) -> int:
+def _step_towards(p: Strategies, game: int, agent: int, node: int, target: int) -> int:
     """Return the node that an agent moves to on its path to a target; NOTHING: no target, or no path."""
     if target < 0:
         return NOTHING
     if not p.goes_far or routes.number_of(p.legal, 0, p.count, target) >= 0:
         return routes.node_towards(p.ways, p.legal, 0, p.count, node, target, p.anywhere)
-    has_path = _distance(p, game, agent, node, target) < INFINITE
+    has_path = _find_distance(p, game, agent, node, target) < INFINITE
     if p.ahead >= 0 and not has_path:
-        has_path = _distance(p, game, agent, p.ahead, target) < INFINITE
+        has_path = _find_distance(p, game, agent, p.ahead, target) < INFINITE
     return target if has_path else NOTHING
 
 
-def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:
+def _draw_number(p: Strategies, game: int, agent: int, bound: int) -> int:
     """Return a random number below a bound."""
     p.drawn += 1
     return draws.below_at(p.keys[game * p.games.agents + agent], p.games.turn[game], p.drawn - 1, bound)
 
 
-def _fraction(p: Strategies, game: int, agent: int) -> float:
+def _draw_fraction(p: Strategies, game: int, agent: int) -> float:
     """Return a random number in [0, 1)."""
     p.drawn += 1
     key = draws.turn_key(p.keys[game * p.games.agents + agent], p.games.turn[game])
     return draws.fraction(draws.bits_at(key, p.drawn - 1))
 
 
-def _place(p: Strategies, game: int, agent: int, column: int) -> int:
+def _find_index(p: Strategies, game: int, agent: int, column: int) -> int:
     """Return the index of a memory column of an agent in `memory`."""
     return column * len(p.games.node) + game * p.games.agents + agent
 
@@ -301,16 +301,16 @@ def _place(p: Strategies, game: int, agent: int, column: int) -> int:
 def _stop(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
     """Return the next node on an agent's list; -1: it has visited the last one."""
     first = p.steps.first[step]
-    place = _place(p, game, agent, p.steps.slots[step])
+    place = _find_index(p, game, agent, p.steps.slots[step])
     at = p.memory[place]
     if at < 0:
-        at = _nearest_stop(p, step, node) if p.steps.numbers[step] else 0
+        at = _find_nearest_stop(p, step, node) if p.steps.numbers[step] else 0
     at = next_stop(p.steps.nodes, p.steps.following, first, p.steps.sizes[step], at, node)
     p.memory[place] = at
     return p.steps.nodes[first + at] if at < p.steps.sizes[step] else -1
 
 
-def _nearest_stop(p: Strategies, step: int, node: int) -> int:
+def _find_nearest_stop(p: Strategies, step: int, node: int) -> int:
     """Return the index of the nearest node on a list, the first of equals; 0 if no path leads to any."""
     first = p.steps.first[step]
     found = p.steps.sizes[step]
@@ -323,14 +323,14 @@ def _nearest_stop(p: Strategies, step: int, node: int) -> int:
     return found if found < p.steps.sizes[step] else 0
 
 
-def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
+def _choose_waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
     """Return the agent's current waypoint, or draw a new one."""
-    place = _place(p, game, agent, p.steps.slots[step])
-    place_of_left = _place(p, game, agent, p.steps.slots[step] + 1)
+    place = _find_index(p, game, agent, p.steps.slots[step])
+    place_of_left = _find_index(p, game, agent, p.steps.slots[step] + 1)
     target = p.memory[place]
     far = INFINITE
     if target >= 0 and target != node:
-        far = _distance(p, game, agent, node, target)
+        far = _find_distance(p, game, agent, node, target)
     left = turns_left(target == node, p.memory[place_of_left], far)
     if left < 0:
         target = _draw_waypoint(p, game, agent, step, node)
@@ -346,9 +346,9 @@ def _draw_waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -
     So nothing has to be searched where all nodes can be reached.
     """
     first = p.steps.first[step]
-    target = p.steps.nodes[first + _drawn(p, game, agent, p.steps.sizes[step])]
+    target = p.steps.nodes[first + _draw_number(p, game, agent, p.steps.sizes[step])]
     is_near = not p.goes_far and routes.number_of(p.legal, 0, p.count, target) >= 0
-    if is_near or _distance(p, game, agent, node, target) < INFINITE:
+    if is_near or _find_distance(p, game, agent, node, target) < INFINITE:
         return target
     _list_reachable(p, node)
     count = 0
@@ -357,7 +357,7 @@ def _draw_waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -
             count += 1
     if count == 0:
         return target
-    left = _drawn(p, game, agent, count)
+    left = _draw_number(p, game, agent, count)
     number = first
     while left > 0 or p.ways.paths.reach.listed[p.steps.nodes[number]] != p.ways.paths.reach.search:
         if p.ways.paths.reach.listed[p.steps.nodes[number]] == p.ways.paths.reach.search:
@@ -398,7 +398,7 @@ def _find_enemies(p: Strategies, game: int, agent: int) -> int:
     return enemies
 
 
-def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
+def _find_nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     """Return the node of the nearest visible enemy by road, the first of equals; -1: none."""
     at = game * p.games.agents
     found = p.games.agents
@@ -412,7 +412,7 @@ def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     return p.games.node[at + found] if found < p.games.agents else -1
 
 
-def _farthest(p: Strategies, game: int, agent: int) -> int:
+def _find_farthest(p: Strategies, game: int, agent: int) -> int:
     """Return the legal node farthest from the nearest visible enemy; NOTHING: no enemy is visible."""
     at = game * p.games.agents
     count = _find_enemies(p, game, agent)

@@ -18,11 +18,11 @@ import numpy as np
 from gamms.context import Context
 from gamms.errors import BadValue
 from gamms.game.result import Result
-from gamms.ir.game_state import reason_in_words
+from gamms.ir.game_state import describe_reason
 from gamms.ir.graph import GraphColumns
 from gamms.osm import is_geojson
 from gamms.scenario import Scenario, load
-from gamms.visual.captions import captions_of
+from gamms.visual.captions import write_captions
 
 __all__ = ["FILE", "Team", "capture_the_flag", "check_ways", "headline", "key_events", "table"]
 
@@ -54,7 +54,7 @@ def capture_the_flag(teams: tuple[Team, Team], max_turns: int, map: Path | None 
         raw |= {"map": {"file": {"path": map.name, "scenery": has_scenery}}, "name": f"{raw['name']} in {map.name}"}
     raw["rules"][3]["with"]["turns"] = max_turns
     sides = dict(zip(raw["teams"], teams, strict=True))
-    raw["teams"] = {side.name: {**raw["teams"][of], **_sized(side)} for of, side in sides.items()}
+    raw["teams"] = {side.name: {**raw["teams"][of], **_describe_size(side)} for of, side in sides.items()}
     _, tag, flags, _ = (rule["with"] for rule in raw["rules"])
     nodes = raw["rules"][0]["with"]["nodes"]["with"]
     tag["taggers"] = teams[0].name
@@ -63,8 +63,8 @@ def capture_the_flag(teams: tuple[Team, Team], max_turns: int, map: Path | None 
         places[key] = {side.name: places[key][of] for of, side in sides.items()}
     game = Scenario(folder=None if map is None else map.absolute().parent, **raw)
     if map is not None:
-        game = _on_other_ground(game, teams)
-    return _with_start_areas(game, teams)
+        game = _move_flags(game, teams)
+    return _add_start_areas(game, teams)
 
 
 def check_ways(ctx: Context) -> None:
@@ -82,7 +82,7 @@ def headline(ctx: Context, played: Result) -> str:
     """Return the score in one line."""
     end = f"{played.winner} wins" if played.winner else "a draw"
     score = _score(list(sides(ctx)), Counter(played.scores))
-    return f"{score} after {played.turns} turns ({reason_in_words(played.reason)}): {end}"
+    return f"{score} after {played.turns} turns ({describe_reason(played.reason)}): {end}"
 
 
 def key_events(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
@@ -90,7 +90,7 @@ def key_events(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
     score: Counter[str] = Counter()
     for turn, events in groupby(played.events, itemgetter("turn")):
         of_turn = list(events)
-        for words, name in captions_of(of_turn):
+        for words, name in write_captions(of_turn):
             own = [event["kind"] for event in of_turn if event["agent"] == name and "flag" in event]
             if name is not None and "capture" in own:
                 score[ctx.agent.get_agent(name).team] += 1
@@ -103,7 +103,7 @@ def table(ctx: Context, played: Result) -> list[tuple[str, ...]]:
     """Return one row per team: name, number of agents, and counts of events."""
     rows: list[tuple[str, ...]] = [("team", "agents", "captures", "flags taken", "tags", "flags saved")]
     for team, agents in sides(ctx).items():
-        rows.append((team, str(len(agents)), *map(str, _counts(ctx, played, team).values())))
+        rows.append((team, str(len(agents)), *map(str, _count_results(ctx, played, team).values())))
     return rows
 
 
@@ -113,23 +113,26 @@ def sides(ctx: Context) -> dict[str, list[Any]]:
     return {team: ctx.agent.teams[team] for team in order}
 
 
-def _sized(side: Team) -> dict[str, Any]:
+def _describe_size(side: Team) -> dict[str, Any]:
     strategy = {"function": "gamms.demo.strategies:player", "with": {"defenders": side.size * _DEFENDERS // 5}}
     return {"count": side.size, "strategy": strategy}
 
 
-def _on_other_ground(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
+def _move_flags(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
     """Return the game with its flags near the two ends of the map."""
     columns = game.columns()
     if len(columns.node_ids) < _LEAST_NODES:
         raise BadValue(f"The map has {len(columns.node_ids)} nodes; the game needs at least {_LEAST_NODES}.")
-    flags = {side.name: _flag(columns, share) for side, share in zip(teams, (_FLAG_AT, 1.0 - _FLAG_AT), strict=True)}
+    flags = {
+        side.name: _find_flag_node(columns, share)
+        for side, share in zip(teams, (_FLAG_AT, 1.0 - _FLAG_AT), strict=True)
+    }
     near = {f"teams.{team}.near": node for team, node in flags.items()}
     bases = {"rules.2.with.flags": flags, "rules.0.with.nodes.with.bases": flags}
     return game.replace(**near, **bases)
 
 
-def _flag(columns: GraphColumns, share: float) -> int:
+def _find_flag_node(columns: GraphColumns, share: float) -> int:
     """Return the node in the middle of the strip that lies `share` of the way along the longer side of the map."""
     along = columns.xy[:, int(np.argmax(np.ptp(columns.xy, axis=0)))]
     low, high = np.quantile(along, (max(share - 0.05, 0.0), min(share + 0.05, 1.0)))
@@ -138,7 +141,7 @@ def _flag(columns: GraphColumns, share: float) -> int:
     return int(columns.node_ids[strip[np.argmin(np.hypot(*(columns.xy[strip] - middle).T))]])
 
 
-def _with_start_areas(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
+def _add_start_areas(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
     """Return the game with wider circles to start in, where teams are large or nodes are few."""
     xy = game.columns().xy
     changes = {}
@@ -155,7 +158,7 @@ def _score(teams: list[str], captures: Counter[str]) -> str:
     return f"{first} {captures[first]} : {captures[second]} {second}"
 
 
-def _counts(ctx: Context, played: Result, team: str) -> dict[str, int]:
+def _count_results(ctx: Context, played: Result, team: str) -> dict[str, int]:
     own = Counter(event["kind"] for event in played.events if ctx.agent.get_agent(event["agent"]).team == team)
     saved = sum(event["kind"] == "drop" and event["flag"] == team for event in played.events)
     return {"captures": own["capture"], "flags_taken": own["take"], "tags": own["tag"], "flags_saved": saved}

@@ -41,7 +41,7 @@ def attacker(ctx: Context) -> Strategy:
         home = flags[enemy]["carrier"] == state["name"]
         goal = flags[state["team"] if home else enemy]["node"]
         is_afraid = whose.get(state["curr_pos"]) == enemy and state["draw"].random() >= _BOLD
-        threats = _places(ctx, state, enemy) if is_afraid else []
+        threats = _list_places(ctx, state, enemy) if is_afraid else []
 
         def cost(option: int) -> float:
             _, x, y = graph.get_node(option)
@@ -49,7 +49,7 @@ def attacker(ctx: Context) -> Strategy:
             whim = _WHIM_M * float(state["draw"].random())
             return graph.distance(option, goal) + _FEAR * sum(max(0.0, fear) for fear in fears) + whim
 
-        state["action"] = min(_steps(state), key=cost)
+        state["action"] = min(_list_steps(state), key=cost)
 
     return strategy
 
@@ -61,10 +61,10 @@ def defender(ctx: Context) -> Strategy:
     def strategy(state: State) -> None:
         flags = state["facts"]["flags"]
         whose = state["facts"]["territory"]
-        steps = _steps(state)
+        steps = _list_steps(state)
         (enemy,) = (team for team in flags if team != state["team"])
         flag = flags[state["team"]]["node"]
-        intruders = [place for place in _places(ctx, state, enemy) if whose.get(place[0]) == state["team"]]
+        intruders = [place for place in _list_places(ctx, state, enemy) if whose.get(place[0]) == state["team"]]
 
         def metres(step: int, place: tuple[int, float, float]) -> float:
             _, x, y = graph.get_node(step)
@@ -81,13 +81,13 @@ def defender(ctx: Context) -> Strategy:
     return strategy
 
 
-def _steps(state: State) -> Sequence[int]:
+def _list_steps(state: State) -> Sequence[int]:
     """Return the nodes that an agent may go to; its own node is included only at a dead end."""
     legal = state["legal"]
     return legal[1:] or legal
 
 
-def _places(ctx: Context, state: State, team: str) -> list[tuple[int, float, float]]:
+def _list_places(ctx: Context, state: State, team: str) -> list[tuple[int, float, float]]:
     """Return node, x and y of the visible agents of a team."""
     seen = state["sensor"]["seen"][1]
     nodes = [node for name, node in seen.items() if ctx.agent.get_agent(name).team == team]

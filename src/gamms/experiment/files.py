@@ -14,7 +14,7 @@ from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.code import inside
 from gamms.scenario.documents import at, named, read
-from gamms.text import empty_range, shown
+from gamms.text import describe_empty_range, shown
 
 _KEYS = ("scenario", "seeds", "vary", "sample", "out", "workers")
 _OF_SAMPLE = ("space", "n", "method", "seed")
@@ -57,19 +57,19 @@ def read_experiment(
                 raise ScenarioError(key, "is missing.")
         if "vary" in raw and "sample" in raw:
             raise ScenarioError("sample", "an experiment has vary or sample, not both.")
-        game, out = (None if raw.get(key) is None else _file(raw[key], folder, key) for key in ("scenario", "out"))
+        game, out = (None if raw.get(key) is None else _find_file(raw[key], folder, key) for key in ("scenario", "out"))
         if game is None:
             raise ScenarioError("scenario", "is the name of a scenario file beside this one.")
         with at("sample" if "sample" in raw else "seeds"):
-            vary = _sampled(raw["sample"]) if "sample" in raw else raw.get("vary")
-            seeds = seeds_of(raw["seeds"])
+            vary = _make_sample(raw["sample"]) if "sample" in raw else raw.get("vary")
+            seeds = parse_seeds(raw["seeds"])
         workers = raw.get("workers")
         if workers is not None and (type(workers) is not int or workers < 1):
             raise ScenarioError("workers", f"is how many processes play, at least 1, not {shown(workers)}.")
         return ExperimentFile(load(game, allow, key_variable=key_variable), seeds, vary, out, workers)
 
 
-def seeds_of(given: Plain) -> list[int]:
+def parse_seeds(given: Plain) -> list[int]:
     """Return seeds from a list, or from a text: "0:50", which is 0 to 49, or "1,2,5".
 
     Raises:
@@ -87,20 +87,20 @@ def seeds_of(given: Plain) -> list[int]:
     if not colon:
         return numbers
     if numbers[0] > numbers[1]:
-        raise BadValue(f"seeds: {empty_range(given, *numbers)}")
+        raise BadValue(f"seeds: {describe_empty_range(given, *numbers)}")
     if numbers[0] == numbers[1]:
         raise BadValue(f"seeds are 0:50 or 1,2,5, and {shown(given)} names none.")
     refuse_above((numbers[1] - numbers[0]) * _BYTES, f"A list of {numbers[1] - numbers[0]:,} seeds")
     return list(range(*numbers))
 
 
-def _file(given: Plain, folder: Path, key: str) -> Path:
+def _find_file(given: Plain, folder: Path, key: str) -> Path:
     if not isinstance(given, str) or not given:
         raise ScenarioError(key, f"is the name of a file or folder beside this one, not {shown(given)}.")
     return inside(given, folder, key, "file" if key == "scenario" else "folder")
 
 
-def _sampled(given: Plain) -> Vary:
+def _make_sample(given: Plain) -> Vary:
     if not isinstance(given, Mapping) or not {"space", "n"} <= set(given):
         raise BadValue(f"a sample has space and n, not {shown(given)}.")
     _check_keys(given, _OF_SAMPLE, "sample.")

@@ -30,23 +30,23 @@ from gamms.experiment.games import Row, Series
 from gamms.folders import (
     LOCK,
     Scalar,
+    add_path_to_errors,
     as_lines,
     cut_torn_line,
-    json_in,
-    lines_in,
-    locked,
-    made_folder,
-    naming,
+    lock_folder,
+    make_folder,
+    make_place_beside,
+    open_whole_file,
     opened,
-    place_beside,
+    read_json,
+    read_json_lines,
     refuse_link,
-    whole_file,
     write_csv,
     write_whole,
 )
-from gamms.ir.tables import table_of
+from gamms.ir.tables import make_table
 from gamms.limits import refuse_above
-from gamms.text import printable_line, shown
+from gamms.text import make_printable_line, shown
 
 FORMAT = "gamms experiment 1"
 PLAN = "experiment.json"
@@ -121,7 +121,7 @@ class Journal:
 
     Args:
         folder: the folder of the run, which is locked.
-        kinds: the types that each row must have, for `gamms.folders.lines_in`.
+        kinds: the types that each row must have, for `gamms.folders.read_json_lines`.
 
     Raises:
         BadFile: a line is not a row.
@@ -130,7 +130,7 @@ class Journal:
     def __init__(self, folder: Path, *kinds: type[object]) -> None:
         self._series = _AppendedLines(folder / SERIES)
         self._lines = _AppendedLines(folder / JOURNAL)
-        self.rows = rows_in(folder / JOURNAL, *kinds)
+        self.rows = read_journal(folder / JOURNAL, *kinds)
 
     def add(self, rows: Iterable[Row], series: Iterable[SeriesLine] = ()) -> None:
         """Append rows; the system has them when this returns, and the disk within half a second of games.
@@ -164,7 +164,7 @@ class _AppendedLines:
         if self._file is None:
             cut_torn_line(self._path)
             self._file = opened(self._path, "ab")
-        with naming(self._path, self._path):
+        with add_path_to_errors(self._path, self._path):
             self._file.write(made)
             self._file.flush()
         if time.monotonic() - self._synced > _SYNC_S:
@@ -174,25 +174,25 @@ class _AppendedLines:
     def close(self) -> None:
         """Write the file to disk and close it."""
         if self._file is not None:
-            with naming(self._path, self._path):
+            with add_path_to_errors(self._path, self._path):
                 os.fsync(self._file.fileno())
                 self._file.close()
 
 
-def series_lines(id: str, series: Series) -> Iterator[SeriesLine]:
+def list_series_lines(id: str, series: Series) -> Iterator[SeriesLine]:
     """Yield the lines of what was collected in the game of a row."""
     for name, columns in series.items():
         yield {"id": id, "name": name, **columns}  # type: ignore[typeddict-item] # as collectors make them
 
 
-def series_in(folder: Path, ids: Iterable[str]) -> Iterator[SeriesLine]:
+def read_series(folder: Path, ids: Iterable[str]) -> Iterator[SeriesLine]:
     """Yield what was collected in the games of some rows, in their order.
 
     Raises:
         BadFile: a line is not of a series, or its columns differ in length.
     """
     found: dict[str, dict[str, SeriesLine]] = {}
-    lines: Any = lines_in(folder / SERIES, "a series", SeriesLine)
+    lines: Any = read_json_lines(folder / SERIES, "a series", SeriesLine)
     for line in lines:
         columns = [line["turn"], line["value"], line.get("agent", line["turn"])]
         if len({*map(len, columns)}) > 1:
@@ -203,13 +203,13 @@ def series_in(folder: Path, ids: Iterable[str]) -> Iterator[SeriesLine]:
         yield from found.get(id, {}).values()
 
 
-def rows_in(file: Path, *kinds: type[object]) -> dict[str, Row]:
+def read_journal(file: Path, *kinds: type[object]) -> dict[str, Row]:
     """Return the rows of a journal by id; ignore an incomplete last line.
 
     Raises:
         BadFile: a line is not a row.
     """
-    return {row["id"]: row for row in lines_in(file, "a row", RowWithId, *kinds)}
+    return {row["id"]: row for row in read_json_lines(file, "a row", RowWithId, *kinds)}
 
 
 def refuse_incomplete(folder: Path, rows: Mapping[str, Row], ids: Iterable[str], keys: Sequence[str]) -> None:
@@ -246,7 +246,7 @@ def read_plan(folder: Path) -> ExperimentPlan:
         BadFile: the plan is missing or not valid.
     """
     try:
-        return json_in(folder / PLAN, "the plan of an experiment", ExperimentPlan)
+        return read_json(folder / PLAN, "the plan of an experiment", ExperimentPlan)
     except FileNotFoundError:
         raise BadFile(f"{str(folder)!r} is not the folder of an experiment: it has no {PLAN}.") from None
 
@@ -258,7 +258,7 @@ def read_rows(folder: Path) -> tuple[ExperimentPlan, list[Row]]:
         BadFile: it is not the folder of an experiment, or a file in it is not valid.
     """
     plan = read_plan(folder)
-    rows = rows_in(folder / JOURNAL, *ROW)
+    rows = read_journal(folder / JOURNAL, *ROW)
     refuse_incomplete(folder, rows, plan["rows"], plan["keys"])
     return plan, [rows[id] for id in plan["rows"] if id in rows]
 
@@ -283,13 +283,13 @@ def write_rows(folder: Path, rows: Sequence[Row], varied: Sequence[str]) -> list
     full = [{name: row.get(name) for name in columns} for row in rows]
     files = [folder / "rows.jsonl", folder / "rows.csv"]
     write_whole(files[0], as_lines(full))
-    with whole_file(files[1]) as beside:
+    with open_whole_file(files[1]) as beside:
         write_csv(beside, columns, (row.values() for row in full), end="\n")
     if find_spec("pyarrow") is not None:
         files.append(folder / "rows.parquet")
         _write_parquet(files[-1], {name: [row[name] for row in full] for name in columns})
     if (folder / SERIES).exists():
-        write_whole(folder / SERIES, as_lines([*series_in(folder, (row["id"] for row in rows))]))
+        write_whole(folder / SERIES, as_lines([*read_series(folder, (row["id"] for row in rows))]))
         files.append(folder / SERIES)
     return files
 
@@ -305,9 +305,9 @@ def _write_parquet(file: Path, columns: Mapping[str, list[Any]]) -> None:
         is_bool_or_int64 = kinds == {bool} or (kinds == {int} and all(-_INT64 <= one < _INT64 for one in values if one))
         convert: Any = float if kinds and kinds <= {int, float} else _as_text
         if is_bool_or_int64:
-            convert = _same
+            convert = _return_value
         arrays[name] = pa.array([None if one is None else convert(one) for one in values])
-    with whole_file(file) as beside, beside.open("wb") as stream:  # whose name pyarrow reads as UTF-8
+    with open_whole_file(file) as beside, beside.open("wb") as stream:  # whose name pyarrow reads as UTF-8
         pq.write_table(pa.table(arrays), stream)
 
 
@@ -321,7 +321,7 @@ def find_parquet_version() -> str | None:
     return version
 
 
-def _same(value: Scalar) -> Scalar:
+def _return_value(value: Scalar) -> Scalar:
     return value
 
 
@@ -332,7 +332,7 @@ def _as_text(value: Scalar) -> str:
 # -- shards -------------------------------------------------------------------------------------------------------
 
 
-def shard_of(given: object) -> tuple[int, int] | None:
+def parse_shard(given: object) -> tuple[int, int] | None:
     """Return (number, count) of a shard, from `(3, 20)` or "3/20".
 
     Raises:
@@ -357,7 +357,7 @@ def shard_of(given: object) -> tuple[int, int] | None:
     return number, count
 
 
-def shard_folder(out: Path, shard: tuple[int, int] | None) -> Path:
+def find_shard_folder(out: Path, shard: tuple[int, int] | None) -> Path:
     """Return the folder of a shard's rows.
 
     Raises:
@@ -397,7 +397,7 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
     keys = plans[0]["keys"]
     rows: dict[str, Row] = {}
     for folder in found:
-        of_shard = rows_in(folder / JOURNAL, *ROW)
+        of_shard = read_journal(folder / JOURNAL, *ROW)
         refuse_incomplete(folder, of_shard, ids, keys)
         rows |= of_shard
     missing = [id for id in ids if id not in rows]
@@ -406,11 +406,11 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
             f"{len(missing):,} of {len(ids):,} games are missing, such as {shown(missing[0])}: run all shards to their "
             "ends."
         )
-    with locked(into):
+    with lock_folder(into):
         journal = Journal(into, *ROW)
         new = [row for id, row in rows.items() if id not in journal.rows]
         names = [row["id"] for row in new]
-        journal.add(new, [line for one in found for line in series_in(one, names)])
+        journal.add(new, [line for one in found for line in read_series(one, names)])
         journal.close()
         write_plan(into, plans[0])
         return write_rows(into, [rows[id] for id in ids], keys)
@@ -418,11 +418,11 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
 
 def as_columns(rows: Sequence[Row], varied: Sequence[str]) -> dict[str, Any]:
     """Return rows as columns; missing numbers are NaN."""
-    table = table_of({name: [row.get(name) for row in rows] for name in columns_of(rows, varied)})
-    return {name: _numbers(column) for name, column in table.items()}
+    table = make_table({name: [row.get(name) for row in rows] for name in columns_of(rows, varied)})
+    return {name: _convert_column(column) for name, column in table.items()}
 
 
-def _numbers(column: Any) -> Any:
+def _convert_column(column: Any) -> Any:
     if column.dtype != object:
         return column
     values = column.tolist()
@@ -473,9 +473,9 @@ def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
         raise BadFile(f"{str(source)!r} is not the folder of an experiment: it has no {PLAN}.")
     if target.resolve().is_relative_to(source.resolve()):
         raise BadValue(f"{str(target)!r} would be in the folder that it is made of. Name a file elsewhere.")
-    with locked(source):
+    with lock_folder(source):
         found = files_in(source)
-        with whole_file(target, through_links=True) as beside:
+        with open_whole_file(target, through_links=True) as beside:
             try:
                 _write(found, source, beside)
             except zipfile.LargeZipFile:
@@ -514,7 +514,7 @@ def _write(found: list[Path], source: Path, target: Path) -> None:
             about.compress_type = zipfile.ZIP_DEFLATED
             about.external_attr = _MODE
             about.create_system = _UNIX
-            why = _fault(about)
+            why = _find_fault(about)
             if why is not None:
                 raise BadFile(f"{str(source)!r} holds {shown(about.filename)}, which cannot be packed: {why}.")
             with opened(source / name, "rb") as stream:
@@ -549,14 +549,14 @@ def unpack(file: str | os.PathLike[str], folder: str | os.PathLike[str]) -> int:
         raise BadValue(f"{str(target)!r} is not empty, or a link to another folder. Name a new folder.")
     if is_new and target.exists():
         raise BadValue(f"There is {str(target)!r} already, and it is not a folder. Name another folder.")
-    with opened(Path(os.path.realpath(source)), "rb") as stream, _damage(source):
-        count = _checked_end(stream, source)
+    with opened(Path(os.path.realpath(source)), "rb") as stream, _report_damage(source):
+        count = _check_end(stream, source)
         with zipfile.ZipFile(stream) as packed:
             entries = packed.infolist()
             if len(entries) != count:
                 raise zipfile.BadZipFile(f"it lists {len(entries):,} files, and should list {count:,}")
             _check(entries, source, stream.seek(0, os.SEEK_END))
-            with made_folder(target.parent), place_beside(place, is_folder=True) as beside:
+            with make_folder(target.parent), make_place_beside(place, is_folder=True) as beside:
                 for one in entries:
                     _restore(packed, one, beside, target)
                 if is_new:
@@ -568,14 +568,14 @@ def unpack(file: str | os.PathLike[str], folder: str | os.PathLike[str]) -> int:
 
 
 @contextmanager
-def _damage(file: Path) -> Iterator[None]:
+def _report_damage(file: Path) -> Iterator[None]:
     try:
         yield
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, UnicodeDecodeError) as error:
-        raise BadFile(f"{str(file)!r} is not a ZIP file, or is damaged: {printable_line(str(error))}") from None
+        raise BadFile(f"{str(file)!r} is not a ZIP file, or is damaged: {make_printable_line(str(error))}") from None
 
 
-def _checked_end(stream: BinaryIO, file: Path) -> int:
+def _check_end(stream: BinaryIO, file: Path) -> int:
     """Return the number of files from the end of a ZIP file, after checking the size of its file table.
 
     Raises:
@@ -607,14 +607,14 @@ def _check(entries: list[zipfile.ZipInfo], file: Path, size: int) -> None:
     seen = set[str]()
     around = set[str]()
     for one, place in zip(entries, places, strict=True):
-        why = _fault(one)
+        why = _find_fault(one)
         if why is None and not 0 <= one.header_offset < size:
             why = f"its place, byte {one.header_offset:,}, is not in the file"
-        key = _folded(place)
+        key = _fold_name(place)
         if why is None and key in seen:
             why = "it is there twice"
         seen.add(key)
-        around.update(_folded(above) for above in place.parents)
+        around.update(_fold_name(above) for above in place.parents)
         if why is not None:
             raise BadFile(f"{str(file)!r} holds {shown(one.orig_filename)}, which is refused: {why}.")
     if seen & around:
@@ -622,12 +622,12 @@ def _check(entries: list[zipfile.ZipInfo], file: Path, size: int) -> None:
     refuse_above(sum(one.file_size for one in entries), f"Unpacking {str(file)!r}")
 
 
-def _folded(place: PurePosixPath) -> str:
+def _fold_name(place: PurePosixPath) -> str:
     """Return the key under which names are equal on some systems: without case, in normal form."""
     return normalize("NFC", normalize("NFC", place.as_posix()).casefold())
 
 
-def _fault(one: zipfile.ZipInfo) -> str | None:
+def _find_fault(one: zipfile.ZipInfo) -> str | None:
     """Return why an entry of a ZIP file is refused; None: it is accepted."""
     parts = one.orig_filename.split("/")
     if "" in parts or "." in parts or ".." in parts or len(parts) > _DEEPEST:
@@ -649,7 +649,7 @@ def _restore(packed: zipfile.ZipFile, one: zipfile.ZipInfo, folder: Path, target
     """Write a file into the folder that becomes `target`."""
     parts = one.filename.split("/")
     file = folder.joinpath(*parts)
-    with naming(target.joinpath(*parts), file):
+    with add_path_to_errors(target.joinpath(*parts), file):
         file.parent.mkdir(parents=True, exist_ok=True)
         with packed.open(one) as stream, file.open("xb") as into:
             shutil.copyfileobj(stream, into, _CHUNK)

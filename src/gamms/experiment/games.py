@@ -13,7 +13,7 @@ from gamms.game.result import Result
 from gamms.limits import allowing
 from gamms.plain import Plain, as_json, to_plain
 from gamms.scenario import Scenario
-from gamms.text import printable_line, reason, without_address
+from gamms.text import make_printable_line, reason, remove_addresses
 
 Row = dict[str, Plain]
 Collect = Mapping[str, Callable[[Result], Any]]
@@ -65,20 +65,20 @@ class VariantPlayer:
         """Play games and return their rows; a game that raises becomes a row with an error."""
         begin = perf_counter()
         with allowing(self._settings.max_memory):
-            played = self._in_arrays(seeds) if len(seeds) >= _FEW else None
-            played = [self._alone(seed) for seed in seeds] if played is None else played
+            played = self._play_in_arrays(seeds) if len(seeds) >= _FEW else None
+            played = [self._play_alone(seed) for seed in seeds] if played is None else played
         return FinishedTask([row for row, _ in played], [series for _, series in played], perf_counter() - begin)
 
-    def _alone(self, seed: int) -> tuple[Row, Series]:
+    def _play_alone(self, seed: int) -> tuple[Row, Series]:
         try:
             return self._read(self._scenario.play(seed, self._strategies))
         except (Exception, SystemExit) as error:  # noqa: BLE001 - which code of users may raise; it is in the row
-            return {"error": _error(error)}, {}
+            return {"error": _describe_error(error)}, {}
 
     def _read(self, result: Result) -> tuple[Row, Series]:
-        return row_of(result, self._settings.collect), series_of(result)
+        return row_of(result, self._settings.collect), collect_series(result)
 
-    def _in_arrays(self, seeds: Sequence[int]) -> list[tuple[Row, Series]] | None:
+    def _play_in_arrays(self, seeds: Sequence[int]) -> list[tuple[Row, Series]] | None:
         """Return the rows and series of games played as a batch; None: a game has raised."""
         try:
             with self._scenario.batch(seeds=seeds, strategies=self._strategies) as games:
@@ -94,11 +94,11 @@ class VariantPlayer:
 
 def play(task: Task) -> FinishedTask:
     """Play the games of a task in a worker."""
-    return _player(task.settings, task.variant).play(task.seeds)
+    return _make_player(task.settings, task.variant).play(task.seeds)
 
 
 @lru_cache(maxsize=16)
-def _player(settings: bytes, variant: bytes) -> VariantPlayer:
+def _make_player(settings: bytes, variant: bytes) -> VariantPlayer:
     return VariantPlayer(loaded(settings), pickle.loads(variant))  # noqa: S301 - our own
 
 
@@ -108,7 +108,7 @@ def loaded(settings: bytes) -> Any:
     return pickle.loads(settings)  # noqa: S301 - our own
 
 
-def pickled(value: object, name: str) -> bytes:
+def pickle_value(value: object, name: str) -> bytes:
     """Return a pickled value, for other processes.
 
     Raises:
@@ -118,19 +118,19 @@ def pickled(value: object, name: str) -> bytes:
         return pickle.dumps(value)
     except Exception as error:
         raise BadValue(
-            f"{name} cannot be sent to other processes, {printable_line(without_address(reason(error)))}. Define it "
-            "with def or class at the top of a module, or play in this process: without workers and executor."
+            f"{name} cannot be sent to other processes, {make_printable_line(remove_addresses(reason(error)))}. "
+            "Define it with def or class at the top of a module, or play in this process: without workers and executor."
         ) from error
 
 
 def row_of(result: Result, collect: Collect) -> Row:
     """Return the row of a game, with the values of the `collect` functions."""
-    row = {name: _plain(value) for name, value in result.row().items()}
-    row |= {f"collector.{name}": _plain(function(result)) for name, function in collect.items()}
+    row = {name: _make_plain(value) for name, value in result.row().items()}
+    row |= {f"collector.{name}": _make_plain(function(result)) for name, function in collect.items()}
     return {**row, "error": None}
 
 
-def series_of(result: Result) -> Series:
+def collect_series(result: Result) -> Series:
     """Return what the collectors of a game have collected, as plain values."""
     return {
         name: {column: [as_json(to_plain(value)) for value in values] for column, values in table.items()}
@@ -138,16 +138,16 @@ def series_of(result: Result) -> Series:
     }
 
 
-def _plain(value: object) -> Plain:
+def _make_plain(value: object) -> Plain:
     """Return a scalar unchanged, and any other value as JSON."""
     value = as_json(to_plain(value))
     is_scalar = value is None or isinstance(value, (bool, int, float, str))
     return value if is_scalar else json.dumps(value, ensure_ascii=False)
 
 
-def _error(error: BaseException) -> str:
+def _describe_error(error: BaseException) -> str:
     """Return an error as one line that is the same in every process."""
     notes = getattr(error, "__notes__", ())
     cause = "" if error.__cause__ is None else f" ({type(error.__cause__).__name__}: {reason(error.__cause__)})"
     text = " ".join([f"{type(error).__name__}: {reason(error)}{cause}", *notes])
-    return printable_line(without_address(text))
+    return make_printable_line(remove_addresses(text))

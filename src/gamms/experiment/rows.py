@@ -13,25 +13,25 @@ from gamms.arguments import as_count, as_float, as_int, as_items, as_known, as_p
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment import verification
-from gamms.experiment.folders import SeriesLine, as_columns, read_rows, series_lines
+from gamms.experiment.folders import SeriesLine, as_columns, list_series_lines, read_rows
 from gamms.experiment.games import ExperimentSettings, Row, VariantPlayer
 from gamms.experiment.statistics import (
     FEW_SEEDS,
     LEAST_P,
     Interval,
     PairedComparison,
-    holm,
-    mean_interval,
-    paired,
-    rate_interval_of_seeds,
-    seeds_needed,
-    sobol_indices,
+    compare_pairs,
+    correct_by_holm,
+    count_seeds_needed,
+    estimate_mean,
+    estimate_rate_of_seeds,
+    estimate_sobol_indices,
     t_interval,
 )
 from gamms.experiment.tables import Table, plot
 from gamms.experiment.variants import Variant, digest_of
 from gamms.game.result import Result
-from gamms.ir.tables import frame_of, table_of
+from gamms.ir.tables import frame_of, make_table
 from gamms.limits import max_memory
 from gamms.scenario import Scenario, ScenarioError
 from gamms.visual import Engine
@@ -119,7 +119,7 @@ class Rows(Sequence[Row]):
                 each = {"id": [line["id"]] * count, "agent": line.get("agent", [None] * count)}
                 for column, values in {**each, "turn": line["turn"], "value": line["value"]}.items():
                     columns[column] += values
-        return table_of(columns)
+        return make_table(columns)
 
     def sha256(self) -> str:
         """Return the SHA-256 of all rows without the columns of versions, in hexadecimal.
@@ -201,7 +201,7 @@ class Rows(Sequence[Row]):
 
     def metrics(self) -> list[str]:
         """Return the metrics of `summary`: turns, scores, collected numbers, and `wins.<team>`."""
-        found = {name for name in self._columns_of_numbers() if name.startswith(_METRICS)}
+        found = {name for name in self._find_number_columns() if name.startswith(_METRICS)}
         winners = {str(row["winner"]) for row in self._rows if row.get("winner") is not None}
         return ["turns", *sorted(found, key=lambda name: (not name.startswith("score."), name))] + [
             f"{_WINS}{one}" for one in sorted(winners)
@@ -230,12 +230,12 @@ class Rows(Sequence[Row]):
         keys = self._as_keys(by)
         made = []
         is_few = False
-        for settings, rows in self._groups(keys).items():
+        for settings, rows in self._group_rows(keys).items():
             good = [row for row in rows if row["error"] is None]
             for name in names:
-                by_seed = _by_seed(name, good)
+                by_seed = _group_by_seed(name, good)
                 counts = {"games": len(good), "seeds": len(by_seed), "errors": len(rows) - len(good)}
-                mean = dict(zip(("mean", "low", "high"), _interval(name, by_seed, confidence), strict=True))
+                mean = dict(zip(("mean", "low", "high"), _estimate_interval(name, by_seed, confidence), strict=True))
                 means = [] if name.startswith(_WINS) else [fmean(some) for some in by_seed.values()]
                 ends = _find_ends_of_t(means, confidence)
                 made.append({**dict(zip(keys, settings, strict=True)), "metric": name, **counts, **mean, **ends})
@@ -263,7 +263,7 @@ class Rows(Sequence[Row]):
             UnknownName (KeyError): the rows lack the column or key.
             MissingExtra (ImportError): SciPy is not installed.
         """
-        differences = self._differences(metric, by)
+        differences = self._find_differences(metric, by)
         return _compare(("first", "second", "pairs"), differences, confidence, self._note_averaged([by]))
 
     def interaction(self, metric: str, a: str, b: str, *, confidence: float = 0.95) -> Table:
@@ -306,7 +306,7 @@ class Rows(Sequence[Row]):
         names = ("first_a", "second_a", "first_b", "second_b", "quadruples")
         return _compare(names, contrasts, confidence, self._note_averaged([a, b]))
 
-    def _differences(self, metric: str, by: str) -> dict[tuple[Any, ...], BySeed]:
+    def _find_differences(self, metric: str, by: str) -> dict[tuple[Any, ...], BySeed]:
         """Return the differences of paired games by seed, for each pair of values of a key."""
         name = self._as_metric(metric)
         as_known(by, "varied key", self.keys)
@@ -350,7 +350,7 @@ class Rows(Sequence[Row]):
         values = [np.nan if row["error"] is not None else read_metric(name, row) for row in self._rows]
         means = np.reshape(values, (-1, int(points))).mean(axis=1)
         made = []
-        for key, orders in zip(keys, sobol_indices(means, len(keys), confidence), strict=True):
+        for key, orders in zip(keys, estimate_sobol_indices(means, len(keys), confidence), strict=True):
             for order, interval in zip(("first", "total"), orders, strict=True):
                 made.append({"key": key, "index": order, **interval._asdict()})
         return Table.of(made)
@@ -382,11 +382,11 @@ class Rows(Sequence[Row]):
         notes = self._note_averaged(keys)
         is_few = False
         series: dict[Any, list[tuple[Any, Interval]]] = {}
-        for settings, rows in self._groups(keys).items():
+        for settings, rows in self._group_rows(keys).items():
             good = [row for row in rows if row["error"] is None]
-            by_seed = _by_seed(name, good)
+            by_seed = _group_by_seed(name, good)
             is_few |= _is_too_narrow(name, by_seed)
-            point = settings[0], _interval(name, by_seed, 0.95)
+            point = settings[0], _estimate_interval(name, by_seed, 0.95)
             series.setdefault(settings[-1] if hue else None, []).append(point)
         if is_few:
             notes.append(f"{_TOO_NARROW}.")
@@ -397,7 +397,7 @@ class Rows(Sequence[Row]):
         averaged = [key for key in self.keys if key not in keys and len({row[key] for row in self._rows}) > 1]
         return [f"Averaged over {', '.join(averaged)}."] if averaged else []
 
-    def _groups(self, keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
+    def _group_rows(self, keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
         groups: dict[tuple[Any, ...], list[Row]] = {}
         for row in self._rows:
             groups.setdefault(tuple(row.get(key) for key in keys), []).append(row)
@@ -411,12 +411,12 @@ class Rows(Sequence[Row]):
             as_known(key, "varied key", known)
         return keys
 
-    def _columns_of_numbers(self) -> set[str]:
+    def _find_number_columns(self) -> set[str]:
         cells = chain.from_iterable(row.items() for row in self._rows)
         return {name for name, value in cells if isinstance(value, (int, float))}
 
     def _as_metric(self, name: str) -> str:
-        columns = self._columns_of_numbers()
+        columns = self._find_number_columns()
         teams = [column.partition(".")[2] for column in sorted(columns) if column.startswith("agents.")]
         known = dict.fromkeys([*self.metrics(), *(f"{_WINS}{team}" for team in teams)])
         is_of_no_game = not teams and str(name).startswith(_WINS)
@@ -437,7 +437,7 @@ class Rows(Sequence[Row]):
             BadValue, ScenarioError: the plan does not hold the game, or the code that it names is not found.
             UnknownName (KeyError): the table lacks the row.
         """
-        scenario, seed, strategies = self._game(row)
+        scenario, seed, strategies = self._find_game(row)
         return scenario.play(seed, strategies, record=record)
 
     def build(self, row: str | int, vis_engine: Engine | None = None) -> Context:
@@ -446,17 +446,17 @@ class Rows(Sequence[Row]):
         Raises:
             UnknownName (KeyError): the table lacks the row.
         """
-        scenario, seed, strategies = self._game(row)
+        scenario, seed, strategies = self._find_game(row)
         return scenario.build(seed, strategies, vis_engine)
 
     def _play_row(self, id: str) -> tuple[Row, list[SeriesLine]]:
         """Play the game of a row again; return its row without the columns of the plan, and what was collected."""
-        scenario, seed, strategies = self._game(id)
+        scenario, seed, strategies = self._find_game(id)
         settings = ExperimentSettings(scenario, {}, max_memory())
         played = VariantPlayer(settings, Variant({}, {}, dict(strategies))).play([seed])
-        return played.rows[0], [*series_lines(id, played.series[0])]
+        return played.rows[0], [*list_series_lines(id, played.series[0])]
 
-    def _game(self, wanted: str | int) -> tuple[Scenario, int, Mapping[str, Any]]:
+    def _find_game(self, wanted: str | int) -> tuple[Scenario, int, Mapping[str, Any]]:
         if isinstance(wanted, str):
             row = next((row for row in self._rows if row["id"] == wanted), None)
             if row is None:
@@ -523,12 +523,12 @@ def _compare(
     for compared, by_seed in contrasts.items():
         means = [fmean(some) for some in by_seed.values()]
         counts = {count: sum(map(len, by_seed.values())), "seeds": len(by_seed)}
-        result = paired(means, confidence)
+        result = compare_pairs(means, confidence)
         ends = _find_ends_of_t(means, confidence)
         interval = {"difference": result.difference, "low": result.low, "high": result.high, **ends}
         test = {"effect": result.effect, "p": result.p}
         made.append({**dict(zip(labels, compared, strict=True)), **counts, **interval, **test})
-    for row, p in zip(made, holm([row["p"] for row in made]), strict=True):
+    for row, p in zip(made, correct_by_holm([row["p"] for row in made]), strict=True):
         row["p"] = p
     if not made:
         return Table({one: np.array([]) for one in (*names, "seeds", *PairedComparison._fields)}, unit=_UNIT)
@@ -552,7 +552,7 @@ def _make_table(
     return Table.of(columns, notes=notes, least=least, unit=_UNIT)
 
 
-def _by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:
+def _group_by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:
     """Return the values of games by seed."""
     found: dict[int, list[float]] = {}
     for row in rows:
@@ -562,12 +562,12 @@ def _by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:
     return found
 
 
-def _interval(name: str, by_seed: Mapping[int, Sequence[float]], confidence: float) -> Interval:
+def _estimate_interval(name: str, by_seed: Mapping[int, Sequence[float]], confidence: float) -> Interval:
     """Return the mean of the means of seeds, with its interval."""
     means = [fmean(some) for some in by_seed.values()]
     if name.startswith(_WINS):
-        return rate_interval_of_seeds(means, sum(map(len, by_seed.values())), confidence)
-    return mean_interval(means, confidence)
+        return estimate_rate_of_seeds(means, sum(map(len, by_seed.values())), confidence)
+    return estimate_mean(means, confidence)
 
 
 def _is_too_narrow(name: str, by_seed: Mapping[int, Sequence[float]]) -> bool:
@@ -612,16 +612,16 @@ def power(
     if not isinstance(spread, Rows):
         if metric is not None or by is not None:
             raise BadValue("metric and by are for rows: a standard deviation needs neither.")
-        return seeds_needed(as_positive(spread, "spread"), wanted, chance, level)
+        return count_seeds_needed(as_positive(spread, "spread"), wanted, chance, level)
     if metric is None or by is None:
         raise BadValue("Rows need metric= and by= for the differences.")
-    spreads = [_deviation(one) for one in spread._differences(metric, by).values()]
+    spreads = [_estimate_deviation(one) for one in spread._find_differences(metric, by).values()]
     largest = max(spreads, default=0.0)
     if largest == 0.0:
         raise BadValue(f"No differences of {metric} by {by} vary over seeds: play more seeds first.")
-    return seeds_needed(largest, wanted, chance, level)
+    return count_seeds_needed(largest, wanted, chance, level)
 
 
-def _deviation(by_seed: Mapping[int, Sequence[float]]) -> float:
+def _estimate_deviation(by_seed: Mapping[int, Sequence[float]]) -> float:
     means = [fmean(some) for some in by_seed.values()]
     return float(np.std(means, ddof=1)) if len(means) > 1 else 0.0

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from itertools import product
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-from gamms.arguments import as_bool, as_count, as_function_of, as_ids, as_mapping, as_path, names_keywords
+from gamms.arguments import as_bool, as_count, as_function_of, as_ids, as_mapping, as_path, explain_call_errors
 from gamms.errors import BadType, BadValue, MissingExtra, WriteConflict
 from gamms.experiment import folders
 from gamms.experiment.games import (
@@ -25,14 +25,14 @@ from gamms.experiment.games import (
     Series,
     Task,
     VariantPlayer,
-    pickled,
+    pickle_value,
     play,
 )
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
 from gamms.experiment.verification import Provenance
-from gamms.folders import locked
+from gamms.folders import lock_folder
 from gamms.limits import max_memory, refuse_above
 from gamms.plain import as_json, to_plain
 from gamms.progress import Show
@@ -40,9 +40,9 @@ from gamms.progress import progress as progress_line
 from gamms.scenario import Scenario
 from gamms.scenario import load as load_scenario
 from gamms.scenario.scenario import from_plain
-from gamms.text import printable_line, shown, without_address
+from gamms.text import make_printable_line, remove_addresses, shown
 from gamms.versions import versions
-from gamms.workers import WorkerDied, WorkerPool, cores, first_done, refuse_in_worker
+from gamms.workers import WorkerDied, WorkerPool, count_cores, refuse_in_worker, wait_for_first
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -91,7 +91,7 @@ class _GamePlan(NamedTuple):
         }
 
 
-@names_keywords
+@explain_call_errors
 def run(  # noqa: PLR0913 - each option is independent of the others
     scenario: Scenario | str | os.PathLike[str],
     seeds: Iterable[int],
@@ -131,7 +131,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     refuse_in_worker()
     plan = _make_plan(scenario, seeds, vary, collect)
     chosen = executor_for(executor, workers)
-    part = folders.shard_of(shard)
+    part = folders.parse_shard(shard)
     if part is not None and out is None:
         raise BadValue("A shard needs out, the folder in which merge finds its rows.")
     for variant in plan.variants:
@@ -143,8 +143,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         journal = None
         folder = None
         if out is not None:
-            folder = folders.shard_folder(as_path(out, "out"), part)
-            ending.enter_context(locked(folder))
+            folder = folders.find_shard_folder(as_path(out, "out"), part)
+            ending.enter_context(lock_folder(folder))
             journal = folders.Journal(folder, *folders.ROW)
             folders.refuse_incomplete(folder, journal.rows, ids, plan.keys())
             ending.callback(journal.close)
@@ -155,7 +155,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         rows = [runner.rows[id] for id in ids if id in runner.rows]
         if folder is not None and part is None:
             folders.write_rows(folder, rows, plan.keys())
-        series = partial(folders.series_in, folder) if folder is not None else runner.series_of
+        series = partial(folders.read_series, folder) if folder is not None else runner.series_of
         source = Provenance(plan.on_disk(ids), folder)
         return Rows(rows, plan.keys(), plan.scenario, plan.variants, plan.sample, series, source)
 
@@ -196,7 +196,7 @@ def load(
     else:
         own = _as_scenario(scenario)
         variants = variants_of(own, vary)
-    series = partial(folders.series_in, where)
+    series = partial(folders.read_series, where)
     return Rows(rows, plan["keys"], own, variants, plan["sample"], series, Provenance(plan, where))
 
 
@@ -263,7 +263,9 @@ class _Runner:
         for id in self._ids:
             row = self.rows.get(id)
             if row is not None and {name: row[name] for name in present} != present:
-                old = printable_line(", ".join(f"{name} {row[name]}" for name in present if row[name] != present[name]))
+                old = make_printable_line(
+                    ", ".join(f"{name} {row[name]}" for name in present if row[name] != present[name])
+                )
                 raise WriteConflict(f"Games in this folder were played by {old}: choose another folder.")
 
     def _pickle_inputs(self) -> tuple[bytes, list[bytes]]:
@@ -273,17 +275,17 @@ class _Runner:
             return b"", []
         for variant in plan.variants:
             for of, strategy in variant.strategies.items():
-                pickled(strategy, f"strategies.{of} of vary, {without_address(shown(strategy))},")
+                pickle_value(strategy, f"strategies.{of} of vary, {remove_addresses(shown(strategy))},")
         for name, function in plan.collect.items():
-            pickled(function, f"The function {name!r} of collect, {without_address(shown(function))},")
-        shared = pickled(ExperimentSettings(plan.scenario, plan.collect, max_memory()), "The scenario")
-        return shared, [pickled(variant, "A variant") for variant in plan.variants]
+            pickle_value(function, f"The function {name!r} of collect, {remove_addresses(shown(function))},")
+        shared = pickle_value(ExperimentSettings(plan.scenario, plan.collect, max_memory()), "The scenario")
+        return shared, [pickle_value(variant, "A variant") for variant in plan.variants]
 
     # -- the games ------------------------------------------------------------------------------------------------
 
     def play(self, shard: tuple[int, int] | None, is_shown: bool) -> None:
         """Play all games of a shard that have no row yet."""
-        wanted = self._missing_games(shard)
+        wanted = self._list_missing_games(shard)
         total = sum(len(games.seeds) for games in wanted)
         begin = time.monotonic()
         self._queue.extend(wanted)
@@ -295,7 +297,7 @@ class _Runner:
                 if is_shown:
                     _show(show, len(self.rows) - before, total, time.monotonic() - begin)
 
-    def _missing_games(self, shard: tuple[int, int] | None) -> list[_PendingGames]:
+    def _list_missing_games(self, shard: tuple[int, int] | None) -> list[_PendingGames]:
         number, count = shard or (1, 1)
         known = set(self.rows)
         found = []
@@ -309,7 +311,7 @@ class _Runner:
         return found
 
     def _hand_out(self) -> None:
-        slots = 1 if isinstance(self._executor, InProcessExecutor) else 2 * (self._workers or cores())
+        slots = 1 if isinstance(self._executor, InProcessExecutor) else 2 * (self._workers or count_cores())
         while self._queue and len(self._waiting) < slots:
             games = self._queue.popleft()
             per_game = self._seconds.get(games.variant)
@@ -324,7 +326,7 @@ class _Runner:
         try:
             future = self._submit_to(self._executor, games)
         except BrokenExecutor:  # the workers of the caller's executor have died
-            self._executor = self._own_pool()
+            self._executor = self._make_pool()
             future = self._submit_to(self._executor, games)
         self._waiting[future] = games, False
 
@@ -336,14 +338,14 @@ class _Runner:
             return executor.submit(self._players[games.variant].play, games.seeds)
         return executor.submit(play, Task(self._settings, self._variants[games.variant], games.seeds))
 
-    def _own_pool(self, *, is_fresh: bool = False) -> WorkerPool:
-        pool = WorkerPool(1 if is_fresh else self._workers or cores(), is_fresh=is_fresh)
+    def _make_pool(self, *, is_fresh: bool = False) -> WorkerPool:
+        pool = WorkerPool(1 if is_fresh else self._workers or count_cores(), is_fresh=is_fresh)
         self._pools.callback(pool.shutdown, cancel_futures=True)
         return pool
 
     def _collect(self) -> None:
         """Store the rows of finished tasks; play games again whose process died."""
-        for future in first_done(self._waiting):
+        for future in wait_for_first(self._waiting):
             games, is_alone = self._waiting.pop(future)
             try:
                 played = future.result()
@@ -361,7 +363,7 @@ class _Runner:
             self._queue.extendleft(games._replace(seeds=games.seeds[part::_PARTS]) for part in range(_PARTS))
         else:
             if self._alone is None:
-                self._alone = self._own_pool(is_fresh=True)
+                self._alone = self._make_pool(is_fresh=True)
             for seed in games.seeds:
                 one = games._replace(seeds=(seed,))
                 self._waiting[self._submit_to(self._alone, one)] = one, True
@@ -377,7 +379,7 @@ class _Runner:
             named = {"id": id, "scenario": plan.digests[games.variant], **versions(), **variant.settings, "seed": seed}
             rows.append({**named, **row})
             self.rows[id] = rows[-1]
-            of_game = [*folders.series_lines(id, series)]
+            of_game = [*folders.list_series_lines(id, series)]
             lines += of_game
             if self._journal is None:
                 self._series[id] = of_game
@@ -385,7 +387,7 @@ class _Runner:
             self._journal.add(rows, lines)
 
     def series_of(self, ids: Iterable[str]) -> Iterator[folders.SeriesLine]:
-        """Yield what was collected in the games of some rows; see `folders.series_in`."""
+        """Yield what was collected in the games of some rows; see `folders.read_series`."""
         for id in ids:
             yield from self._series.get(id, ())
 
@@ -408,7 +410,7 @@ def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:
     if isinstance(given, Executor):
         return given, False
     if given == "ray":
-        return _on_ray(), True
+        return _make_ray_executor(), True
     if isinstance(given, str):
         raise BadValue(f"executor must be an executor of concurrent.futures or 'ray', not {shown(given)}.")
     if given is not None:
@@ -426,7 +428,7 @@ class InProcessExecutor(Executor):
         return future
 
 
-def _on_ray() -> Executor:
+def _make_ray_executor() -> Executor:
     """Return an executor of the connected Ray cluster, or of a new one on this machine."""
     if find_spec("ray") is None:
         raise MissingExtra('executor="ray"', "ray")

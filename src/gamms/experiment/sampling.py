@@ -6,7 +6,7 @@ from typing import Any
 
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_mapping
 from gamms.errors import BadValue
-from gamms.experiment.statistics import uniform_points
+from gamms.experiment.statistics import sample_points
 from gamms.ir.graph import FloatArray
 from gamms.limits import refuse_above
 from gamms.plain import Plain
@@ -62,7 +62,7 @@ def sample(space: Mapping[str, Range], n: int, method: str = "sobol", *, seed: i
     given = as_mapping(space, "space")
     if not given:
         raise BadValue("space has no keys: give each key that is varied a range.")
-    ranges = {key: _range(key, one) for key, one in given.items()}
+    ranges = {key: _check_range(key, one) for key, one in given.items()}
     count = as_count(n, "n")
     how = as_choice(method, "method", METHODS)
     is_sobol = how == "sobol"
@@ -71,16 +71,16 @@ def sample(space: Mapping[str, Range], n: int, method: str = "sobol", *, seed: i
     size = len(ranges)
     rows = count * (size + 2 if is_sobol else 1)
     refuse_above(rows * (_POINT_BYTES + _NUMBER_BYTES * size), f"A sample of {count:,} points")
-    unit = uniform_points(count, 2 * size if is_sobol else size, how, as_int(seed, "seed"))
-    blocks = _saltelli(unit, size) if is_sobol else [unit]
+    unit = sample_points(count, 2 * size if is_sobol else size, how, as_int(seed, "seed"))
+    blocks = _sample_saltelli(unit, size) if is_sobol else [unit]
     points = [
-        {key: _value(one, float(share)) for (key, one), share in zip(ranges.items(), row, strict=True)}
+        {key: _find_value(one, float(share)) for (key, one), share in zip(ranges.items(), row, strict=True)}
         for row in chain.from_iterable(blocks)
     ]
     return Sample(list(ranges), count, how, points)
 
 
-def _saltelli(unit: FloatArray, size: int) -> list[FloatArray]:
+def _sample_saltelli(unit: FloatArray, size: int) -> list[FloatArray]:
     """Return the point sets A, B, and for each key A with that key taken from B."""
     first = unit[:, :size]
     second = unit[:, size:]
@@ -92,7 +92,7 @@ def _saltelli(unit: FloatArray, size: int) -> list[FloatArray]:
     return [first, second, *mixed]
 
 
-def _range(key: str, given: object) -> tuple[float, float] | list[Any]:
+def _check_range(key: str, given: object) -> tuple[float, float] | list[Any]:
     """Return the ends of a range, or the values of a list."""
     if isinstance(given, Mapping):
         if set(given) != {"min", "max"}:
@@ -108,7 +108,7 @@ def _range(key: str, given: object) -> tuple[float, float] | list[Any]:
     return low, high
 
 
-def _value(of: tuple[float, float] | list[Any], share: float) -> Plain:
+def _find_value(of: tuple[float, float] | list[Any], share: float) -> Plain:
     """Return the value at a share of a range, 0 to 1."""
     if isinstance(of, list):
         return of[min(int(share * len(of)), len(of) - 1)]

@@ -51,7 +51,7 @@ class PairedComparison(NamedTuple):
     p: float
 
 
-def mean_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> Interval:
+def estimate_mean(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> Interval:
     """Return the mean and its BCa bootstrap interval; for more than 1,000 values, the percentile interval.
 
     Equal values say nothing about their spread, so the ends of their interval are NaN. Intervals of fewer than
@@ -63,7 +63,7 @@ def mean_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95
         MissingExtra: SciPy is not installed.
     """
     given = np.asarray(values, float)
-    stats = _stats()
+    stats = _import_stats()
     if not len(given):
         return Interval(np.nan, np.nan, np.nan)
     mean = float(given.mean())
@@ -90,7 +90,7 @@ def t_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -
         MissingExtra: SciPy is not installed.
     """
     given = np.asarray(values, float)
-    stats = _stats()
+    stats = _import_stats()
     if len(given) < 2 or np.ptp(given) == 0.0:
         return np.nan, np.nan
     half = float(stats.t.ppf((1.0 + confidence) / 2.0, len(given) - 1) * stats.sem(given))
@@ -98,7 +98,7 @@ def t_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -
     return mean - half, mean + half
 
 
-def rate_interval(successes: float, trials: float, confidence: float = 0.95) -> Interval:
+def estimate_rate(successes: float, trials: float, confidence: float = 0.95) -> Interval:
     """Return a rate and its score interval (Wilson, JASA 22, 1927); neither number has to be an integer."""
     if not trials:
         return Interval(np.nan, np.nan, np.nan)
@@ -112,7 +112,7 @@ def rate_interval(successes: float, trials: float, confidence: float = 0.95) -> 
     return Interval(rate, low, high)
 
 
-def rate_interval_of_seeds(rates: Sequence[float], games: int, confidence: float = 0.95) -> Interval:
+def estimate_rate_of_seeds(rates: Sequence[float], games: int, confidence: float = 0.95) -> Interval:
     """Return the mean of the rates of seeds and its score interval, by the effective number of games.
 
     That number is rate * (1 - rate) / variance of the mean over seeds: with one game a seed the number of games,
@@ -137,13 +137,13 @@ def rate_interval_of_seeds(rates: Sequence[float], games: int, confidence: float
         effective = float(games)
     else:
         effective = of_one_game / variance
-    return rate_interval(rate * effective, effective, confidence)
+    return estimate_rate(rate * effective, effective, confidence)
 
 
-def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) -> PairedComparison:
+def compare_pairs(differences: Sequence[float] | FloatArray, confidence: float = 0.95) -> PairedComparison:
     """Compare two paired series by the differences of their pairs.
 
-    The interval is that of `mean_interval`; d_z is of Cohen, Statistical Power Analysis, 1988, 2.3.5; p is that of the
+    The interval is that of `estimate_mean`; d_z is of Cohen, Statistical Power Analysis, 1988, 2.3.5; p is that of the
     permutation test that draws the signs (Fisher, The Design of Experiments, 1935, section 21), exact for at most 13
     pairs, else at least `LEAST_P`.
 
@@ -151,14 +151,14 @@ def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) 
         MissingExtra: SciPy is not installed.
     """
     given = np.asarray(differences, float)
-    interval = mean_interval(given, confidence)
+    interval = estimate_mean(given, confidence)
     if len(given) < 2:
         return PairedComparison(*interval, np.nan, np.nan)
     spread = float(given.std(ddof=1))
     if not given.any():
         return PairedComparison(*interval, 0.0, 1.0)
     effect = interval.value / spread if spread else float(np.copysign(np.inf, interval.value))
-    test = _stats().permutation_test(
+    test = _import_stats().permutation_test(
         (given,),
         np.mean,
         permutation_type="samples",
@@ -170,7 +170,7 @@ def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) 
     return PairedComparison(*interval, effect, float(test.pvalue))
 
 
-def seeds_needed(spread: float, difference: float, power: float, alpha: float) -> int:
+def count_seeds_needed(spread: float, difference: float, power: float, alpha: float) -> int:
     """Return the number of pairs that a two-sided paired test needs.
 
     The normal approximation with the correction for an estimated standard deviation (Guenther, The American
@@ -189,7 +189,7 @@ def seeds_needed(spread: float, difference: float, power: float, alpha: float) -
     return max(math.ceil(needed), math.ceil(math.log2(2.0 / alpha)))
 
 
-def holm(p: Sequence[float]) -> list[float]:
+def correct_by_holm(p: Sequence[float]) -> list[float]:
     """Return p-values corrected for their number (Holm, Scandinavian Journal of Statistics 6, 1979)."""
     order = np.argsort(p, kind="stable")
     scaled = np.asarray(p, float)[order] * (len(p) - np.arange(len(p)))
@@ -201,7 +201,7 @@ def holm(p: Sequence[float]) -> list[float]:
 # -- samples ------------------------------------------------------------------------------------------------------
 
 
-def uniform_points(n: int, size: int, method: str, seed: int) -> FloatArray:
+def sample_points(n: int, size: int, method: str, seed: int) -> FloatArray:
     """Return points of the unit cube, (n, size): a Sobol sequence, a Latin hypercube, or drawn independently.
 
     Raises:
@@ -210,12 +210,12 @@ def uniform_points(n: int, size: int, method: str, seed: int) -> FloatArray:
     rng = np.random.default_rng(seed)
     if method == "random":
         return rng.random((n, size))
-    qmc = _stats().qmc
+    qmc = _import_stats().qmc
     points: FloatArray = (qmc.Sobol if method == "sobol" else qmc.LatinHypercube)(size, seed=rng).random(n)
     return points
 
 
-def sobol_indices(values: FloatArray, keys: int, confidence: float = 0.95) -> list[tuple[Interval, Interval]]:
+def estimate_sobol_indices(values: FloatArray, keys: int, confidence: float = 0.95) -> list[tuple[Interval, Interval]]:
     """Return the first-order and the total index of each key, with percentile bootstrap intervals.
 
     First order by Saltelli et al., Computer Physics Communications 181, 2010, equation (b) of table 2; total by Jansen,
@@ -239,9 +239,9 @@ def sobol_indices(values: FloatArray, keys: int, confidence: float = 0.95) -> li
     tail = (1.0 - confidence) / 2.0
     per_batch = max(1, _CELLS // blocks.size)
     firsts = [*range(0, _RESAMPLES, per_batch), _RESAMPLES]
-    resampled = np.concatenate([_indices(blocks, drawn[a:b]) for a, b in pairwise(firsts)])
+    resampled = np.concatenate([_resample_indices(blocks, drawn[a:b]) for a, b in pairwise(firsts)])
     low, high = np.nanquantile(resampled, (tail, 1.0 - tail), axis=0)
-    found = _indices(blocks, np.arange(n)[None])[0]
+    found = _resample_indices(blocks, np.arange(n)[None])[0]
     made = [
         [Interval(*map(float, one)) for one in zip(found[order], low[order], high[order], strict=True)]
         for order in (0, 1)
@@ -249,7 +249,7 @@ def sobol_indices(values: FloatArray, keys: int, confidence: float = 0.95) -> li
     return list(zip(*made, strict=True))
 
 
-def _indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
+def _resample_indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
     """Return the indices of resamples, (resamples, 2, keys)."""
     first = blocks[0][drawn]
     second = blocks[1][drawn]
@@ -263,7 +263,7 @@ def _indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
     return np.stack((of_first, of_total)).transpose(2, 0, 1)
 
 
-def _stats() -> Any:
+def _import_stats() -> Any:
     with needing("An interval or a sample", "accel"):
         import scipy.stats
     return scipy.stats

@@ -8,9 +8,9 @@ import numpy as np
 
 from gamms.errors import UnknownName
 from gamms.experiment.statistics import Interval
-from gamms.ir.tables import table_of
+from gamms.ir.tables import make_table
 from gamms.plugins import needing
-from gamms.text import printable_line
+from gamms.text import make_printable_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,11 +61,11 @@ class Table(dict[str, Any]):
         unit: str = "",
     ) -> "Table":
         """Return a table of rows."""
-        return cls(table_of(rows), notes=notes, least=least, unit=unit)
+        return cls(make_table(rows), notes=notes, least=least, unit=unit)
 
     def __str__(self) -> str:
         """Return the columns, aligned."""
-        lines = [list(self), *self._cells("g", ".4")]
+        lines = [list(self), *self._format_cells("g", ".4")]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         is_number = [column.dtype.kind in "if" for column in self.values()]
         aligned = [
@@ -91,41 +91,46 @@ class Table(dict[str, Any]):
         has_interval = "low" in self and "high" in self
         of_value = list(self)[list(self).index("low") - 1] if has_interval else None
         lines = []
-        for cells in self._cells("f", f".{digits}"):
+        for cells in self._format_cells("f", f".{digits}"):
             row = dict(zip(self, cells, strict=True))
             if of_value is not None and row["low"] != _NOTHING:
                 row[of_value] += f" [{row['low']}, {row['high']}]"
             if row.get("t_low", _NOTHING) != _NOTHING:
                 row["t_low"] = f"[{row['t_low']}, {row['t_high']}]"
-            lines.append(" & ".join(_escaped(row[name]) for name in names) + r" \\")
+            lines.append(" & ".join(_escape_text(row[name]) for name in names) + r" \\")
         titles = ["t" if name == "t_low" else name for name in names]
         kinds = "".join("r" if self[name].dtype.kind in "if" else "l" for name in names)
         parts = [
             [r"\begin{table}", r"\centering"],
-            [rf"\caption{{{_escaped(caption)}}}"] if caption else [],
+            [rf"\caption{{{_escape_text(caption)}}}"] if caption else [],
             [rf"\label{{{label}}}"] if label else [],
-            [rf"\begin{{tabular}}{{{kinds}}}", r"\toprule", " & ".join(map(_escaped, titles)) + r" \\", r"\midrule"],
+            [
+                rf"\begin{{tabular}}{{{kinds}}}",
+                r"\toprule",
+                " & ".join(map(_escape_text, titles)) + r" \\",
+                r"\midrule",
+            ],
             lines,
             [r"\bottomrule", r"\end{tabular}"],
-            [rf"\par\footnotesize {_escaped(note)}" for note in [*self.notes, *filter(None, [self.unit])]],
+            [rf"\par\footnotesize {_escape_text(note)}" for note in [*self.notes, *filter(None, [self.unit])]],
             [r"\end{table}", ""],
         ]
         return "\n".join(chain.from_iterable(parts))
 
-    def _cells(self, kind: str, digits: str) -> list[list[str]]:
+    def _format_cells(self, kind: str, digits: str) -> list[list[str]]:
         """Return the rows as texts; floats are formatted."""
         columns = []
         for name, column in self.items():
             least = self.least.get(name)
-            columns.append([_shown(one, kind, digits, least) for one in column.tolist()])
+            columns.append([_format_value(one, kind, digits, least) for one in column.tolist()])
         return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _shown(value: object, kind: str, digits: str, least: float | None) -> str:
+def _format_value(value: object, kind: str, digits: str, least: float | None) -> str:
     if value is None:
         return _NOTHING
     if not isinstance(value, float):
-        return printable_line(str(value))
+        return make_printable_line(str(value))
     if np.isnan(value):
         return _NOTHING
     if least is not None and value <= least * (1.0 + 1e-9):
@@ -133,7 +138,7 @@ def _shown(value: object, kind: str, digits: str, least: float | None) -> str:
     return format(value, f"{digits}{kind}")
 
 
-def _escaped(text: str) -> str:
+def _escape_text(text: str) -> str:
     return "".join(_SPECIAL.get(one, one) for one in text)
 
 
@@ -148,7 +153,7 @@ _WORDS = {  # the first part of a column or varied key -> its words on an axis
 }
 
 
-def in_words(key: str) -> str:
+def describe_key(key: str) -> str:
     """Return the words of a column or varied key on an axis: "red: count" for `teams.red.count`."""
     first, _, rest = key.partition(".")
     words = _WORDS.get(first, "{}").format(rest) if rest else first
@@ -197,10 +202,10 @@ def plot(
         axes.margins(x=0.2)
     elif all(isinstance(at, int) for at in places):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel(in_words(x))
-    axes.set_ylabel(in_words(y))
+    axes.set_xlabel(describe_key(x))
+    axes.set_ylabel(describe_key(y))
     if hue is not None:
-        axes.legend(title=in_words(hue))
+        axes.legend(title=describe_key(hue))
     if notes:
         axes.set_title("\n".join(notes), fontsize="small")
     return axes

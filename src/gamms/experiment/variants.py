@@ -13,7 +13,7 @@ from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError
 from gamms.scenario.placement import members
-from gamms.text import as_code, shown, without_address
+from gamms.text import as_code, remove_addresses, shown
 
 Function = Callable[..., Any]
 Vary = Mapping[str, Sequence[Any] | Mapping[str, Any]] | Sequence[Mapping[str, Any]]
@@ -51,23 +51,23 @@ def variants_of(scenario: Scenario, vary: Vary | None) -> list[Variant]:
     if vary is None:
         points: list[dict[str, tuple[Plain, Any]]] = [{}]
     elif isinstance(vary, Mapping):
-        points = _grid({key: _named(key, values) for key, values in vary.items()})
+        points = _make_grid({key: _name_values(key, values) for key, values in vary.items()})
     else:
         given = [dict(as_mapping(one, "Each of vary")) for one in as_items(vary, "vary", "dicts of settings")]
-        points = _of_list(given)
-    variants = [_variant(scenario, point) for point in points]
+        points = _read_list(given)
+    variants = [_make_variant(scenario, point) for point in points]
     if not variants:
         raise BadValue("vary has no values: give each key at least one, or leave vary out.")
     return variants
 
 
-def _grid(values: Mapping[str, list[tuple[Plain, Any]]]) -> list[dict[str, tuple[Plain, Any]]]:
+def _make_grid(values: Mapping[str, list[tuple[Plain, Any]]]) -> list[dict[str, tuple[Plain, Any]]]:
     count = prod(len(some) for some in values.values())
     refuse_above(count * _BYTES, f"A grid of {count:,} variants")
     return [dict(zip(values, some, strict=True)) for some in product(*values.values())]
 
 
-def _of_list(given: list[dict[str, Any]]) -> list[dict[str, tuple[Plain, Any]]]:
+def _read_list(given: list[dict[str, Any]]) -> list[dict[str, tuple[Plain, Any]]]:
     refuse_above(len(given) * _BYTES, f"A list of {len(given):,} variants")
     known = list(given[0]) if given else []
     for point in given:
@@ -77,10 +77,10 @@ def _of_list(given: list[dict[str, Any]]) -> list[dict[str, tuple[Plain, Any]]]:
     return [{key: (names[key].of(value), value) for key, value in point.items()} for point in given]
 
 
-def _named(key: str, values: object) -> list[tuple[Plain, Any]]:
+def _name_values(key: str, values: object) -> list[tuple[Plain, Any]]:
     """Return the values of a key with their names in rows; a dict gives the names."""
     if isinstance(values, Mapping):
-        return [(_name_of(name), value) for name, value in values.items()]
+        return [(_find_name(name), value) for name, value in values.items()]
     names = _ValueNames(key)
     found = [(names.of(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")]
     if len({(type(name), name) for name, _ in found}) < len(found):
@@ -96,7 +96,7 @@ class _ValueNames:
         self._values: dict[Plain, Any] = {}
 
     def of(self, value: Any) -> Plain:
-        name = _name_of(value)
+        name = _find_name(value)
         other = self._values.setdefault((type(name), name), value)
         if callable(value) and other is not value:
             raise BadValue(
@@ -106,20 +106,20 @@ class _ValueNames:
         return name
 
 
-def _name_of(value: Any) -> Plain:
+def _find_name(value: Any) -> Plain:
     """Return the name of a value in rows: a number or text itself, the name of code, or JSON."""
     if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # a scalar of NumPy
         value = value.item()
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if callable(value):
-        return without_address(as_code(value))
+        return remove_addresses(as_code(value))
     if isinstance(value, Mapping) and set(value) == {"function"}:
         return value["function"]
     return json.dumps(value, default=str, ensure_ascii=False)
 
 
-def _variant(scenario: Scenario, point: Mapping[Any, tuple[Plain, Any]]) -> Variant:
+def _make_variant(scenario: Scenario, point: Mapping[Any, tuple[Plain, Any]]) -> Variant:
     found = Variant({key: name for key, (name, _) in point.items()}, {}, {})
     for key, (_, value) in point.items():
         if not isinstance(key, str) or not key:
@@ -189,13 +189,13 @@ def digest_of(scenario: Scenario) -> str:
         ).hexdigest()
         for file in files
     }
-    return _sha256([scenario.digests(), deciders, code])
+    return _hash_value([scenario.digests(), deciders, code])
 
 
 def row_id(digest: str, settings: Mapping[str, Plain], collected: Sequence[str], seed: int) -> str:
     """Return the id of a row: the first 16 digits of the SHA-256 of its settings and seed."""
-    return _sha256([digest, dict(settings), sorted(collected), seed])[:16]
+    return _hash_value([digest, dict(settings), sorted(collected), seed])[:16]
 
 
-def _sha256(value: Plain) -> str:
+def _hash_value(value: Plain) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()

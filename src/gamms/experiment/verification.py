@@ -20,9 +20,9 @@ from gamms.errors import BadFile, BadValue, GammsError
 from gamms.experiment import folders
 from gamms.experiment.games import Row
 from gamms.experiment.variants import row_id
-from gamms.folders import as_lines, bytes_of, lines_in, opened
+from gamms.folders import as_lines, opened, read_bytes, read_json_lines
 from gamms.limits import refuse_above
-from gamms.text import printable_line, shown
+from gamms.text import make_printable_line, shown
 
 SAMPLE = 10  # rows that are played again if a root is given
 _VERSIONS = ("gamms", "python", "numpy")  # columns of rows
@@ -175,7 +175,7 @@ def verify(
     """
     plan = source.plan
     folder = source.folder or Path()
-    lines = lines_in(folder / folders.JOURNAL, "a row")
+    lines = read_json_lines(folder / folders.JOURNAL, "a row")
     played = [row for row in drawn if not _has_died(row)]
     misfit = _check_fit(folder, plan)
     found = [
@@ -199,13 +199,13 @@ def _faults_of_copies(folder: Path, plan: Mapping[str, Any], rows: Sequence[Row]
         for file in folders.write_rows(Path(made), rows, plan["keys"]):
             yield from _faults_of_copy(folder / file.name, file)
     series = folder / folders.SERIES
-    if series.exists() and bytes_of(series) != as_lines([*folders.series_in(folder, (row["id"] for row in rows))]):
+    if series.exists() and read_bytes(series) != as_lines([*folders.read_series(folder, (row["id"] for row in rows))]):
         yield f"{folders.SERIES} does not have the series of the rows, in the order of the plan, as a run writes them."
 
 
 def _faults_of_plan(folder: Path, plan: Mapping[str, Any]) -> Iterator[str]:
-    raw = json.loads(bytes_of(folder / folders.PLAN))
-    if bytes_of(folder / folders.PLAN) != folders.plan_as_bytes(raw) or not set(raw) <= set(plan):
+    raw = json.loads(read_bytes(folder / folders.PLAN))
+    if read_bytes(folder / folders.PLAN) != folders.plan_as_bytes(raw) or not set(raw) <= set(plan):
         yield f"{folders.PLAN} is not written as a run writes it: it has other spaces, signs or keys."
     if set(plan["versions"]) != set(_VERSIONS):
         yield f"{folders.PLAN} has versions of other things than {', '.join(_VERSIONS)}."
@@ -241,7 +241,7 @@ def _faults_of_ids(plan: Mapping[str, Any]) -> Iterator[str]:
 
 def _faults_of_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> Iterator[str]:
     """Yield a fault if a file of JSON lines has other bytes than GAMMS writes for its values."""
-    found = bytes_of(file).splitlines(keepends=True)
+    found = read_bytes(file).splitlines(keepends=True)
     for number, (line, value) in enumerate(zip_longest(found, lines), 1):
         if value is None or line != as_lines([value]):
             yield f"{file.name}, line {number}, is not written as a run writes it: it is torn, or has other signs."
@@ -271,7 +271,7 @@ def _differences(row: Row, expected: Mapping[str, Any], columns: Iterable[str], 
         value = expected.get(column)
         is_same = type(found) is type(value) and found == value
         if not is_same and as_lines([{"value": found}]) != as_lines([{"value": value}]):
-            yield printable_line(f"{_name_row(row)}: {column} is {shown(found)}, {whence} {shown(value)}.")
+            yield make_printable_line(f"{_name_row(row)}: {column} is {shown(found)}, {whence} {shown(value)}.")
 
 
 def _name_row(row: Row) -> str:
@@ -284,7 +284,7 @@ def _faults_of_copy(file: Path, expected: Path) -> Iterator[str]:
         return
     data = expected.read_bytes()
     try:
-        if bytes_of(file, most=len(data)) == data:
+        if read_bytes(file, most=len(data)) == data:
             return
     except BadFile as error:
         yield f"{error} A run writes a file of {len(data):,} bytes."
@@ -297,11 +297,11 @@ def _faults_of_copy(file: Path, expected: Path) -> Iterator[str]:
 
 def _faults_of_lines(file: Path, expected: Path) -> Iterator[str]:
     try:
-        found = lines_in(file, "a row", folders.RowWithId)
+        found = read_json_lines(file, "a row", folders.RowWithId)
     except BadFile as error:
         yield str(error)
         return
-    made = lines_in(expected, "a row", folders.RowWithId)
+    made = read_json_lines(expected, "a row", folders.RowWithId)
     if len(found) != len(made):
         yield f"{file.name} has {len(found):,} rows, and the journal {len(made):,} of them."
         return
@@ -316,7 +316,7 @@ def _first_difference(file: Path, expected: bytes) -> str:
     """Return a text that says in which line of a text file the first difference is; nothing for other files."""
     if file.suffix != ".csv":
         return ""
-    pairs = zip_longest(bytes_of(file).splitlines(), expected.splitlines(), fillvalue=b"")
+    pairs = zip_longest(read_bytes(file).splitlines(), expected.splitlines(), fillvalue=b"")
     for number, (found, made) in enumerate(pairs, 1):
         if found != made:
             texts = (shown(one.decode(errors="replace")) for one in (found, made))
@@ -326,7 +326,7 @@ def _first_difference(file: Path, expected: bytes) -> str:
 
 def _writer_of(file: Path) -> str | None:
     """Return the version of pyarrow that a Parquet file names as its writer; None: it names none."""
-    found = _PYARROW.search(bytes_of(file)[-_CHUNK:])
+    found = _PYARROW.search(read_bytes(file)[-_CHUNK:])
     return None if found is None else found[1].decode()
 
 
@@ -345,7 +345,7 @@ def _notes_of_files(folder: Path, plan: Mapping[str, Any], lines: int) -> Iterat
     checked = {folders.PLAN, folders.JOURNAL, folders.SERIES, *derived}
     others = [one for one in folders.files_in(folder) if one.suffix != _RECORDING and one.as_posix() not in checked]
     if others:
-        names = ", ".join(printable_line(one.as_posix()) for one in others[:_FEW])
+        names = ", ".join(make_printable_line(one.as_posix()) for one in others[:_FEW])
         more = f" and {len(others) - _FEW:,} more" if len(others) > _FEW else ""
         yield f"Neither the root nor the rows cover these files: {names}{more}."
     absent = [name for name in derived if not (folder / name).exists()]
@@ -383,13 +383,13 @@ def _faults_of_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row],
     """Play the games of rows again, and yield a fault for each value that differs."""
     given = {"id", "scenario", "seed", *_VERSIONS, *plan["keys"], *(f"collector.{name}" for name in plan["collect"])}
     collected: dict[str, list[folders.SeriesLine]] = {row["id"]: [] for row in rows}
-    for line in folders.series_in(folder, collected):
+    for line in folders.read_series(folder, collected):
         collected[line["id"]].append(line)
     for row in rows:
         try:
             played, series = play(row["id"])
         except (GammsError, OSError) as error:
-            yield printable_line(f"{_name_row(row)} could not be played again: {error}")
+            yield make_printable_line(f"{_name_row(row)} could not be played again: {error}")
             continue
         columns = [name for name in dict.fromkeys([*row, *played]) if name not in given]
         yield from _differences(row, played, columns, "and played again")
@@ -403,14 +403,16 @@ def _differing_series(
     again = {line["name"]: as_lines([line]) for line in made}
     for name in dict.fromkeys([*by_name, *again]):
         if by_name.get(name) != again.get(name):
-            yield printable_line(f"{_name_row(row)}: the series {shown(name)} is another one when it is played again.")
+            yield make_printable_line(
+                f"{_name_row(row)}: the series {shown(name)} is another one when it is played again."
+            )
 
 
 def _notes_of_games(plan: Mapping[str, Any], rows: Iterable[Row]) -> Iterator[str]:
     """Yield sentences about values of rows that playing a game again does not check."""
     if plan["collect"]:
         names = ", ".join(f"collector.{name}" for name in plan["collect"])
-        yield printable_line(f"A program computed {names}: games that are played again do not check them.")
+        yield make_printable_line(f"A program computed {names}: games that are played again do not check them.")
     died = [row["id"] for row in rows if _has_died(row)]
     if died:
         yield f"{len(died):,} drawn rows were not played again, because their process died: {', '.join(died[:_FEW])}."

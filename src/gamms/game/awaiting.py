@@ -55,7 +55,7 @@ class EventLoop:
         if self._loop is None or self._loop.is_closed():
             self._loop = asyncio.new_event_loop()
             self.close = weakref.finalize(self, _close, self._loop)
-        work = _collected(phase, list(awaited), deadline_s, strict=strict)
+        work = _collect_outcomes(phase, list(awaited), deadline_s, strict=strict)
         phase.agent = AWAITED
         try:
             return (_run_in_thread if _is_in_a_loop() else _run)(self._loop, work)
@@ -63,14 +63,14 @@ class EventLoop:
             phase.agent = None
 
 
-async def _collected(
+async def _collect_outcomes(
     phase: DecidePhase, awaited: list[tuple[Any, Awaitable[Any]]], deadline_s: float | None, *, strict: bool
 ) -> list[Outcome]:
-    tasks = [asyncio.create_task(_decided(phase, decider, awaitable)) for decider, awaitable in awaited]
+    tasks = [asyncio.create_task(_await_decision(phase, decider, awaitable)) for decider, awaitable in awaited]
     until = asyncio.FIRST_EXCEPTION if strict else asyncio.ALL_COMPLETED
     try:
-        await _ended(tasks, deadline_s, until)
-        return [_outcome(task) for task in tasks]
+        await _wait_for_tasks(tasks, deadline_s, until)
+        return [_make_outcome(task) for task in tasks]
     finally:
         late = [task for task in tasks if not task.done()]
         for task in late:
@@ -78,10 +78,10 @@ async def _collected(
         if late:
             ended, _ = await asyncio.wait(late, timeout=_GRACE_S)
             for task in ended:
-                _outcome(task)  # or asyncio would log an error that was never retrieved
+                _make_outcome(task)  # or asyncio would log an error that was never retrieved
 
 
-async def _ended(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, until: str) -> None:
+async def _wait_for_tasks(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, until: str) -> None:
     """Wait for tasks like `asyncio.wait`, but wake up regularly to handle Ctrl-C."""
     from gamms.workers import SIGNALS_S
 
@@ -94,12 +94,12 @@ async def _ended(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, unt
         are_enough = until == asyncio.FIRST_EXCEPTION and any(not one.cancelled() and one.exception() for one in ended)
 
 
-async def _decided(phase: DecidePhase, decider: object, awaitable: Awaitable[Any]) -> Any:
+async def _await_decision(phase: DecidePhase, decider: object, awaitable: Awaitable[Any]) -> Any:
     phase.decide_in_this_task(decider)
     return await awaitable
 
 
-def _outcome(task: "asyncio.Task[Any]") -> Outcome:
+def _make_outcome(task: "asyncio.Task[Any]") -> Outcome:
     if not task.done():
         return Outcome(is_late=True)
     if task.cancelled():
@@ -131,7 +131,7 @@ def _run(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome
 
 def _run_in_thread(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome]]) -> list[Outcome]:
     """Run the loop in a helper thread, because this thread runs another loop; an interrupt cancels the work."""
-    from gamms.workers import first_done
+    from gamms.workers import wait_for_first
 
     found: Future[list[Outcome]] = Future()
 
@@ -144,7 +144,7 @@ def _run_in_thread(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, li
     thread = Thread(target=copy_context().run, args=(run,), name="gamms decisions", daemon=True)
     try:
         thread.start()
-        first_done([found])
+        wait_for_first([found])
     except BaseException:
         if not found.done():
             loop.call_soon_threadsafe(_cancel_all, loop)

@@ -23,38 +23,38 @@ from gamms.arguments import (
     as_key,
     as_mapping,
     as_path,
-    names_keywords,
+    explain_call_errors,
 )
 from gamms.compat import Surface
 from gamms.errors import BadValue, UnknownName
 from gamms.game.array_functions.given import ActionLog, OutsideActions, OutsideActor, as_given
 from gamms.game.array_functions.view import ArrayView, LearnerWriter
-from gamms.game.batch_engine import BatchEngine, movement_in_core
+from gamms.game.batch_engine import BatchEngine, make_core_movement
 from gamms.game.block.columns import (
     BYTES_PER_AGENT,
     BYTES_PER_NAME,
     BYTES_PER_PLAYER,
     AgentTable,
     PlayedGame,
-    decider_of,
-    drawn_maps,
-    roster_of,
+    draw_maps,
+    find_decider,
+    make_roster,
 )
 from gamms.game.block.state import Columns, GameArrays, LeavingGame
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.cursor.separate_games import SeparateGames
-from gamms.game.hidden_state import name_global_draws, refusing_changes
-from gamms.game.random_streams import global_state, seeded_for_run
+from gamms.game.hidden_state import is_drawing_globally, refuse_changes
+from gamms.game.random_streams import get_global_state, seed_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
-from gamms.game.strategy_specs import PoolSpec, name_strategy, pools_of
+from gamms.game.strategy_specs import PoolSpec, list_pools, name_strategy
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.plain import MOST_WHOLE
 from gamms.progress import TurnInterrupted, uninterrupted
 from gamms.progress import progress as progress_line
-from gamms.readonly import Immutable, NotPickled, locked
+from gamms.readonly import Immutable, NotPickled, copy_locked
 from gamms.text import shown
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
@@ -136,13 +136,13 @@ class Batch(Surface, Immutable, NotPickled):
         self._sources = list(sources)  # for all maps; after `change_strategies`, further ones with other strategies
         self._make_sources = make_sources
         self._most_agents = most_agents
-        self._rosters = [roster_of(source.game, most_agents) for source in sources]
+        self._rosters = [make_roster(source.game, most_agents) for source in sources]
         self._roster = self._rosters[0]
         for number, roster in enumerate(self._rosters):
             _refuse_other_agents(roster, self._roster, number)
         self._put_public(seeds=seeds)
         self._refuse_too_many()
-        maps = locked(drawn_maps(seeds, len(sources)))
+        maps = copy_locked(draw_maps(seeds, len(sources)))
         self._put_public(seeds=tuple(seeds), slow=None, maps=maps, is_closed=False)
         self._source_of = maps.copy()  # (games,) the number of the source of each game
         # Before agents move in those contexts:
@@ -151,8 +151,10 @@ class Batch(Surface, Immutable, NotPickled):
         ]
         self._own = [self._make_functions(source) for source in sources]
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
-        self._engine = self._made_engine()
-        self._separate = SeparateGames(self._engine, self._roster, self._begun_alone, self._playing_alone, self._let_go)
+        self._engine = self._make_engine()
+        self._separate = SeparateGames(
+            self._engine, self._roster, self._make_separate_game, self._play_separately, self._let_go
+        )
         self._actions = ActionLog(len(seeds), is_kept=as_bool(record, "record"))
         self._is_loaded = np.zeros(len(seeds), np.bool_)
         self._spare: dict[int, PlayedGame] = {}  # by source, in a context of its own that no game needs now
@@ -174,7 +176,7 @@ class Batch(Surface, Immutable, NotPickled):
             for game in games[self._source_of[games] == number].tolist() if why else ():
                 self._separate.add(game, why)
 
-    def _made_engine(self) -> BatchEngine:
+    def _make_engine(self) -> BatchEngine:
         """Return the engine that plays the games in the core, and set `slow`.
 
         Raises:
@@ -184,8 +186,8 @@ class Batch(Surface, Immutable, NotPickled):
         self._take_functions(np.arange(len(self)))
         games = [source.game for source in self._sources]
         each = zip(games, self._rosters, self._own, strict=True)
-        movements = [movement_in_core(game, roster, own.more_edges) for game, roster, own in each]
-        begin = self._starts(self.seeds, self.maps)
+        movements = [make_core_movement(game, roster, own.more_edges) for game, roster, own in each]
+        begin = self._draw_starts(self.seeds, self.maps)
         self._put_public(slow=first_called(games[0], self._roster))
         played = games, movements, self.seeds, self._source_of, begin
         return BatchEngine(*played, self._rosters, self._own, self._num_maps)
@@ -195,7 +197,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._refuse_closed()
         if self._make_sources is None:
             raise BadValue("Only a batch of a scenario can change its strategies: scenario.batch(…).")
-        with self._playing():
+        with self._lock_for_playing():
             sources = self._make_sources(self.seeds, strategies)
             try:
                 self._put_sources(sources)
@@ -207,7 +209,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _put_sources(self, sources: Sequence[BatchSource]) -> None:
         """Begin games from other sources from now on, which replace sources that no game plays any more."""
         sources[0].game.internals.parts.rules.check_new()
-        rosters = [roster_of(source.game, self._most_agents) for source in sources]
+        rosters = [make_roster(source.game, self._most_agents) for source in sources]
         for number, roster in enumerate(rosters):
             _refuse_other_agents(roster, self._roster, number)
         own = [self._make_functions(source) for source in sources]
@@ -217,7 +219,7 @@ class Batch(Surface, Immutable, NotPickled):
                 one.install()
         games = [source.game for source in sources]
         each = zip(games, rosters, own, strict=True)
-        movements = [movement_in_core(game, roster, of_map.more_edges) for game, roster, of_map in each]
+        movements = [make_core_movement(game, roster, of_map.more_edges) for game, roster, of_map in each]
         used = {number // self._num_maps for number in self._engine.maps_in_use}
         free = (one for one in count(1) if one not in used)  # the first sources tell of the agents of all games
         first = next(free) * self._num_maps
@@ -329,7 +331,7 @@ class Batch(Surface, Immutable, NotPickled):
     ) -> None:
         """Play one turn; `writer` is for turns that the core plays at once, see `BatchEngine.play`."""
         try:
-            with self._playing():
+            with self._lock_for_playing():
                 is_played = False
                 while not is_played:  # Ctrl-C may do something else than to raise an error
                     if plays_at_once(self, given):
@@ -349,7 +351,7 @@ class Batch(Surface, Immutable, NotPickled):
         is_played = False
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt):
             try:
-                with self._watched():
+                with self._check_hidden_state():
                     self._play_turn(given, threads, before)
                 is_played = True
             except TurnInterrupted:
@@ -397,7 +399,7 @@ class Batch(Surface, Immutable, NotPickled):
         return bool(self._engine.turns()[number] == self._first_turn and not is_over)
 
     @contextmanager
-    def _playing(self) -> Iterator[None]:
+    def _lock_for_playing(self) -> Iterator[None]:
         """Hold the lock of the batch; refuse to play while another thread plays."""
         if not self._lock.acquire(blocking=False):
             raise BadValue(
@@ -421,17 +423,17 @@ class Batch(Surface, Immutable, NotPickled):
             raise BadValue(f"team {shown(team)} was given flights, and none of its agents flies.")
         return given
 
-    def _watched(self) -> AbstractContextManager[None]:
+    def _check_hidden_state(self) -> AbstractContextManager[None]:
         """Refuse functions that change hidden state; the check runs after 0, 1, 2, 4, 8, … steps."""
-        return nullcontext() if self._steps & (self._steps - 1) else self._watching()
+        return nullcontext() if self._steps & (self._steps - 1) else self._watch_hidden_state()
 
-    def _watching(self) -> AbstractContextManager[None]:
-        return refusing_changes(
+    def _watch_hidden_state(self) -> AbstractContextManager[None]:
+        return refuse_changes(
             self._engine.functions,
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
-    @names_keywords
+    @explain_call_errors
     def run(self, max_turns: int | None = None, progress: bool = False, *, warn: bool = True, threads: int = 1) -> None:
         """Play all games to their ends, or for a number of turns, after which `run` and `step` continue them.
 
@@ -457,7 +459,7 @@ class Batch(Surface, Immutable, NotPickled):
         if as_bool(warn, "warn"):
             game.internals.warn_of_idle_teams()
             self._say_what_is_slow()
-        with self._playing(), progress_line() as line:
+        with self._lock_for_playing(), progress_line() as line:
             show = line if is_shown else None
             self._ran_from = self._engine.turns()
             self._engine.stop_at = None if turns is None else self._ran_from + turns
@@ -468,7 +470,7 @@ class Batch(Surface, Immutable, NotPickled):
             finally:
                 began = self._ran_from
                 self._ran_from = None
-            with self._watching():
+            with self._watch_hidden_state():
                 for _ in self._separate.run(began):
                     if show is not None:
                         self._show_progress(show)
@@ -477,8 +479,8 @@ class Batch(Surface, Immutable, NotPickled):
     def _run_in_core(self, threads: int, show: Callable[[str], object] | None) -> None:
         """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works."""
         plays_by_phases = self._engine.plays_by_phases
-        before = global_state() if self._engine.calls_each else None
-        if before is not None and name_global_draws(self._engine.functions):
+        before = get_global_state() if self._engine.calls_each else None
+        if before is not None and is_drawing_globally(self._engine.functions):
             why = "a plain function draws from the global generators of random numbers"
             self._leave_now(self._engine.playing, why)
         steps = 0
@@ -490,7 +492,7 @@ class Batch(Surface, Immutable, NotPickled):
                     _refuse_global_draws(before)
             else:
                 self._try_play(min(left, MANY_TURNS), threads)
-            if self._warns_of_no_end and self._turns_of_run() >= MANY_TURNS:
+            if self._warns_of_no_end and self._count_turns_of_run() >= MANY_TURNS:
                 self._warns_of_no_end = False
                 warn_of_no_end(self.game.ctx.logger)
             if show is not None:
@@ -525,7 +527,7 @@ class Batch(Surface, Immutable, NotPickled):
             return True
         return False
 
-    def _turns_of_run(self) -> int:
+    def _count_turns_of_run(self) -> int:
         """Return how many turns the games that are played in the current run have played in it."""
         before = 0 if self._ran_from is None else self._ran_from
         played: IntArray = (self._engine.turns() - before)[self._engine.playing]
@@ -552,7 +554,7 @@ class Batch(Surface, Immutable, NotPickled):
             BadType, BadValue: a game does not exist or occurs twice, or `which` or `seeds` has a wrong length.
         """
         self._refuse_closed()
-        numbers = self._numbers_of(which)
+        numbers = self._check_game_numbers(which)
         given = [self.seeds[game] for game in numbers.tolist()] if seeds is None else as_ids(seeds, "seeds")
         if len(given) != len(numbers):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
@@ -581,8 +583,8 @@ class Batch(Surface, Immutable, NotPickled):
         places = [place for place, seed in enumerate(seeds) if seed != drawn[place]]
         if places:
             new = [seeds[place] for place in places]
-            maps = drawn_maps(new, self._num_maps)
-            self._engine.starts.prepare(rows[places], new, maps, self._starts(new, maps))
+            maps = draw_maps(new, self._num_maps)
+            self._engine.starts.prepare(rows[places], new, maps, self._draw_starts(new, maps))
 
     def _put_seeds(self, games: IntArray, given: Sequence[int], of_games: IntArray, first: int | IntArray) -> None:
         """Set the seeds, maps and sources of games that begin; `first`: see `_reset`."""
@@ -591,7 +593,7 @@ class Batch(Surface, Immutable, NotPickled):
             seeds[game] = seed
         maps = self.maps.copy()
         maps[games] = of_games
-        self._put_public(seeds=tuple(seeds), maps=locked(maps))
+        self._put_public(seeds=tuple(seeds), maps=copy_locked(maps))
         self._source_of[games] = first + of_games
 
     def _note_begun(self, games: IntArray) -> None:
@@ -610,7 +612,7 @@ class Batch(Surface, Immutable, NotPickled):
         Raises:
             BadValue: the core does not play all parts of the games, or they have several maps.
         """
-        return self._arrays("columns").columns()
+        return self._get_arrays("columns").columns()
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
         """Set the state of all games from `columns`; games keep their seeds.
@@ -632,7 +634,7 @@ class Batch(Surface, Immutable, NotPickled):
         played = as_count(turn, "turn", least=0)
         if played > MOST_WHOLE:
             raise BadValue(f"turn must be at most {MOST_WHOLE}, not {shown(turn)}.")
-        self._arrays("load").refuse_others(columns)
+        self._get_arrays("load").refuse_others(columns)
         self._load(columns, played, scores or {})
 
     def _load(
@@ -643,11 +645,11 @@ class Batch(Surface, Immutable, NotPickled):
         games: slice = slice(None),
     ) -> None:
         """Set the state of games from checked columns; see `GameArrays.load`."""
-        self._arrays("load").load(columns, turn, scores, games)
+        self._get_arrays("load").load(columns, turn, scores, games)
         self._hide()
         self._is_loaded[:] = True
 
-    def _arrays(self, what: str) -> GameArrays:
+    def _get_arrays(self, what: str) -> GameArrays:
         if self._engine.plays_apart:
             raise BadValue(
                 f"{what} needs games that the core plays; by metres it does not know turn restrictions, and agents "
@@ -678,7 +680,7 @@ class Batch(Surface, Immutable, NotPickled):
             BadValue: the map does not exist, or is missing although there are several; or some games on it play other
                 strategies than others, see `gamms.rl.Learners.set_others`.
         """
-        return self._view(self._roster.members(team), map)
+        return self._make_view(self._roster.members(team), map)
 
     def observe_agent(self, name: str, *, map: int | None = None) -> ArrayView:
         """Return a view of one agent in all games; see `observe`.
@@ -689,9 +691,9 @@ class Batch(Surface, Immutable, NotPickled):
         """
         if as_key(name, "The name of an agent") not in self._roster.names:
             raise UnknownName("agent", name, self._roster.names)
-        return self._view(np.array([self._roster.names.index(name)]), map)
+        return self._make_view(np.array([self._roster.names.index(name)]), map)
 
-    def _view(self, agents: IntArray, map: int | None) -> ArrayView:
+    def _make_view(self, agents: IntArray, map: int | None) -> ArrayView:
         num_maps = self._num_maps
         if map is None and num_maps > 1:
             raise BadValue(
@@ -707,9 +709,9 @@ class Batch(Surface, Immutable, NotPickled):
                 "Some of these games still play the strategies from before set_others, and a view is of games with the "
                 "same ones: reset all games first."
             )
-        return self._view_source(agents, *(sources or [self._engine.newest[number]]))
+        return self._make_source_view(agents, *(sources or [self._engine.newest[number]]))
 
-    def _view_source(self, agents: IntArray, number: int) -> ArrayView:
+    def _make_source_view(self, agents: IntArray, number: int) -> ArrayView:
         self._separate.observe([game for game in self.detached if self._source_of[game] == number])
         return self._engine.view(agents, number)
 
@@ -767,7 +769,7 @@ class Batch(Surface, Immutable, NotPickled):
             late[game] = over is not None and over["truncated"]
         return late
 
-    @names_keywords
+    @explain_call_errors
     def result(self, game: int) -> Result:
         """Return the result of a game so far; timings are 0 if the core plays it."""
         number = self._as_game(game)
@@ -792,10 +794,10 @@ class Batch(Surface, Immutable, NotPickled):
         columns["winner"] = np.array([over.get("winner") for over in overs], object)
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
         for team in find_pools(self):
-            columns[f"opponent.{team}"] = name_opponents(self, team, np.arange(len(self)))
+            columns[f"opponent.{team}"] = find_opponent_names(self, team, np.arange(len(self)))
         return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
 
-    @names_keywords
+    @explain_call_errors
     def record(self, game: int, path: str | os.PathLike[str]) -> None:
         """Write a recording of the turns of a game played so far, as `scenario.play(seed=…, record=path)` does.
 
@@ -831,7 +833,7 @@ class Batch(Surface, Immutable, NotPickled):
         is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
         acting = OutsideActor(game, self._roster)
         try:
-            with self._playing_alone(number, game), seeded_for_run(game.ctx, game.turn):
+            with self._play_separately(number, game), seed_for_run(game.ctx, game.turn):
                 for turn in range(game.turn, turns):
                     acting.take(given.get(turn, {}), number)
                     _step_again(game)
@@ -841,7 +843,7 @@ class Batch(Surface, Immutable, NotPickled):
             acting.end()
 
     @contextmanager
-    def _playing_alone(self, number: int, game: PlayedGame) -> Iterator[None]:
+    def _play_separately(self, number: int, game: PlayedGame) -> Iterator[None]:
         """Let a game play in a separate context."""
         before = self._alone
         self._alone = _SingleGame(number, game)
@@ -850,7 +852,7 @@ class Batch(Surface, Immutable, NotPickled):
         finally:
             self._alone = before
 
-    @names_keywords
+    @explain_call_errors
     def context(self, game: int) -> Any:
         """Return a context that shows a game; it is updated after each turn.
 
@@ -862,7 +864,7 @@ class Batch(Surface, Immutable, NotPickled):
             BadValue: another thread plays the batch.
         """
         number = self._as_game(game)
-        with self._playing():
+        with self._lock_for_playing():
             if number in self._separate and self._sources[self._source_of[number]].show is None:
                 return self._separate.game(number).ctx
             if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
@@ -905,7 +907,7 @@ class Batch(Surface, Immutable, NotPickled):
         game.internals.left_as = number
         return game
 
-    def _begun_alone(self, number: int) -> PlayedGame:
+    def _make_separate_game(self, number: int) -> PlayedGame:
         """Return a game at its start, in a separate context."""
         source = self._sources[self._source_of[number]]
         seed = self.seeds[number]
@@ -964,11 +966,11 @@ class Batch(Surface, Immutable, NotPickled):
         found = self._deciders.get(number)
         if found is None:
             plans = self._sources[number].game.settings()["plans"]
-            pairs = [(agent.team, decider_of(agent, plans)) for agent in self._rosters[number].agents]
+            pairs = [(agent.team, find_decider(agent, plans)) for agent in self._rosters[number].agents]
             names = {
                 team: dict.fromkeys(name_strategy(one) for mate, one in pairs if mate == team) for team, _ in pairs
             }
-            found = {team: ", ".join(several) for team, several in names.items()} | pools_of(pairs)
+            found = {team: ", ".join(several) for team, several in names.items()} | list_pools(pairs)
             self._deciders[number] = found
         return found
 
@@ -989,7 +991,7 @@ class Batch(Surface, Immutable, NotPickled):
             raise BadValue(f"There is no game {game}: the batch has {len(self)}, numbered from 0.")
         return game
 
-    def _numbers_of(self, which: object) -> IntArray:
+    def _check_game_numbers(self, which: object) -> IntArray:
         """Return game numbers from a list of numbers or a mask (games,); None: all games."""
         if which is None:
             return np.arange(len(self))
@@ -1008,7 +1010,7 @@ class Batch(Surface, Immutable, NotPickled):
             raise BadValue(f"Each game is begun again once, not as {shown(which)} says.")
         return games
 
-    def _starts(self, seeds: Sequence[int], maps: IntArray) -> IntArray:
+    def _draw_starts(self, seeds: Sequence[int], maps: IntArray) -> IntArray:
         """Return the ids of the start nodes, (seeds, agents), for seeds and the numbers of their maps."""
         found = np.zeros((len(seeds), len(self._roster.names)), np.int64)
         for number, source in enumerate(self._sources[: self._num_maps]):
@@ -1051,7 +1053,7 @@ def _refuse_global_draws(before: object) -> None:
     Raises:
         BadValue: they have.
     """
-    if before is not None and global_state() != before:
+    if before is not None and get_global_state() != before:
         raise BadValue(
             "A plain function has drawn from the global generators of random or numpy.random in games that are played "
             "together, so the numbers of each game depend on the others. Its code does not name them: use ctx.rng, or "
@@ -1070,7 +1072,7 @@ def _step_again(game: PlayedGame) -> None:
             raise
 
 
-def digests_by_map(games: Batch) -> list[dict[str, str]]:
+def list_digests(games: Batch) -> list[dict[str, str]]:
     """Return the digests of the scenario on each map of a batch; see `Scenario.digests`."""
     known = [source.game.internals.digests for source in games._sources[: games.num_maps]]
     return [one() for one in known if one is not None]
@@ -1111,7 +1113,7 @@ def view_source(games: Batch, number: int, team: Hashable, agent: str | None = N
     """Return a view of a team, or of one agent, in the games of a source; see `Batch.observe`."""
     roster = games._roster
     agents = roster.members(team) if agent is None else np.array([roster.names.index(agent)])
-    return games._view_source(agents, number)
+    return games._make_source_view(agents, number)
 
 
 def have_first_roads(games: Batch) -> bool:
@@ -1126,7 +1128,7 @@ def find_pools(games: Batch) -> list[Hashable]:
     return [*dict.fromkeys(team for one in deciders for team, by in one.items() if not isinstance(by, str))]
 
 
-def name_opponents(games: Batch, team: Hashable, which: IntArray) -> np.ndarray[Any, np.dtype[np.object_]]:
+def find_opponent_names(games: Batch, team: Hashable, which: IntArray) -> np.ndarray[Any, np.dtype[np.object_]]:
     """Return the name of a team's strategy in some games, (games,); of a pool, that of the member that it has drawn."""
     found = np.full(len(which), None, object)
     for place, game in enumerate(which.tolist()):

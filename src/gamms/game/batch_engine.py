@@ -24,22 +24,22 @@ from gamms.game.array_functions.view import (
     ArrayStrategy,
     ArrayView,
     LearnerWriter,
-    asked_view,
     lead_along,
+    make_asked_view,
 )
 from gamms.game.block.columns import (
     AgentTable,
     ComingAgent,
     PlayedGame,
-    decider_of,
-    in_threads,
+    find_decider,
+    get_or_make,
     in_turns,
-    kept_in,
+    play_in_threads,
     sensors_of,
 )
-from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function, memory_of, put_scores
-from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, movement_of
-from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
+from gamms.game.block.in_core import CoreColumns, CoreGames, is_function, list_called_rules, memory_of, put_scores
+from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, make_movement
+from gamms.game.block.sensing import list_sensors_called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.block.state import GameArrays, LeavingGame
 from gamms.game.conflicts import flat, refuse_unranked, unranked
 from gamms.game.cursor.called_functions import (
@@ -53,30 +53,30 @@ from gamms.game.cursor.called_functions import (
     is_plain_rule,
 )
 from gamms.game.cursor.cursor import Cursor
-from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
+from gamms.game.cursor.own_functions import FunctionsPerGame, get_function_in
 from gamms.game.cursor.pointed import PointedContext
-from gamms.game.deeds import DeclaredDeeds, checked_value
+from gamms.game.deeds import DeclaredDeeds, check_value
 from gamms.game.hidden_state import find_names
 from gamms.game.lasting import DoingReader
 from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction, explain_edge, refuse_any, refuse_edge
 from gamms.game.movement.roads import join_streets
-from gamms.game.order import left_out
+from gamms.game.order import make_left_out_error
 from gamms.game.result import Result, list_opponents
 from gamms.game.settings import NamedRule, Plan
-from gamms.game.strategy_specs import call_each, decides_in_arrays, key_of, strategy_spec_of
-from gamms.ir.columns import Failure, some_rows
+from gamms.game.strategy_specs import call_each, decides_in_arrays, get_strategy_spec, make_form_key
+from gamms.ir.columns import Failure, select_rows
 from gamms.ir.deeds import DeedLog, DeedsInArrays
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.progress import TurnInterrupted
-from gamms.readonly import copied
+from gamms.readonly import thaw
 from gamms.text import as_code, shown
-from gamms.typing.actions import one_step
+from gamms.typing.actions import step_once
 from gamms.typing.agent_engine import IAgent
-from gamms.typing.game import strategy_name
+from gamms.typing.game import find_strategy_name
 
 _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
 _ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
@@ -147,16 +147,16 @@ class GamesOnOneMap:
         self.why_all_decide = find_why_all_decide(game, roster)
         asks_all = bool(self.why_all_decide)
         self._call_arrays_by_game(settings, asks_all=asks_all)
-        rules = called_rules(game, roster)
+        rules = list_called_rules(game, roster)
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
         self.has_conflicts = has_function_of_conflicts(game, roster)
         self.acts = acts_before_moves(game, roster)
-        self._groups = _groups(roster, settings)
+        self._groups = _group_strategies(roster, settings)
         asked = asked_of(game, roster, all_first=asks_all)
         collects = len(game.internals.parts.collectors.by_name) > 0
-        self._observing = _observing(game, roster)
+        self._observing = _find_observing_agents(game, roster)
         observing = np.flatnonzero(self._observing).tolist()
         self._is_asked = np.isin(np.arange(len(roster.names)), asked)
         calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
@@ -175,7 +175,7 @@ class GamesOnOneMap:
         self._pointed.forget(games)
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
-        self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
+        self._called = as_code(find_decider(roster.agents[asked[0]], settings["plans"])) if asked else ""
 
     def _begin_all(self, starts: NextStarts, games: IntArray) -> None:
         """Write the start of a game to a block of one game, and begin the first games on this map with its row."""
@@ -202,12 +202,12 @@ class GamesOnOneMap:
         at_arrivals = decides_at_arrivals(movement)
         verbs = {"towards"} if movement.acts_by_paths else set[str]()
         for agent in self.state.roster.agents:
-            decider = decider_of(agent, settings["plans"])
-            form = strategy_spec_of(decider).array_form
+            decider = find_decider(agent, settings["plans"])
+            form = get_strategy_spec(decider).array_form
             if form is None or not decides_in_arrays(decider, settings):
                 continue
             is_named = any(not verbs.isdisjoint(names) for names in find_names([form]))
-            if asks_all or is_named or (at_arrivals and errs(agent)):
+            if asks_all or is_named or (at_arrivals and is_erring(agent)):
                 call_each(decider)
 
     def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], has_arrays: bool) -> Cursor:
@@ -234,13 +234,13 @@ class GamesOnOneMap:
         """Tell the state of the games which deeds there are, and what agents are doing."""
         state = self.state
         roster = state.roster
-        check = partial(checked_value, ctx=self.game.ctx)
+        check = partial(check_value, ctx=self.game.ctx)
         state.deeds = DeclaredDeeds(settings["deeds"], check, roster.names, state.streets, state.roads.are_open)
         if state.deeds.lasting:
-            self._first_data = copied(self.game.internals.state.data)
-            state.doings = DoingReader(settings, roster.names, roster.teams_by_agent(), self._data_of)
+            self._first_data = thaw(self.game.internals.state.data)
+            state.doings = DoingReader(settings, roster.names, roster.teams_by_agent(), self._get_data)
 
-    def _data_of(self, number: int) -> Mapping[Any, Any]:
+    def _get_data(self, number: int) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game."""
         row = self._pointed.rows[number]
         shown = self._first_data if row is None or row.data is None else row.data
@@ -259,7 +259,7 @@ class GamesOnOneMap:
     def functions(self) -> list[Callable[..., object]]:
         """The functions that are called."""
         rules = [
-            one.spec.array_form for one in called_rules(self.game, self.state.roster) if one.spec.is_array_function
+            one.spec.array_form for one in list_called_rules(self.game, self.state.roster) if one.spec.is_array_function
         ]
         plain = [] if self.cursor is None else self.cursor.functions
         return [*(group.form for group in self._groups), *filter(None, rules), *plain]
@@ -340,7 +340,7 @@ class GamesOnOneMap:
             team = roster.teams[roster.team_of[agent]]
             try:
                 if self._unlisted[agent]:
-                    raise left_out(name, team)
+                    raise make_left_out_error(name, team)
                 refuse_unranked(self.game.settings()["conflicts"], name, team)
             except (GammsError, LookupError) as error:
                 error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
@@ -349,7 +349,7 @@ class GamesOnOneMap:
     def check_given(self, games: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
         """Refuse deeds and messages that are not legal before a rule is called."""
         for team, wanted in given.items():
-            wanted.act(asked_view(self.state, games, wanted.agents(self.state.roster, team), self.at_rest))
+            wanted.act(make_asked_view(self.state, games, wanted.agents(self.state.roster, team), self.at_rest))
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
@@ -374,7 +374,7 @@ class GamesOnOneMap:
             if wanted.flights is not None:
                 self._flights.append((agents, wanted.flights))
             if acts:
-                view = asked_view(self.state, games, agents, here)
+                view = make_asked_view(self.state, games, agents, here)
                 if self.cursor is not None:
                     self.cursor.note_given(view)
                 wanted.act(view)
@@ -409,8 +409,8 @@ class GamesOnOneMap:
         for group in self._groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]
-            for some in self._by_roads(asked) if len(agents) and len(asked) else ():
-                view = asked_view(self.state, some, agents, here)
+            for some in self._group_by_roads(asked) if len(agents) and len(asked) else ():
+                view = make_asked_view(self.state, some, agents, here)
                 view._named = np.full(view.node.shape, NO_EDGE)
                 rows = np.ix_(some, agents)
                 if here is not None:
@@ -426,14 +426,14 @@ class GamesOnOneMap:
             BadValue: the function calls what needs to be called game by game, and its code does not name it.
         """
         try:
-            actions = self._actions(view, group)
+            actions = self._call_strategy(view, group)
             self._take_acts(view)
         except Exception as error:
             error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
             raise
         return actions
 
-    def _actions(self, view: ArrayView, group: StrategyGroup) -> IntArray:
+    def _call_strategy(self, view: ArrayView, group: StrategyGroup) -> IntArray:
         """Return the actions of an array function; flying agents stay on the node below them."""
         name = getattr(group.form, "__name__", group.name) if view.flies else group.name
         given: Any = view._call(group.form, name)
@@ -509,7 +509,7 @@ class GamesOnOneMap:
         flights = self.state.flights
         assert flights is not None  # noqa: S101 - it flies
         speed = self.state.roster.agents[agent].speed or 0.0
-        position = one_step(flights.position_of(agent, game), offset, min(hypot(*offset), speed))
+        position = step_once(flights.position_of(agent, game), offset, min(hypot(*offset), speed))
         flights.chosen.append((game, agent, position, None))
 
     def fly(self, games: IntArray, part: int) -> None:
@@ -577,7 +577,7 @@ class GamesOnOneMap:
         if self.cursor is not None:
             self.cursor.note_losers(games)
 
-    def _by_roads(self, games: IntArray) -> Iterator[IntArray]:
+    def _group_by_roads(self, games: IntArray) -> Iterator[IntArray]:
         """Yield groups of games with the same open roads, for which an array function is called together."""
         roads = self.state.roads
         if not roads.are_closed:
@@ -586,7 +586,7 @@ class GamesOnOneMap:
         for _, places in roads.by_map(games):
             yield games[places]
 
-    def _by_beginning(self, games: IntArray) -> Iterator[IntArray]:
+    def _group_by_beginning(self, games: IntArray) -> Iterator[IntArray]:
         """Yield the games in which agents have moved in the batch, then the other games."""
         if self._initial.last_turn is None:
             yield games
@@ -611,8 +611,8 @@ class GamesOnOneMap:
         """Send the messages of these games, in which all agents have moved."""
         radio = self.state.radio
         if radio is not None and radio.is_sending and len(games):
-            for some in self._by_roads(games):
-                radio.send(some, _scene_of(self.game, self.state, radio, some))
+            for some in self._group_by_roads(games):
+                radio.send(some, _locate_agents(self.game, self.state, radio, some))
 
     def check(self, games: IntArray, part: int) -> None:
         """Call the rules that may refuse moves and deeds of a part of the turn."""
@@ -654,8 +654,8 @@ class GamesOnOneMap:
             if self.cursor is not None:
                 self.cursor.call(named, games, part)
             return
-        for some in self._by_roads(games):
-            for few in self._by_beginning(some):
+        for some in self._group_by_roads(games):
+            for few in self._group_by_beginning(some):
                 self._apply(named, few, part)
 
     def _apply(self, named: NamedRule, games: IntArray, part: int | None) -> None:
@@ -665,7 +665,7 @@ class GamesOnOneMap:
         turn._is_moving = part is not None
         last = None if turn._is_moving else self._initial.last_turn
         if last is not None and self.state.turn[games[0]] == self._initial.turn:
-            turn.starts, turn.ends, turn.took_part, turn.paths = some_rows(last, np.zeros_like(games))
+            turn.starts, turn.ends, turn.took_part, turn.paths = select_rows(last, np.zeros_like(games))
         else:
             moves = self.core.last_moves(games) if part is None else self.core.next_moves(games, part)
             turn.starts, turn.ends, turn.took_part = moves
@@ -686,7 +686,7 @@ class GamesOnOneMap:
             turn._close()
 
 
-class GivenAgents(NamedTuple):
+class OutsideAgents(NamedTuple):
     """The agents with actions from outside, which are the same in all turns with actions for the same teams.
 
     Attributes:
@@ -723,7 +723,7 @@ class TurnOfGames:
     in_part: BoolArray
 
     def __init__(
-        self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], agents: GivenAgents, threads: int
+        self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], agents: OutsideAgents, threads: int
     ) -> None:
         self.playing = playing
         self.given = given
@@ -785,7 +785,7 @@ class BatchEngine(TurnDriver):
         settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, None, others=movements[1:])
         self.plays_apart = rosters[0].obey_turns and movements[0].by_metres
-        self._state.radio = _radio_of(settings, rosters[0], len(seeds))
+        self._state.radio = _make_traffic(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
         self._deed_log = self._state.deed_log
         self._has_deeds = bool(settings["deeds"])
@@ -807,11 +807,11 @@ class BatchEngine(TurnDriver):
         self._num_parts = self._maps[0].core.num_parts
         self._leaves_out = self._maps[0].leaves_out
         self._by_metres = any(movement.by_metres for movement in movements)
-        self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
+        self._of_all_maps: GameArrays | None = None  # see `_group_by_legal_moves`
         if num_streets > 1 and all(movement.is_plain for movement in movements):
             self._tables = join_streets([movement.streets for movement in movements[:num_streets]])
             self._of_all_maps = self._state.on_map(Movement(movements[0].streets), rosters[0])
-        self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], GivenAgents] = {}  # by team
+        self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], OutsideAgents] = {}  # by team
         self._now: TurnOfGames
         self._find_phases()
         state = self._state
@@ -890,7 +890,7 @@ class BatchEngine(TurnDriver):
                 found[games] = mask[games]
         return found
 
-    def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
+    def _select_maps(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
         """Yield each map with its games that a mask selects, (games,)."""
         are_all = np.count_nonzero(which) == len(which)
         for one, games in zip(self._maps, self._on, strict=True):
@@ -1036,7 +1036,7 @@ class BatchEngine(TurnDriver):
         """Play some turns of the games that are not over, at most `most`; see `_play`."""
         begin_turns(self._turns, most)
         put_scores(self._state, self._block.score)
-        with self._interruptible(is_given=False, is_single=True):  # no function can raise
+        with self._undo_on_error(is_given=False, is_single=True):  # no function can raise
             self._run_core(takes, threads, None, writer)
             if self._block.illegal and self._is_strict:
                 self._raise_illegal()
@@ -1067,7 +1067,7 @@ class BatchEngine(TurnDriver):
         leaving = self._state.leaving
         is_single = len(is_over) - np.count_nonzero(is_over) == 1
         try:
-            with self._interruptible(is_given=len(given) > 0, is_single=is_single):
+            with self._undo_on_error(is_given=len(given) > 0, is_single=is_single):
                 self._begin_turn(playing, given, threads)
                 self.play_turn()
                 if play_others is not None:
@@ -1084,7 +1084,7 @@ class BatchEngine(TurnDriver):
         self._state.stop[0] = self._can_stop
 
     @contextmanager
-    def _interruptible(self, *, is_given: bool, is_single: bool) -> Iterator[None]:
+    def _undo_on_error(self, *, is_given: bool, is_single: bool) -> Iterator[None]:
         """Take back the turns of the block if it raises; in a single game, only if Ctrl-C has interrupted it.
 
         Turns that take long can be interrupted; before the first turn, the time is not known.
@@ -1143,7 +1143,7 @@ class BatchEngine(TurnDriver):
             self._given_agents[teams] = agents
         self._now = TurnOfGames(playing, given, agents, threads)
 
-    def _find_given(self, given: Mapping[Hashable, OutsideActions]) -> GivenAgents:
+    def _find_given(self, given: Mapping[Hashable, OutsideActions]) -> OutsideAgents:
         """Return the agents that actions are for, team by team."""
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_)
@@ -1154,7 +1154,7 @@ class BatchEngine(TurnDriver):
         if given or self._asks_functions:
             takes = [one.takes_block(is_given) for one in self._maps]
         asks_at_arrivals = any(one.asks_at_arrivals(is_given=len(given) > 0) for one in self._in_use)
-        return GivenAgents(members, is_given, takes, asks_at_arrivals)
+        return OutsideAgents(members, is_given, takes, asks_at_arrivals)
 
     def before(self) -> bool:
         """Call the rules before the moves, and take the given actions."""
@@ -1162,7 +1162,7 @@ class BatchEngine(TurnDriver):
         playing = now.playing
         if self._has_rules_before:
             playing = self._call_before(playing, now.given)
-        for one, games in self._each(playing) if self._leaves_out else ():
+        for one, games in self._select_maps(playing) if self._leaves_out else ():
             one.refuse_unlisted(games)
         now.playing = playing
         if now.given and not now.agents.asks_at_arrivals:
@@ -1181,13 +1181,13 @@ class BatchEngine(TurnDriver):
         return 0
 
     def lose_moves(self, error: BaseException) -> None:  # noqa: ARG002 - as in one game
-        """Take back the parts of the turn that were played; see `_interruptible`."""
+        """Take back the parts of the turn that were played; see `_undo_on_error`."""
         self._block.part[:] = self._now.first
         self._block.held[:] = 0
 
     def after(self) -> int:
         """Call rules and collectors in the games that have moved."""
-        for one, games in self._each(self._now.playing):
+        for one, games in self._select_maps(self._now.playing):
             for named in one.core.play_rules(games):
                 one.call(named, games)
             if one.cursor is not None:
@@ -1208,36 +1208,36 @@ class BatchEngine(TurnDriver):
         playing: BoolArray = now.playing & (now.first <= part) & self._state.is_going
         now.in_part = playing
         play = partial(self._play_core, playing, part)
-        for one, games in self._each(playing) if self._by_metres else ():
+        for one, games in self._select_maps(playing) if self._by_metres else ():
             one.leave_closed_edges(games, part)
         if now.agents.asks_at_arrivals:
             self._play_arrivals(playing, part, play)
             return
         if part > 0 and now.given and not self._plays_parts_at_once:
             self._take_moves_again(playing, part)
-        for one, games in self._each(playing) if self._asks_functions or self._state.flights is not None else ():
+        for one, games in self._select_maps(playing) if self._asks_functions or self._state.flights is not None else ():
             one.decide(games, part, now.agents.is_given)
         self._play_decisions(playing, part, partial(play, _DECIDE if self._acts else None))
 
     def _act(self, part: int) -> None:
         """Call the rules that refuse moves and deeds, log the deeds, and call the rules that execute them."""
         playing = self._now.in_part
-        for one, games in self._each(playing) if self._acts else ():
+        for one, games in self._select_maps(playing) if self._acts else ():
             one.check(games, part)
         self._deed_log.note(self._maps[0].state.deeds.lasting)
         if not self._acts:
             return
         self._play_core(playing, part, _SETTLE)
-        changed = [one.do_deeds(games, part) for one, games in self._each(playing)]
+        changed = [one.do_deeds(games, part) for one, games in self._select_maps(playing)]
         self._play_core(playing, part, _SETTLE)
-        for (one, _), of_map in zip(self._each(playing), changed, strict=True):
+        for (one, _), of_map in zip(self._select_maps(playing), changed, strict=True):
             one.cut_off(of_map, part)
         if any(map(len, changed)):
             self._play_core(playing, part, _SETTLE)
 
     def _give_way(self, part: int) -> None:
         """Call the functions that decide conflicts."""
-        for one, games in self._each(self._now.in_part):
+        for one, games in self._select_maps(self._now.in_part):
             one.give_way(games, part)
 
     def _move(self, part: int) -> None:
@@ -1246,12 +1246,12 @@ class BatchEngine(TurnDriver):
         if self._acts or self._now.agents.asks_at_arrivals:
             self._play_core(playing, part, _MOVE)
         self._state.turn_agents()
-        for one, games in self._each(playing) if self._state.flights is not None else ():
+        for one, games in self._select_maps(playing) if self._state.flights is not None else ():
             one.fly(games, part)
 
     def _send(self, _: int) -> None:
         """Send the messages of the turn."""
-        for one, games in self._each(self._now.playing):
+        for one, games in self._select_maps(self._now.playing):
             one.send(games)
 
     # -- decisions ----------------------------------------------------------------------------------------------
@@ -1267,18 +1267,18 @@ class BatchEngine(TurnDriver):
             here: (games, agents) a mask of the agents that decide now; None: all.
         """
         self._take_moves(playing, given, here)
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             one.take(games, given, here)
 
     def _ask_at_arrivals(self, playing: BoolArray, part: int) -> None:
         """Ask for the decisions of agents that arrive now or set out, and take actions from outside."""
         is_given = self._now.agents.is_given
         here = np.zeros(self._state.node.shape, np.bool_)
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             here[games] = one.core.deciding(games)
         if self._now.given:
             self._take(playing, self._now.given, here)
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             one.decide(games, part, is_given, here)
 
     def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None) -> None:
@@ -1288,22 +1288,22 @@ class BatchEngine(TurnDriver):
             for team in [team for team, wanted in given.items() if wanted.are_legal]:
                 wanted = checked.pop(team)
                 self._block.given[:, self._now.agents.members[team]] = wanted.moves
-        for state, games in self._by_legal_moves(playing) if checked else ():
+        for state, games in self._group_by_legal_moves(playing) if checked else ():
             for team, wanted in checked.items():
                 agents = self._now.agents.members[team]
-                view = asked_view(state, games, agents, here)
+                view = make_asked_view(state, games, agents, here)
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
-                moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")
+                moves = view._check_actions(wanted.moves_in(view, on_ground), f"team {shown(team)}")
                 self._block.given[np.ix_(games, agents)] = moves
         if any(wanted.edges is not None for wanted in given.values()):
             self._take_edges(playing, given, here)
 
     def _take_edges(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None) -> None:
         """Write given edges into the block, if they are legal, with the moves to their ends; see `_take` for `here`."""
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             for team, wanted in given.items() if len(games) else ():
                 agents = self._now.agents.members[team]
-                view = asked_view(one.state, games, agents, here)
+                view = make_asked_view(one.state, games, agents, here)
                 if not one.core.arrival:  # an edge that is not legal where an agent arrives lets it stay there
                     wanted.check_edges(view, f"team {shown(team)}")
                 edges = wanted.edges_in(view)
@@ -1319,10 +1319,10 @@ class BatchEngine(TurnDriver):
         given = {team: one for team, one in now.given.items() if is_next[now.agents.members[team]].any()}
         self._take_moves(playing, given, np.broadcast_to(is_next, self._state.node.shape))
 
-    def _by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
+    def _group_by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
         """Return groups of games whose legal moves are in one table, with their states."""
         if self._of_all_maps is None or not self.has_first_roads:
-            return [(one.state, games) for one, games in self._each(playing)]
+            return [(one.state, games) for one, games in self._select_maps(playing)]
         tables = self._tables
         self._of_all_maps.movement.tables = tables._replace(first=tables.first[self._map_of % self._num_streets])
         return [(self._of_all_maps, np.flatnonzero(playing))]
@@ -1369,7 +1369,7 @@ class BatchEngine(TurnDriver):
             part: the part of the turn.
             play: plays a phase in the core.
         """
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             one.begin_arrivals(games)
         is_played = False
         try:
@@ -1378,7 +1378,7 @@ class BatchEngine(TurnDriver):
             now = playing
             while number == 0 or now.any():
                 self._state.notice_interrupt()
-                now = self._arriving(now)
+                now = self._find_arriving_games(now)
                 turned = len(self._state.turning)
                 for one in self._in_use:
                     one.core.turned = turned
@@ -1386,10 +1386,10 @@ class BatchEngine(TurnDriver):
                     self._block.edges.begin_arrival()
                 self._ask_at_arrivals(now, part)
                 self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
-                for one, games in self._each(now):
+                for one, games in self._select_maps(now):
                     one.give_way_at_arrivals(games, part)
                 play(_GO_ON)
-                for one, games in self._each(now):
+                for one, games in self._select_maps(now):
                     one.note_losers(games)
                 if number > 0:
                     self._state.turning[turned:] = filter(self._has_gone_on, self._state.turning[turned:])
@@ -1409,10 +1409,10 @@ class BatchEngine(TurnDriver):
         losers = self._maps[self._map_of[game]].core.losers(np.array([game]))
         return not losers[0, agent] and (game, agent) not in self._block.waiting
 
-    def _arriving(self, playing: BoolArray) -> BoolArray:
+    def _find_arriving_games(self, playing: BoolArray) -> BoolArray:
         """Return a mask of the games in which agents arrive or set out, (games,)."""
         arriving = np.zeros_like(playing)
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             arriving[one.core.arriving(games)] = True
         return arriving
 
@@ -1424,15 +1424,15 @@ class BatchEngine(TurnDriver):
         """
         flaws = [] if self._radio is None else self._radio.admit(part, self._state.is_there)
         if flaws and self._is_strict:
-            raise self._illegal(flaws[0], flaws[0].message)
+            raise self._make_illegal_action(flaws[0], flaws[0].message)
         return flaws
 
     def _raise_illegal(self) -> None:
         """Raise the error for the first decision that the core could not execute."""
         failure = self._block.illegal[0]
-        raise self._illegal(failure, failure.message.removeprefix("BadValue: "))
+        raise self._make_illegal_action(failure, failure.message.removeprefix("BadValue: "))
 
-    def _illegal(self, failure: Failure, why: str) -> IllegalAction:
+    def _make_illegal_action(self, failure: Failure, why: str) -> IllegalAction:
         """Return the error for an illegal action of an agent."""
         state = self._state
         game = failure.game
@@ -1443,9 +1443,9 @@ class BatchEngine(TurnDriver):
     def _call_before(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions]) -> BoolArray:
         """Call the rules before the turn; return a mask of the games that go on."""
         self._take_moves(playing, given, self._at_rest)
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             one.check_given(games, given)
-        for one, games in self._each(playing):
+        for one, games in self._select_maps(playing):
             one.call_before(games)
         return playing & ~self.is_over
 
@@ -1494,7 +1494,7 @@ class BatchEngine(TurnDriver):
             columns = memory_of(self._block.given), memory_of(self._block.score)
             steps = writer.begin_step(self._turns, *columns, self._block.score.shape[1])
             starts = [self._maps[number].starts for number in self.newest] if writer.begins else []
-        in_threads(play_part, len(self._map_of), threads, waits=self._can_stop)
+        play_in_threads(play_part, len(self._map_of), threads, waits=self._can_stop)
         if writer is not None:
             writer.end_step()
         for core in cores:
@@ -1574,7 +1574,7 @@ class BatchEngine(TurnDriver):
         deciders = {
             agent.name: plans[agent.team].function if agent.team in plans else strategy for agent, strategy in own
         }
-        strategies = {name: strategy_name(function_in(one, game)) for name, one in deciders.items()}
+        strategies = {name: find_strategy_name(get_function_in(one, game)) for name, one in deciders.items()}
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
@@ -1590,34 +1590,34 @@ class BatchEngine(TurnDriver):
             provenance=template.provenance
             | {"strategies": dict(sorted(strategies.items()))}
             | list_opponents(
-                [(ends[name], function_in(one, game)) for name, one in deciders.items()], state.seeds[game]
+                [(ends[name], get_function_in(one, game)) for name, one in deciders.items()], state.seeds[game]
             ),
             **over,
         )
 
 
-def _radio_of(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> MessageTraffic | None:
+def _make_traffic(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> MessageTraffic | None:
     """Return the messages of games with these settings; None: they have no channels."""
     channels = settings["channels"]
     part_of = roster.part_of(settings["order"])
     return MessageTraffic(channels, roster.team_by_name(), part_of, num_games) if channels else None
 
 
-def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
+def _find_observing_agents(game: PlayedGame, roster: AgentTable) -> BoolArray:
     """Return a mask of the agents whose sensors are called in each turn, perhaps only in some games, (agents,)."""
     are_created = first_called(game, roster) is not None
-    are_called = [len(called_each_turn(agent)) > 0 for agent in roster.agents]
+    are_called = [len(list_sensors_called_each_turn(agent)) > 0 for agent in roster.agents]
     found: BoolArray = np.array(are_called, np.bool_) | (~roster.is_first & are_created)
     return found
 
 
-def movement_in_core(game: PlayedGame, roster: AgentTable, more_edges: ClosedEdges) -> Movement:
+def make_core_movement(game: PlayedGame, roster: AgentTable, more_edges: ClosedEdges) -> Movement:
     """Return the movement of a game's agents in the core, where rules may close and open roads.
 
     `more_edges` are edges that only other games have at their start.
     """
-    may_change = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
-    return movement_of(game, roster, may_reopen=may_change, is_detached=may_change, more_edges=more_edges)
+    may_change = first_called(game, roster) is not None or any(map(is_function, list_called_rules(game, roster)))
+    return make_movement(game, roster, may_reopen=may_change, is_detached=may_change, more_edges=more_edges)
 
 
 def decides_at_arrivals(movement: Movement) -> bool:
@@ -1625,31 +1625,31 @@ def decides_at_arrivals(movement: Movement) -> bool:
     return movement.by_metres and movement.terms.decides_at_arrivals
 
 
-def errs(agent: IAgent) -> bool:
+def is_erring(agent: IAgent) -> bool:
     """Return whether an agent has a sensor that counts its looks in a turn."""
     looks = [one.in_arrays() for one in sensors_of(agent).values() if hasattr(one, "in_arrays")]
     return any(look is not None and not look.is_plain for look in looks)
 
 
-def _groups(roster: AgentTable, settings: Mapping[str, Any]) -> list[StrategyGroup]:
+def _group_strategies(roster: AgentTable, settings: Mapping[str, Any]) -> list[StrategyGroup]:
     """Return the array functions that decide for all games at once, each with its agents."""
     plans: Mapping[Any, Plan] = settings["plans"]
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
-        decider = decider_of(agent, plans)
+        decider = find_decider(agent, plans)
         if decides_in_arrays(decider, settings):
-            key = key_of(strategy_spec_of(decider).array_form), bool(roster.flies[number])
+            key = make_form_key(get_strategy_spec(decider).array_form), bool(roster.flies[number])
             found.setdefault(key, []).append(number)
     groups = []
     for numbers in found.values():
-        decider = decider_of(roster.agents[numbers[0]], plans)
-        form = strategy_spec_of(decider).array_form
+        decider = find_decider(roster.agents[numbers[0]], plans)
+        form = get_strategy_spec(decider).array_form
         assert form is not None  # noqa: S101 - they are array functions
         groups.append(StrategyGroup(as_code(decider), np.array(numbers), form))
     return groups
 
 
-def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games: IntArray) -> MessagePositions:
+def _locate_agents(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games: IntArray) -> MessagePositions:
     """Return the positions of the agents of some games after all moves.
 
     Args:
@@ -1662,7 +1662,7 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games:
     columns = streets.columns
     node = state.node[games]
     which = np.broadcast_to(games[:, None], node.shape), np.broadcast_to(np.arange(node.shape[1]), node.shape)
-    z = kept_in(shared, "heights of nodes", lambda: _heights(game, columns.node_ids))[node]
+    z = get_or_make(shared, "heights of nodes", lambda: _find_heights(game, columns.node_ids))[node]
     xyz = np.concatenate((movement.places(node, which).xy, z[..., None]), axis=-1)
     antennas = xyz + ANTENNA
     if state.flights is not None:
@@ -1690,7 +1690,7 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games:
     )
 
 
-def _heights(game: PlayedGame, nodes: IntArray) -> FloatArray:
+def _find_heights(game: PlayedGame, nodes: IntArray) -> FloatArray:
     """Return the heights of nodes, metres."""
     ground = game.ctx.graph.graph.ground(nodes)
     return np.zeros(len(nodes)) if ground is None else np.asarray(ground.z)

@@ -25,7 +25,7 @@ from gamms.ir.graph import IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.packing import to_bytes
 from gamms.kernels import buffer
-from gamms.plain import Plain, to_plain, why_not_plain
+from gamms.plain import Plain, describe_flaw, to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import reason, shown
 from gamms.typing.context import HostContext
@@ -121,33 +121,33 @@ def as_channel(name: object, options: object) -> Channel:
     return channel
 
 
-def _loss(value: object, name: str) -> float | tuple[tuple[float, float], ...]:
+def _check_loss(value: object, name: str) -> float | tuple[tuple[float, float], ...]:
     points = as_chances(value, name).tolist()
     return float(points[0][1]) if len(points) == 1 else tuple([(distance, chance) for distance, chance in points])
 
 
-def _names(value: object, name: str) -> tuple[Any, ...]:
+def _check_names(value: object, name: str) -> tuple[Any, ...]:
     """Return agents or teams as a tuple, from a single one or from a list, tuple or set."""
     several = tuple(value) if isinstance(value, _SEVERAL) else (value,)
     return tuple(dict.fromkeys(as_key(one, f"Each of {name}") for one in several))
 
 
-def _teams(value: object, name: str) -> tuple[Any, ...]:
-    teams = _names(value, name)
+def _check_teams(value: object, name: str) -> tuple[Any, ...]:
+    teams = _check_names(value, name)
     if not teams:
         raise BadValue(f"{name} must name a team at least; None lets all use it.")
     return teams
 
 
-def _relay(value: object, name: str) -> bool | tuple[Any, ...]:
-    return value if isinstance(value, bool) else _names(as_items(value, name, "agents and teams, or True"), name)
+def _check_relay(value: object, name: str) -> bool | tuple[Any, ...]:
+    return value if isinstance(value, bool) else _check_names(as_items(value, name, "agents and teams, or True"), name)
 
 
-def _jammers(value: object, name: str) -> tuple[Jammer, ...]:
-    return tuple(_jammer(one, name) for one in as_items(value, name, f"dicts such as {_JAMMER}"))
+def _check_jammers(value: object, name: str) -> tuple[Jammer, ...]:
+    return tuple(_check_jammer(one, name) for one in as_items(value, name, f"dicts such as {_JAMMER}"))
 
 
-def _jammer(value: object, name: str) -> Jammer:
+def _check_jammer(value: object, name: str) -> Jammer:
     given = as_mapping(value, f"Each of {name}")
     for key in given:
         as_known(key, f"key of {name}:", Jammer._fields)
@@ -168,17 +168,17 @@ _CHECKS: dict[str, Any] = {  # keyword -> what checks it
     "range_m": as_range,
     "hops": as_count,
     "line_of_sight": as_flag,
-    "relay": _relay,
-    "loss": _loss,
+    "relay": _check_relay,
+    "loss": _check_loss,
     "delay_turns": as_count,
     "max_bytes_per_turn": as_count,
-    "jammers": _jammers,
-    "teams": _teams,
-    "eavesdroppers": _names,
+    "jammers": _check_jammers,
+    "teams": _check_teams,
+    "eavesdroppers": _check_names,
 }
 
 
-def unknown_in(channel: Channel, ctx: HostContext) -> list[str]:
+def list_unknown_names(channel: Channel, ctx: HostContext) -> list[str]:
     """Return error texts for agents, teams and nodes that a channel mentions and that do not exist."""
     agents = ctx.agent.agents
     teams = set(ctx.agent.teams)
@@ -217,7 +217,7 @@ class Sender(Protocol):
 S = TypeVar("S", bound=Sender)
 
 
-def checked_outboxes(
+def check_outboxes(
     outboxes: Iterable[tuple[S, Any]], channels: Mapping[str, Channel], teams: Mapping[str, Any]
 ) -> tuple[list[Outgoing], list[tuple[S, str]]]:
     """Return the messages that can be sent, and (sender, error text) for each other message.
@@ -237,9 +237,9 @@ def checked_outboxes(
             continue
         for number, given in enumerate(outbox):
             try:
-                wanted[place, number] = _checked_message(given, sender, channels)
+                wanted[place, number] = _check_message(given, sender, channels)
             except Exception as error:  # noqa: BLE001 - a body may be of the caller's own class
-                flaws[place, number] = flaw_of(number, error)
+                flaws[place, number] = describe_message_flaw(number, error)
     row_of = {name: row for row, name in enumerate(teams)}
     for channel in {one.channel: channels[one.channel] for one in wanted.values()}.values():
         keys = [key for key, one in wanted.items() if one.channel == channel.name]
@@ -249,22 +249,24 @@ def checked_outboxes(
         rows, sizes = (
             np.array(column) for column in ([row_of[one.sender] for one in messages], [one.size for one in messages])
         )
-        left = bytes_of(channel, (1, len(teams)))
+        left = find_byte_limits(channel, (1, len(teams)))
         to = [one.to for one in messages]
-        refused = refusals(channel, (np.zeros_like(rows), rows, to, sizes), np.ones(left.shape, np.bool_), teams, left)
+        refused = find_refusals(
+            channel, (np.zeros_like(rows), rows, to, sizes), np.ones(left.shape, np.bool_), teams, left
+        )
         for row, why in refused.items():
             del wanted[keys[row]]
-            flaws[keys[row]] = flaw_of(keys[row][1], why)
+            flaws[keys[row]] = describe_message_flaw(keys[row][1], why)
     return list(wanted.values()), [(senders[place], flaws[place, number]) for place, number in sorted(flaws)]
 
 
-def flaw_of(number: int, error: Exception) -> str:
+def describe_message_flaw(number: int, error: Exception) -> str:
     """Return the error text of a message, with its number in the outbox."""
     why = error if isinstance(error, GammsError) else reason(error)
     return f"{type(error).__name__}: state['outbox'][{number}]: {why}"
 
 
-def bytes_of(channel: Channel, shape: tuple[int, ...]) -> IntArray:
+def find_byte_limits(channel: Channel, shape: tuple[int, ...]) -> IntArray:
     """Return the numbers of bytes that agents may send in a turn, as an array of a shape such as (games, agents)."""
     return np.full(shape, _UNLIMITED if channel.max_bytes_per_turn is None else channel.max_bytes_per_turn, np.int64)
 
@@ -274,7 +276,7 @@ def takes_all(channel: Channel, to: Sequence[Any]) -> bool:
     return channel.max_bytes_per_turn is None and to.count(None) == len(to)
 
 
-def refusals(
+def find_refusals(
     channel: Channel,
     sent: tuple[IntArray, IntArray, Sequence[Any], IntArray],
     is_there: BoolArray,
@@ -288,7 +290,7 @@ def refusals(
         sent: the games, senders, receivers and sizes of messages, each (messages,).
         is_there: (games, agents) whether the agent is in the game, alive or not.
         teams: agent -> its team.
-        left: (games, agents) the numbers of bytes that agents may still send; see `bytes_of`.
+        left: (games, agents) the numbers of bytes that agents may still send; see `find_byte_limits`.
     """
     at, senders, to, sizes = sent
     if takes_all(channel, to):
@@ -298,12 +300,14 @@ def refusals(
     columns: Any = at, senders, *groups_of(to, teams), uses, is_there.view(np.uint8), sizes, left, verdicts
     core.admit(*map(buffer, columns))
     return {
-        row: _refusal(channel, verdicts[row], to[row], sizes[row], dict(compress(teams.items(), is_there[at[row]])))
+        row: _make_refusal(
+            channel, verdicts[row], to[row], sizes[row], dict(compress(teams.items(), is_there[at[row]]))
+        )
         for row in np.flatnonzero(verdicts != core.ADMITTED).tolist()
     }
 
 
-def _refusal(channel: Channel, verdict: int, to: Any, size: int, teams: Mapping[str, Any]) -> GammsError:
+def _make_refusal(channel: Channel, verdict: int, to: Any, size: int, teams: Mapping[str, Any]) -> GammsError:
     """Return the error of a message that cannot be sent, from the verdict of `core.admit`."""
     if verdict == core.UNKNOWN:
         names = sorted(teams)
@@ -341,7 +345,7 @@ def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, In
     return np.array(groups, np.int64), np.array(first, np.int64), np.array(members, np.int64)
 
 
-def _checked_message(given: object, sender: Sender, channels: Mapping[str, Channel]) -> Outgoing:
+def _check_message(given: object, sender: Sender, channels: Mapping[str, Channel]) -> Outgoing:
     message = as_mapping(given, "A message")
     for key in _KEYS:
         if key not in message:
@@ -369,7 +373,7 @@ def as_body(body: object) -> Any:
     Raises:
         BadType: it is not a plain value.
     """
-    flaw = why_not_plain(body)
+    flaw = describe_flaw(body)
     if flaw:
         raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts of these: body{flaw}.")
     return body
@@ -394,7 +398,7 @@ def receivers_of(to: Hashable, teams: Mapping[str, Any]) -> Collection[str]:
     return [name for name, team in teams.items() if team == to]
 
 
-def matching(named: Iterable[Any], names: Iterable[str], teams: Iterable[Any]) -> list[bool]:
+def find_matching_agents(named: Iterable[Any], names: Iterable[str], teams: Iterable[Any]) -> list[bool]:
     """Return for each agent whether `named` contains its name or its team."""
     wanted = set(named)
     return [name in wanted or team in wanted for name, team in zip(names, teams, strict=True)]

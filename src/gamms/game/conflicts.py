@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import DescribedFunction, as_choice, as_flag, as_int, as_text, shown_as_called
+from gamms.arguments import DescribedFunction, as_choice, as_flag, as_int, as_text, show_as_call
 from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns, NodeNumbers
 from gamms.core.turn import NodeConflicts
@@ -90,10 +90,10 @@ class Ranking:
     def ranks(self, names: Sequence[str], teams: Sequence[Hashable]) -> BitArray:
         """Return the ranks of agents: numbers from 0, `core.RANK_OF_NONE` or `core.RANK_MISSING`, (agents,)."""
         if self.of_team:
-            of_team = {team: self._rank(name, team) for team, name in dict(zip(teams, names, strict=True)).items()}
+            of_team = {team: self._call_rank(name, team) for team, name in dict(zip(teams, names, strict=True)).items()}
             given = [of_team[team] for team in teams]
         else:
-            given = list(map(self._rank, names, teams))
+            given = list(map(self._call_rank, names, teams))
         try:
             order = sorted(set(given) - {None, _MISSING})
         except TypeError:
@@ -108,7 +108,7 @@ class Ranking:
         if self.rank is not None and rank == core.RANK_MISSING:
             self.rank(name, team)
 
-    def _rank(self, name: str, team: Hashable) -> Any:
+    def _call_rank(self, name: str, team: Hashable) -> Any:
         try:
             return cast("Rank", self.rank)(name, team)
         except LookupError:
@@ -206,14 +206,14 @@ _name_of = attrgetter("agent")
 
 def ranked(conflicts: object) -> Conflicts | None:
     """Return conflicts that the core can resolve by ranks; None for all others."""
-    known = _own(conflicts)
-    return None if known is None or _ranking_of(known._resolver) is None else known
+    known = _find_core_conflicts(conflicts)
+    return None if known is None or _find_ranking(known._resolver) is None else known
 
 
 def ranked_for_all(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> Conflicts | None:
     """Return conflicts that the core can resolve by ranks, which all agents of these names and teams have."""
     known = ranked(conflicts)
-    ranking = None if known is None else _ranking_of(known._resolver)
+    ranking = None if known is None else _find_ranking(known._resolver)
     if ranking is None or ranking.rank is None:
         return known
     return None if (ranking.ranks(names, teams) == core.RANK_MISSING).any() else known
@@ -221,7 +221,7 @@ def ranked_for_all(conflicts: object, names: Sequence[str], teams: Sequence[Hash
 
 def unranked(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> BoolArray:
     """Return whether a ranking of teams leaves out the team of each agent, (agents,); None is no team."""
-    ranking = _team_ranking(conflicts)
+    ranking = _find_team_ranking(conflicts)
     if ranking is None:
         return np.zeros(len(names), np.bool_)
     is_missing: BoolArray = ranking.ranks(names, teams) == core.RANK_MISSING
@@ -234,30 +234,30 @@ def refuse_unranked(conflicts: object, name: str, team: Hashable) -> None:
     Raises:
         LookupError: of the rank function.
     """
-    ranking = _team_ranking(conflicts)
+    ranking = _find_team_ranking(conflicts)
     if ranking is not None:
         ranking.check(core.RANK_MISSING, name, team)
 
 
-def _team_ranking(conflicts: object) -> Ranking | None:
+def _find_team_ranking(conflicts: object) -> Ranking | None:
     """Return the ranking by which teams win conflicts; None: other ranks, a function or another class decides."""
-    known = _own(conflicts)
-    ranking = None if known is None else _ranking_of(known._resolver)
+    known = _find_core_conflicts(conflicts)
+    ranking = None if known is None else _find_ranking(known._resolver)
     return ranking if ranking is not None and ranking.rank is not None and ranking.of_team else None
 
 
-def _own(conflicts: object) -> Conflicts | None:
+def _find_core_conflicts(conflicts: object) -> Conflicts | None:
     """Return conflicts whose contests the core finds; None: a subclass or another class decides who stays."""
     is_own = isinstance(conflicts, Conflicts) and type(conflicts).resolve is Conflicts.resolve
     return cast("Conflicts", conflicts) if is_own else None
 
 
-def _ranking_of(resolver: Resolver) -> Ranking | None:
+def _find_ranking(resolver: Resolver) -> Ranking | None:
     inner = resolver.func if isinstance(resolver, DescribedFunction) else resolver
     return inner if isinstance(inner, Ranking) else None
 
 
-@shown_as_called
+@show_as_call
 def at_random() -> Resolver:
     """Make a resolver that draws a number for each agent in every turn; the smallest numbers win.
 
@@ -324,7 +324,7 @@ class TurnConflicts:
         if order is not self._order or conflicts is not self._conflicts or allows_swaps != self._allows_swaps:
             made_for = order.in_conflict
             if made_for.conflicts is not conflicts or made_for.key != (allows_swaps, self._forgotten):
-                agents = self._agents_of(conflicts, order, ctx)
+                agents = self._find_agents(conflicts, order, ctx)
                 made_for = InConflict(conflicts, (allows_swaps, self._forgotten), agents)
                 order.in_conflict = made_for
             self._agents = made_for.agents
@@ -339,9 +339,9 @@ class TurnConflicts:
         stay = conflicts.resolve(moves_of([*movers]), ctx)
         return memoryview(array("q", [i for i in movers if order.names[i] in stay]))
 
-    def _agents_of(self, conflicts: IConflicts, order: TurnOrder, ctx: HostContext) -> "_Agents | None":
+    def _find_agents(self, conflicts: IConflicts, order: TurnOrder, ctx: HostContext) -> "_Agents | None":
         """Return the agents for conflicts that the core finds; None for all others."""
-        known = _own(conflicts)
+        known = _find_core_conflicts(conflicts)
         if known is None:
             return None
         before = self._agents if conflicts is self._conflicts else None
@@ -407,7 +407,7 @@ class PlaceNumbers:
             self.nodes.write_moves(places, rows.columns)
         else:
             for several, row in zip(places, rows.both, strict=True):
-                row[:] = [self._number(place) for place in several]
+                row[:] = [self._get_number(place) for place in several]
         if len(self._limits) != self.nodes.room + self._edges.room:
             self._read_limits(self._columns)
         if not isinstance(places, MoveColumns):
@@ -420,7 +420,7 @@ class PlaceNumbers:
             self._tables = make_tables(places)
         return self._tables
 
-    def _number(self, place: int | EdgePlace) -> int:
+    def _get_number(self, place: int | EdgePlace) -> int:
         """Return the number of a node; of an edge, its number among edges, less than 0."""
         if isinstance(place, EdgePlace):
             return self._edges.number(place.edge) - _FIRST_EDGE
@@ -464,7 +464,7 @@ class _Agents(NodeConflicts):
         super().__init__(self.places.nodes, self._rows.columns, losers)
         self.conflicts = conflicts
         self.allow_swaps = conflicts.allow_swaps
-        self.is_by_ranks = _ranking_of(conflicts._resolver) is not None and not self.places.depend_on_map
+        self.is_by_ranks = _find_ranking(conflicts._resolver) is not None and not self.places.depend_on_map
         self._names = names
         self._teams = teams
         self._flies = np.zeros(len(names), np.bool_)
@@ -542,25 +542,25 @@ class _Agents(NodeConflicts):
             table.stays[rows] = core.LOSES
             free = int(table.free[k])
             if free:
-                movers = tuple(map(_between_places, moves_of(rows).values()))
+                movers = tuple(map(_convert_move, moves_of(rows).values()))
                 start = movers[0].start
                 end = movers[0].end
                 node = (min(start, end), max(start, end)) if is_exchange else end
                 contests.append((Contest(node, free, movers), rows))
-        for contest, rows in sorted(contests, key=lambda pair: _rank_of(pair[0])):
-            winners = _winners_of(contest, resolver, ctx)
+        for contest, rows in sorted(contests, key=lambda pair: _make_sort_key(pair[0])):
+            winners = _find_winners(contest, resolver, ctx)
             table.stays[[i for i, mover in zip(rows, contest.movers, strict=True) if mover.agent in winners]] = (
                 core.WINS
             )
 
 
-def _between_places(move: Move) -> Move:
+def _convert_move(move: Move) -> Move:
     """Return a move whose start and end are places, which may be edges."""
     start, end = move.places
     return move._replace(start=cast("int", start), end=cast("int", end)) if move.legs else move
 
 
-def _rank_of(contest: Contest) -> tuple[bool, Any, str]:
+def _make_sort_key(contest: Contest) -> tuple[bool, Any, str]:
     """Return the sort key of a contest; a fixed order makes resolvers with random draws repeatable."""
     return (isinstance(contest.node, EdgePlace), contest.node, contest.movers[0].agent)
 
@@ -598,7 +598,7 @@ class ConflictTable:
         make: Callable[[int], TableArray],
     ) -> None:
         agents = len(names)
-        ranking = _ranking_of(conflicts._resolver)
+        ranking = _find_ranking(conflicts._resolver)
         self.ranking = ranking
         is_ranked = ranking is not None and ranking.rank is not None
         self.ranks = ranking.ranks(names, teams) if ranking is not None and is_ranked else None
@@ -666,29 +666,31 @@ def _as_resolver(resolve: object) -> Resolver:
     return cast("Resolver", resolve)  # its arguments and result are checked at each call
 
 
-def _winners_of(contest: Contest, resolve: Resolver, ctx: HostContext) -> set[str]:
+def _find_winners(contest: Contest, resolve: Resolver, ctx: HostContext) -> set[str]:
     """Call a resolver; return the names of the winners, checked."""
     answer: object = resolve(contest, ctx)
     if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
         form = "must give a list of the winners, names or moves, not"
-        raise BadType(f"{_asked(resolve, contest)} {form} {shown(answer)}.")
+        raise BadType(f"{_describe_resolver(resolve, contest)} {form} {shown(answer)}.")
     winners = set[str]()
     names = [mover.agent for mover in contest.movers]
     for one in answer:
         winner = one.agent if isinstance(one, Move) else one
         if not isinstance(winner, str):
-            raise BadType(f"{_asked(resolve, contest)} must name winners or give their moves, not {shown(winner)}.")
+            raise BadType(
+                f"{_describe_resolver(resolve, contest)} must name winners or give their moves, not {shown(winner)}."
+            )
         winners.add(winner)
     for winner in sorted(winners.difference(names)):
         hint = nearest(winner, names)
-        raise BadValue(f"{_asked(resolve, contest)} let {shown(winner)} win, not one of {names}.{hint}")
+        raise BadValue(f"{_describe_resolver(resolve, contest)} let {shown(winner)} win, not one of {names}.{hint}")
     if len(winners) > contest.places:
         few = f"contest.places is {contest.places}"
-        raise BadValue(f"{_asked(resolve, contest)} let {len(winners)} win, {sorted(winners)}, but {few}.")
+        raise BadValue(f"{_describe_resolver(resolve, contest)} let {len(winners)} win, {sorted(winners)}, but {few}.")
     return winners
 
 
-def _asked(resolve: Resolver, contest: Contest) -> str:
+def _describe_resolver(resolve: Resolver, contest: Contest) -> str:
     what = "the exchange of nodes" if isinstance(contest.node, tuple) else "node"
     what = "the place" if isinstance(contest.node, EdgePlace) else what
     return f"The resolver {getattr(resolve, '__name__', repr(resolve))!r}, asked about {what} {contest.node},"
@@ -735,8 +737,8 @@ class _Capacities:
     """
 
     def __init__(self, nodes: _CapacityLimits | None, edges: _CapacityLimits | None) -> None:
-        self.nodes = nodes or _of_all(UNLIMITED)
-        self.edges = edges or _of_all(UNLIMITED)
+        self.nodes = nodes or _limit_all_places(UNLIMITED)
+        self.edges = edges or _limit_all_places(UNLIMITED)
         self.least = min(self.nodes.least, self.edges.least)
         self.depend_on_map = self.nodes.number is None or self.edges.number is None
 
@@ -748,20 +750,20 @@ class _Capacities:
         return np.concatenate((rows, self.edges.rows(columns.edge_ids, columns.edge_attributes)))
 
 
-def _of_all(number: int) -> _CapacityLimits:
-    return _CapacityLimits(number, partial(_same_rows, number), number)
+def _limit_all_places(number: int) -> _CapacityLimits:
+    return _CapacityLimits(number, partial(_repeat_number, number), number)
 
 
-def _same_rows(number: int, ids: IntArray, _: _Attributes) -> IntArray:
+def _repeat_number(number: int, ids: IntArray, _: _Attributes) -> IntArray:
     return np.full(len(ids), number)
 
 
-def _in_attribute(name: str, kind: str) -> _CapacityLimits:
+def _read_attribute_limits(name: str, kind: str) -> _CapacityLimits:
     """Return capacities that are read from an attribute of nodes or edges."""
-    return _CapacityLimits(0, partial(_rows_of_attribute, name, kind))
+    return _CapacityLimits(0, partial(_look_up_attribute, name, kind))
 
 
-def _rows_of_attribute(name: str, kind: str, ids: IntArray, attributes: _Attributes) -> IntArray:
+def _look_up_attribute(name: str, kind: str, ids: IntArray, attributes: _Attributes) -> IntArray:
     if name not in attributes:
         forms = f" The capacity may also be a number, or a mapping from {kind} ids to numbers."
         raise UnknownName(f"{kind} attribute", name, attributes, forms)
@@ -779,12 +781,12 @@ def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:
     if isinstance(capacity, str):
         if not capacity:
             raise BadValue(f"{what} must be the name of an attribute of {kind}s, not an empty string.")
-        return _in_attribute(capacity, kind)
+        return _read_attribute_limits(capacity, kind)
     if isinstance(capacity, Mapping):
         pairs = ((as_node_id(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
         known = {node: _as_limit(value, f"{what} of {kind} {node}") for node, value in pairs}
         least = min(known.values(), default=UNLIMITED)
-        return _CapacityLimits(least, partial(_rows_of_ids, known))
+        return _CapacityLimits(least, partial(_look_up_ids, known))
     try:
         number = as_int(capacity, what)
     except BadType:
@@ -794,10 +796,10 @@ def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:
         ) from None
     if number < 1:
         raise BadValue(f"{what} must be at least 1, not {number}: no agent could move. Use None for no limit.")
-    return _of_all(min(number, UNLIMITED))
+    return _limit_all_places(min(number, UNLIMITED))
 
 
-def _rows_of_ids(known: Mapping[int, int], ids: IntArray, _: _Attributes) -> IntArray:
+def _look_up_ids(known: Mapping[int, int], ids: IntArray, _: _Attributes) -> IntArray:
     return np.array(list(map(known.get, ids.tolist(), repeat(UNLIMITED))), np.int64)
 
 

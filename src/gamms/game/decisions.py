@@ -16,7 +16,7 @@ from gamms.core.turn import Answers
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import KnownFacts
-from gamms.game.hints import hint_for_strategy
+from gamms.game.hints import explain_strategy_error
 from gamms.game.movement.legality import IllegalAction, Legality
 from gamms.game.movement.streets import LegalNodes, as_table
 from gamms.game.movement.travel import GamePaths
@@ -24,12 +24,12 @@ from gamms.game.order import PlannedAgents
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
-from gamms.game.team_memory import Memory, merged_memory, why_not_copied
+from gamms.game.team_memory import Memory, find_copy_problem, merge_memory
 from gamms.ir.agents import as_ids
-from gamms.ir.columns import copied_column
+from gamms.ir.columns import copy_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
-from gamms.readonly import locked
+from gamms.readonly import copy_locked
 from gamms.text import shown
 from gamms.typing.game import State as AgentState
 
@@ -92,14 +92,14 @@ class TeamArrays:
     @cached_property
     def nodes(self) -> IntArray:
         """(agents,) the node id of each agent."""
-        return locked(self._nodes.astype(np.int64))
+        return copy_locked(self._nodes.astype(np.int64))
 
     @cached_property
     def legal_edges(self) -> IntArray:
         """(agents, most) the ids of the edges that each agent may take, ascending, padded with -1."""
         each = self._list_edges()
         at = np.repeat(np.arange(len(each)), [*map(len, each)])
-        return locked(as_table(at, np.array([*chain.from_iterable(each)], np.int64), len(each)))
+        return copy_locked(as_table(at, np.array([*chain.from_iterable(each)], np.int64), len(each)))
 
     @property
     def offsets(self) -> IntArray | None:
@@ -118,7 +118,7 @@ class TeamArrays:
         Raises:
             BadValue: every node of the graph is legal.
         """
-        return self._listed().counts
+        return self._list_legal_nodes().counts
 
     def choose(self, actions: object) -> IntArray:
         """Return the nodes that actions lead to, (agents,); action k is the k-th legal node, and 0 the agent's own.
@@ -128,7 +128,7 @@ class TeamArrays:
         Raises:
             BadType, BadValue: the actions are not numbers of legal nodes, (agents,).
         """
-        legal = self._listed()
+        legal = self._list_legal_nodes()
         numbers = np.asarray(actions)
         if numbers.dtype.kind not in "iu" or numbers.shape != self._nodes.shape:
             raise BadType(f"Actions are an array ({len(self.names)},) of integers, not {shown(actions)}.")
@@ -147,7 +147,7 @@ class TeamArrays:
         """Return the writable array behind `choose`; None if `nodes` is another array."""
         return self._chosen.base if nodes is self._chosen and self._chosen is not None else None
 
-    def _listed(self) -> LegalNodes:
+    def _list_legal_nodes(self) -> LegalNodes:
         if self._legal is None:
             raise BadValue("Every node of the graph is legal, so none has a number: return ids of nodes.")
         return self._legal
@@ -228,7 +228,7 @@ class _Question(NamedTuple):
     def hint_of(self, error: BaseException) -> str:
         """Return what the strategy or plan that has raised an error probably meant."""
         plan = self.given if self.is_plan and isinstance(self.given, dict) else None
-        return hint_for_strategy(error, [state for state in self.states() if state is not None], plan)
+        return explain_strategy_error(error, [state for state in self.states() if state is not None], plan)
 
 
 class MadeDecisions(NamedTuple):
@@ -303,7 +303,7 @@ class Decisions(Answers):
     def ends_to_write(self) -> Any:
         """Return `ends`, copied from `starts` if it is still the same object."""
         if self.ends is self.starts:
-            self.ends = copied_column(self.starts)
+            self.ends = copy_column(self.starts)
         return self.ends
 
     # -- questions ----------------------------------------------------------------------------------------------
@@ -316,7 +316,7 @@ class Decisions(Answers):
             state = self.observe(slot)
         slot.last[0] = state
         if slot.agent.strategy is not None:
-            self._put(self._question(i, state))
+            self._put(self._make_question(i, state))
 
     def ask_plan(self, commanded: PlannedAgents, states: list[State]) -> None:
         """Call the plan of a team with the states of its agents."""
@@ -364,7 +364,7 @@ class Decisions(Answers):
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
         """Store the awaitable that an agent's strategy has returned."""
-        self.awaited.append((self._question(i, state), awaitable))
+        self.awaited.append((self._make_question(i, state), awaitable))
 
     def collect(self, loop: "EventLoop") -> None:
         """Await all stored awaitables, and process the results in the order of names."""
@@ -380,7 +380,7 @@ class Decisions(Answers):
             if error is not None:
                 self._fail(question, error)
             elif is_late:
-                self._miss(question, "overrun", f"was cancelled after {deadline} s")
+                self._use_default_action(question, "overrun", f"was cancelled after {deadline} s")
             else:
                 self._answer(question, value)
 
@@ -402,7 +402,7 @@ class Decisions(Answers):
         """Add decisions that were made before, given the slots of agents by their names."""
         ends = self.ends_to_write()
         if self.moves is None:
-            self.starts = copied_column(self.starts)
+            self.starts = copy_column(self.starts)
         for name, start in made.starts.items():
             self.starts[index_of[name]] = start
         for name, end in made.ends.items():
@@ -467,11 +467,11 @@ class Decisions(Answers):
         self._phase.agent = None
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             self.take(i, state)  # not the strategy's error: it has set no action
-            self._note(self._question(i, state))
+            self._note(self._make_question(i, state))
         else:
-            self._fail(self._question(i, state), error)
+            self._fail(self._make_question(i, state), error)
 
-    def _question(self, i: int, state: State) -> _Question:
+    def _make_question(self, i: int, state: State) -> _Question:
         agent = self.slots[i].agent
         return _Question(agent, f"strategy of agent {agent.name!r}", agent.strategy, state, [i], is_plan=False)
 
@@ -501,7 +501,7 @@ class Decisions(Answers):
         if hasattr(type(answer), "__await__"):
             self.awaited.append((question, answer))
         elif budget is not None and perf_counter() - began > budget:
-            self._miss(question, "overrun", f"took longer than {budget} s")
+            self._use_default_action(question, "overrun", f"took longer than {budget} s")
             self._note(question)
         else:
             self._answer(question, answer)
@@ -595,9 +595,9 @@ class Decisions(Answers):
         if self._settings.on_error == "raise":
             error.add_note(f"In the {question.name}, in turn {self.state.turn}.{question.hint_of(error)}")
             raise error
-        self._miss(question, "error", f"{type(error).__name__}: {error}")
+        self._use_default_action(question, "error", f"{type(error).__name__}: {error}")
 
-    def _miss(self, question: _Question, kind: str, message: str) -> None:
+    def _use_default_action(self, question: _Question, kind: str, message: str) -> None:
         """Use the default action for agents whose strategy or plan has failed."""
         for i, state in zip(question.indices, question.states(), strict=True):
             self.failures.append((i, kind, message))
@@ -642,15 +642,15 @@ class Decisions(Answers):
         for team, copies in written.items():
             before = shared.get(team, {})
             try:
-                after = merged_memory(before, [copy for _, copy in copies])
+                after = merge_memory(before, [copy for _, copy in copies])
             except Exception:  # noqa: BLE001 - whatever the classes of strategies raise when they are copied
-                after = merged_memory(before, [copy for i, copy in copies if self._can_be_shared(i, copy)])
+                after = merge_memory(before, [copy for i, copy in copies if self._can_be_shared(i, copy)])
             if after is not before:
                 shared[team] = after
 
     def _can_be_shared(self, i: int, team_memory: Memory) -> bool:
         """Return whether an agent's changes can be copied; otherwise count an error of the agent."""
-        flaw = why_not_copied(team_memory)
+        flaw = find_copy_problem(team_memory)
         if flaw is not None and self._settings.on_error == "raise":
             raise BadValue(f"Agent {self.slots[i].name!r} in turn {self.state.turn}: {flaw}")
         if flaw is not None:

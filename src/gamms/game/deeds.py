@@ -29,7 +29,7 @@ from gamms.ir.deeds import ArrayDeeds, DeedNumbering, DeedRow
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
-from gamms.plain import is_same, to_plain, why_not_plain
+from gamms.plain import describe_flaw, is_same, to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing.context import HostContext
@@ -44,55 +44,55 @@ OF_LASTING = ("kind", "time", "since", "left", "by")
 _OPTIONAL = "?"  # ends the kind of a field that may be missing
 
 
-def _agent(value: object, name: str, ctx: HostContext) -> Any:
-    return _known(as_text(getattr(value, "name", value), name), "agent", name, ctx.agent.agents)
+def _check_agent(value: object, name: str, ctx: HostContext) -> Any:
+    return _check_known(as_text(getattr(value, "name", value), name), "agent", name, ctx.agent.agents)
 
 
-def _team(value: object, name: str, ctx: HostContext) -> Any:
-    return _known(as_key(value, name), "team", name, ctx.agent.teams)
+def _check_team(value: object, name: str, ctx: HostContext) -> Any:
+    return _check_known(as_key(value, name), "team", name, ctx.agent.teams)
 
 
-def _node(value: object, name: str, ctx: HostContext) -> int:
+def _check_node(value: object, name: str, ctx: HostContext) -> int:
     node = as_node_id(value, name, ctx.graph)
     if not ctx.graph.graph.has_node(node):
         raise UnknownName(f"node as {name}:", node)
     return node
 
 
-def _edge(value: object, name: str, ctx: HostContext) -> int:
+def _check_edge(value: object, name: str, ctx: HostContext) -> int:
     try:
         return int(ctx.graph.graph.get_edge(as_int(value, name)).id)
     except KeyError:
         raise UnknownName(f"edge as {name}:", value) from None
 
 
-def _sensor(value: object, name: str, ctx: HostContext) -> Any:
-    return _known(as_text(value, name), "sensor", name, ctx.sensor.sensors)
+def _check_sensor(value: object, name: str, ctx: HostContext) -> Any:
+    return _check_known(as_text(value, name), "sensor", name, ctx.sensor.sensors)
 
 
-def _known(value: Any, kind: str, name: str, known: Collection[Any]) -> Any:
+def _check_known(value: Any, kind: str, name: str, known: Collection[Any]) -> Any:
     """Return a value if it is in `known` (UnknownName)."""
     return as_known(value, f"{kind} as {name}:", known)
 
 
-def _plain(value: object, name: str, _: HostContext) -> Any:
-    flaw = why_not_plain(value)
+def _check_plain(value: object, name: str, _: HostContext) -> Any:
+    flaw = describe_flaw(value)
     if flaw:
         raise BadType(f"{name} must be a plain value, such as numbers, texts, lists and dicts of these: {flaw}.")
     return to_plain(value)
 
 
 FIELD_KINDS: dict[str, Callable[[Any, str, HostContext], Any]] = {
-    "agent": _agent,
-    "team": _team,
-    "node": _node,
-    "edge": _edge,
-    "sensor": _sensor,
+    "agent": _check_agent,
+    "team": _check_team,
+    "node": _check_node,
+    "edge": _check_edge,
+    "sensor": _check_sensor,
     "integer": lambda value, name, _: as_int(value, name),
     "number": lambda value, name, _: as_float(value, name),
     "boolean": lambda value, name, _: as_bool(value, name),
     "text": lambda value, name, _: as_text(value, name),
-    "value": _plain,
+    "value": _check_plain,
 }
 """Kind of field -> a function that checks a value."""
 
@@ -162,7 +162,7 @@ def list_lasting(declared: Mapping[str, Any]) -> dict[str, Duration]:
     return {deed: fields.lasts for deed, fields in declared.items() if isinstance(fields, LastingDeed)}
 
 
-def declarations_of(declared: Mapping[str, Any]) -> dict[str, Any]:
+def make_plain_declarations(declared: Mapping[str, Any]) -> dict[str, Any]:
     """Return declared deeds as plain values, from which `as_deeds` makes the same."""
     return {
         deed: fields.declaration() if isinstance(fields, LastingDeed) else to_plain(fields)
@@ -203,7 +203,7 @@ def as_deeds(value: object) -> Mapping[str, Mapping[str, Any]]:
 
 def _as_fields(given: Mapping[Any, Any], name: str) -> ReadOnlyMapping:
     """Return checked fields: name -> kind."""
-    return ReadOnlyMapping({key: _declaration(key, kind, name) for key, kind in given.items()})
+    return ReadOnlyMapping({key: _check_declaration(key, kind, name) for key, kind in given.items()})
 
 
 _KEYS = ("fields", *Duration._fields)
@@ -263,7 +263,7 @@ _INTERRUPTING = (
 _MISSPELLED = 0.65  # how much, from 0 to 1, a name is like one of these
 
 
-def _declaration(key: object, kind: object, name: str) -> Any:
+def _check_declaration(key: object, kind: object, name: str) -> Any:
     """Return the kind of a field, or a tuple of its choices."""
     if not isinstance(key, str) or not key.isidentifier():
         raise BadValue(f"A field of {name} is called by a name of letters, digits and _, not {shown(key)}.")
@@ -279,7 +279,7 @@ def _declaration(key: object, kind: object, name: str) -> Any:
             f"{name}[{key!r}] is no kind of field: for a deed that lasts, put its fields into fields, such as "
             "{'fields': {'bomb': 'node'}, 'turns': 4}."
         )
-    if not isinstance(kind, Sequence) or not kind or any(why_not_plain(one) for one in kind):
+    if not isinstance(kind, Sequence) or not kind or any(describe_flaw(one) for one in kind):
         raise BadType(
             f"{name}[{key!r}] must be a kind of field, such as 'agent' or 'number', or a list of the values that it "
             f"may have, not {shown(kind)}."
@@ -287,7 +287,7 @@ def _declaration(key: object, kind: object, name: str) -> Any:
     return tuple(map(to_plain, kind))
 
 
-def field_of(kind: str | tuple[Any, ...]) -> DeclaredField:
+def parse_field(kind: str | tuple[Any, ...]) -> DeclaredField:
     """Return the parsed declaration of a field."""
     if isinstance(kind, tuple):
         return DeclaredField("choice", kind, is_required=True)
@@ -299,7 +299,7 @@ def _parse_kind(kind: str) -> DeclaredField:
     return DeclaredField(kind.removesuffix(_OPTIONAL), (), not kind.endswith(_OPTIONAL))
 
 
-def wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, dict[str, Any]]:
+def check_wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, dict[str, Any]]:
     """Return the checked request of an agent: deed -> field -> plain value, in the declared order.
 
     Args:
@@ -316,7 +316,7 @@ def wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -
         raise BadType(f"The deeds of an agent must be a dict from deeds to their fields, not {shown(given)}.")
     wanted = {}
     for deed, value in given.items():
-        wanted[deed] = _checked_fields(deed, value, fields_of(deed, declared), ctx)
+        wanted[deed] = _check_fields(deed, value, fields_of(deed, declared), ctx)
     return wanted
 
 
@@ -331,38 +331,38 @@ def fields_of(deed: str, declared: Mapping[str, T]) -> T:
     return declared[deed]
 
 
-def _checked_fields(deed: str, given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, Any]:
-    fields = {key: field_of(kind) for key, kind in declared.items()}
-    values = _by_field(deed, given, [key for key, field in fields.items() if field.is_required])
+def _check_fields(deed: str, given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, Any]:
+    fields = {key: parse_field(kind) for key, kind in declared.items()}
+    values = _check_mapping(deed, given, [key for key, field in fields.items() if field.is_required])
     for key in values:
         as_known(key, f"field of the deed {deed!r}:", fields)
     checked = {}
     for key, field in fields.items():
         name = f"{key!r} of the deed {deed!r}"
         if values.get(key) is not None:
-            checked[key] = checked_value(values[key], field, name, ctx)
+            checked[key] = check_value(values[key], field, name, ctx)
         elif field.is_required:
-            raise missing_field(name, fields)
+            raise make_missing_field_error(name, fields)
     return checked
 
 
-def missing_field(name: str, fields: Iterable[str]) -> BadValue:
+def make_missing_field_error(name: str, fields: Iterable[str]) -> BadValue:
     """Return the error for a required field that is not given."""
-    return BadValue(f"There is no {name}; it needs {_listed(fields)}.")
+    return BadValue(f"There is no {name}; it needs {_join_texts(fields)}.")
 
 
-def _by_field(deed: str, given: object, required: list[str]) -> Mapping[Any, Any]:
+def _check_mapping(deed: str, given: object, required: list[str]) -> Mapping[Any, Any]:
     if isinstance(given, Mapping):
         return given
     if len(required) == 1:
         return {required[0]: given}
     if not required and (given is None or given is True):
         return {}
-    needs = _listed(required) if required else "no field: give None"
+    needs = _join_texts(required) if required else "no field: give None"
     raise BadType(f"The deed {deed!r} needs {needs}, not {shown(given)}.")
 
 
-def checked_value(value: object, field: DeclaredField, name: str, ctx: HostContext) -> Any:
+def check_value(value: object, field: DeclaredField, name: str, ctx: HostContext) -> Any:
     """Return the value of a field as a plain value.
 
     Raises:
@@ -370,14 +370,14 @@ def checked_value(value: object, field: DeclaredField, name: str, ctx: HostConte
     """
     if field.kind != "choice":
         return FIELD_KINDS[field.kind](value, name, ctx)
-    plain = _plain(value, name, ctx)
+    plain = _check_plain(value, name, ctx)
     if not any(is_same(plain, choice) for choice in field.choices):
-        hint = nearest(value, field.choices) or f" Use one of: {_listed(field.choices)}."
+        hint = nearest(value, field.choices) or f" Use one of: {_join_texts(field.choices)}."
         raise BadValue(f"{name} cannot be {shown(value)}.{hint}")
     return plain
 
 
-def _listed(values: Iterable[object]) -> str:
+def _join_texts(values: Iterable[object]) -> str:
     return ", ".join(map(shown, values))
 
 
@@ -410,7 +410,7 @@ def performed_deeds(state: GameState, *, is_moving: bool) -> list[Deed]:
     return [Deed(name, slots[i].team, kind, starts[i], fields) for i, _, name, kind, fields in found]
 
 
-def _integer(value: object, _: DeclaredField, name: str) -> int:
+def _check_integer(value: object, _: DeclaredField, name: str) -> int:
     return as_int(value, name)
 
 
@@ -438,7 +438,7 @@ class DeclaredDeeds:
         streets: StreetGraph,
         are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
     ) -> None:
-        self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
+        self.declared = {deed: {key: parse_field(kind) for key, kind in of.items()} for deed, of in declared.items()}
         self.lasting = list_lasting(declared)
         self._check = check
         self._streets = streets
@@ -463,8 +463,8 @@ class DeclaredDeeds:
             name = f"{key!r} of the deed {deed!r}"
             given = fields.get(key)
             if given is None and field.is_required:
-                raise missing_field(name, known)
-            column = self._column(given, field, name, where, (at, which))
+                raise make_missing_field_error(name, known)
+            column = self._check_column(given, field, name, where, (at, which))
             values[key] = column
             if field.kind == "edge" and self._are_open is not None:
                 named = np.flatnonzero(column != np.array(None))
@@ -510,12 +510,12 @@ class DeclaredDeeds:
             values[key] = np.array([fields[key] for fields in each], np.float64)
         return values
 
-    def _column(
+    def _check_column(
         self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
     ) -> Column:
         """Return the checked values of a field for the chosen agents, (deeds,)."""
         if field.kind in _NUMBERED:
-            return self._rows(-1 if given is None else given, field, name, where, chosen)
+            return self._check_rows(-1 if given is None else given, field, name, where, chosen)
         if field.kind in _NUMERIC and given is not None and field.is_required:
             kinds, dtype = _NUMERIC[field.kind]
             values = np.asarray(given)
@@ -525,7 +525,7 @@ class DeclaredDeeds:
         column = np.empty(len(chosen[0]), object)
         check = self._check
         if field.kind == "edge" and self._are_open is not None:
-            check = _integer
+            check = _check_integer
         if given is None or check is None:
             return column
         if isinstance(given, np.ndarray):
@@ -535,7 +535,7 @@ class DeclaredDeeds:
             column[:] = [check(given, field, name)] * len(column)
         return column
 
-    def _rows(
+    def _check_rows(
         self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
     ) -> Column:
         """Return the checked agent numbers or node rows of a field for the chosen agents, (deeds,)."""

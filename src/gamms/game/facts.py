@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Mapping
 from typing import Any, Literal, NamedTuple
 
 from gamms.arguments import as_choice, as_key
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import BadValue, IllegalMutation, UnknownName
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping
@@ -35,12 +35,12 @@ class KnownFacts(ReadOnlyMapping):
         return {**state.facts, **state.team_facts.get(self._team, {}), **own}
 
 
-def facts_for(agent: str, team: Hashable, state: GameState, public: Mapping[str, Any]) -> Mapping[str, Any]:
+def get_facts(agent: str, team: Hashable, state: GameState, public: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the facts that an agent knows; `public` is a view of those that all know."""
     return KnownFacts(state, team, agent) if state.agent_facts or state.team_facts else public
 
 
-def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
+def get_writable_facts(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
     """Return the writable dict of facts published to a team, an agent (or its name), or everybody (None).
 
     Raises:
@@ -61,7 +61,7 @@ def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
     if not is_agent and not is_team:
         raise UnknownName("team or agent", name, [*ctx.agent.teams, *agents])
     if not (state.agent_facts or state.team_facts):
-        phase_of(ctx).drop_plans()
+        get_phase(ctx).drop_plans()
     return (state.agent_facts if is_agent else state.team_facts).setdefault(name, {})
 
 
@@ -124,7 +124,7 @@ class PrivateForks:
         """
         if self._ctx is None:
             raise IllegalMutation("state['legal_edges'] was not read before the state was pickled. Read it before.")
-        with phase_of(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspended(changes_world=False):
             turns = self._ctx.game.internals.parts.turns
             order = turns.order()
             at = order.index_of.get(state["name"])
@@ -137,7 +137,7 @@ class PrivateForks:
         """Return the ids of the edges on which the agent with a state has come to its node; see `GameState.driven`."""
         if self._ctx is None:
             return ()
-        with phase_of(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspended(changes_world=False):
             driven: tuple[int, ...] = self._ctx.game.internals.parts.turns.legality.find_driven(state["name"])
         return driven
 
@@ -147,7 +147,7 @@ class PrivateForks:
         Args:
             decisions: agent -> whether its action was searched for; False: it follows its script.
         """
-        with phase_of(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspended(changes_world=False):
             timings = self._ctx.game.internals.state.timings
         for has_searched in decisions.values():
             name = "searched" if has_searched else "given_up"

@@ -9,23 +9,23 @@ from types import EllipsisType
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
 
 from gamms import kernels
-from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, names_keywords
+from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, explain_call_errors
 from gamms.compat import Surface
-from gamms.deciding import ContextPart, leaving_last_turn, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, get_phase, leave_last_turn, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.deeds import list_lasting
 from gamms.game.facts import Information, PrivateFork
 from gamms.game.lasting import LASTING_RULES
-from gamms.game.random_streams import seeded_for_run
+from gamms.game.random_streams import seed_for_run
 from gamms.game.result import (
     MANY_TURNS,
     Collectors,
     Result,
+    find_misspelled_names,
     list_opponents,
-    misspelt_names,
+    summarize_errors,
     warn_of_no_end,
-    what_went_wrong,
 )
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
@@ -48,7 +48,7 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing.actions import plan_in
 from gamms.typing.context import HostContext
-from gamms.typing.game import Rule, TeamPlan, strategy_name
+from gamms.typing.game import Rule, TeamPlan, find_strategy_name
 from gamms.versions import versions
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Game(Surface, RuleVerbs):
     """
 
     def __init__(self, ctx: HostContext) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         super().__init__()
         self.ctx: Any = ctx
         self._state = GameState()
@@ -108,7 +108,7 @@ class Game(Surface, RuleVerbs):
     def add(self, rule: Rule, *, phase: str = "after", name: str | None = None) -> Rule: ...
     @overload
     def add(self, *, phase: str = "after", name: str | None = None) -> Callable[[Rule], Rule]: ...
-    @refused_while_deciding
+    @refuse_while_deciding
     def add(self, rule: Rule | EllipsisType = ..., *, phase: str = "after", name: str | None = None) -> Any:
         """Add a rule that is applied in every turn; also usable as a decorator, with or without keywords.
 
@@ -140,7 +140,7 @@ class Game(Surface, RuleVerbs):
         self._ruleset.add(rule, phase, name)
         return rule
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def remove(self, rule: str | Rule | NamedRule) -> None:
         """Remove a rule, given by its name or itself, and its artist.
 
@@ -160,7 +160,7 @@ class Game(Surface, RuleVerbs):
     def command(self, team: Hashable, plan: TeamPlan | None) -> None: ...
     @overload
     def command(self, team: Hashable, plan: ArrayPlan | None, *, arrays: Literal[True]) -> None: ...
-    @refused_while_deciding
+    @refuse_while_deciding
     def command(self, team: Hashable, plan: TeamPlan | ArrayPlan | None, *, arrays: bool = False) -> None:
         """Set a plan: a function that decides for all agents of a team instead of their strategies. None removes it.
 
@@ -186,7 +186,7 @@ class Game(Surface, RuleVerbs):
         self._unchecked_plans.append(team)
         self._turns.prepared = -1
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
         """Collect a value after the rules of every turn, or every few turns; it becomes a table of the result.
 
@@ -315,8 +315,8 @@ class Game(Surface, RuleVerbs):
         state.start = GameStart(snapshot, self.ctx.rng_state(), seeds)
         state.has_begun = True
 
-    @leaving_last_turn
-    @names_keywords
+    @leave_last_turn
+    @explain_call_errors
     def run(
         self,
         max_turns: int | None = None,
@@ -364,10 +364,10 @@ class Game(Surface, RuleVerbs):
                 stack.callback(self.ctx.record.stop)
             began = self._internals.run_began
             self._internals.run_began = None
-            with seeded_for_run(self.ctx, self._state.turn if began is None else began), progress_line() as show:
+            with seed_for_run(self.ctx, self._state.turn if began is None else began), progress_line() as show:
                 self._play_until(last, show if progress else None)
             if len(self.errors) > known:
-                self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
+                self.ctx.logger.warning(summarize_errors(self.errors[known:]))
             self._warn_of_misspelt(self._state.scores.keys() - scored)
             return self.result()
 
@@ -386,17 +386,17 @@ class Game(Surface, RuleVerbs):
 
         if self._turns.begun is not None and not self._take_turn():
             return
-        ahead = self._ahead(last, after_turns)
+        ahead = self._step_turns(last, after_turns)
         while (last is None or self._state.turn < last) and self._begin_turn() and next(ahead):
             if not self._take_turn():
                 return
             after_turns(self._state.turn)
 
-    def _ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
+    def _step_turns(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         """Yield whether the turn engine has to play the next turn; the core plays the others, see `native`."""
-        from gamms.game.native import game_in_core  # few programs need it
+        from gamms.game.native import find_game_in_core  # few programs need it
 
-        self._in_core = game_in_core(self, last, self._in_core)
+        self._in_core = find_game_in_core(self, last, self._in_core)
         if self._in_core is not None:
             yield from self._in_core.ahead(last, after_turns)
         while self._in_core is None:
@@ -421,21 +421,21 @@ class Game(Surface, RuleVerbs):
         winner = (self._state.over or {}).get("winner")
         is_unknown = isinstance(winner, str) and winner not in self.ctx.agent.block.teams
         if scored or is_unknown:
-            for sentence in misspelt_names(
+            for sentence in find_misspelled_names(
                 scored, winner, [*self.ctx.agent.teams, *self.ctx.agent.agents, *self._state.departed]
             ):
                 self.ctx.logger.warning(sentence)
 
-    @leaving_last_turn
+    @leave_last_turn
     def result(self) -> Result:
         """Return the result of the game so far; not for strategies, because it contains the seed."""
         with GarbagePause():
-            return self._new_result()
+            return self._make_result()
 
-    def _new_result(self) -> Result:
+    def _make_result(self) -> Result:
         state = self._state
         self._turns.update_counts()
-        over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
+        over = state.over or {"reason": self._describe_reason(), "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
         ends = {name: (team, False, node) for name, (team, node) in state.departed.items()}
         block = self.ctx.agent.block
@@ -449,8 +449,8 @@ class Game(Surface, RuleVerbs):
             }
             for name in sorted(ends)
         }
-        deciders = {name: self._decider(one) for name, one in sorted(agents.items())}
-        called = {id(one): strategy_name(one) for one in {id(one): one for one in deciders.values()}.values()}
+        deciders = {name: self._find_decider(one) for name, one in sorted(agents.items())}
+        called = {id(one): find_strategy_name(one) for one in {id(one): one for one in deciders.values()}.values()}
         return Result(
             turns=self.turn,
             scores=dict(self.scores),
@@ -472,18 +472,18 @@ class Game(Surface, RuleVerbs):
             **over,
         )
 
-    def _decider(self, agent: Any) -> object:
+    def _find_decider(self, agent: Any) -> object:
         """Return the plan of the agent's team, or the agent's strategy."""
         plan = self.plans.get(agent.team)
         return agent.strategy if plan is None else plan.function
 
-    def _reason_so_far(self) -> str:
+    def _describe_reason(self) -> str:
         """Return the reason in the result of a game that no rule has ended."""
         if self._internals.is_time_up:
             return "max_turns"
         return "closed" if self.ctx.is_terminated() else "unfinished"
 
-    @leaving_last_turn
+    @leave_last_turn
     def reset(self, seed: int | None = None) -> None:
         """Restore the game to its start: agents, map, rules, settings, data, scores and random streams.
 
@@ -525,7 +525,7 @@ class Game(Surface, RuleVerbs):
             for after_reset in self._internals.after_reset:
                 after_reset()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def snapshot(self) -> Snapshot:
         """Return a snapshot for `restore`: state, agents, map, rules, settings and random streams.
 
@@ -536,7 +536,7 @@ class Game(Surface, RuleVerbs):
         self._snapshots.refuse_in_turn("taken")
         return self._snapshots.take()
 
-    @leaving_last_turn
+    @leave_last_turn
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of this game; any number of times, in any order.
 
@@ -561,7 +561,7 @@ class Game(Surface, RuleVerbs):
         self._snapshots.restore_streams(snapshot)
         self._snapshots.restore(snapshot)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def fork(self, seed: int) -> "Game":
         """Return an independent copy of the game that continues from here with other random numbers.
 
@@ -623,8 +623,8 @@ class Game(Surface, RuleVerbs):
             game._begin()
         return PrivateFork(game, names, lambda value: own(value, memo))
 
-    @refused_while_deciding
-    @names_keywords
+    @refuse_while_deciding
+    @explain_call_errors
     def batch(
         self,
         num_games: int | None = None,

@@ -61,7 +61,7 @@ class HiddenState:
 
     def __init__(self, *functions: Callable[..., object]) -> None:
         self._functions = functions
-        self._before = self._now()
+        self._before = self._read_variables()
 
     @property
     def image(self) -> object:
@@ -71,7 +71,7 @@ class HiddenState:
     def changed(self, way_out: str) -> str:
         """Return a sentence about the first variable that has changed since, followed by `way_out`; "" if none has."""
         known = self._looked
-        now = self._now()
+        now = self._read_variables()
         for key, one in now.items():
             before = self._before.get(key, _MISSING if key[0] in known else one)
             if one.image != before.image:
@@ -82,11 +82,11 @@ class HiddenState:
                 )
         return ""
 
-    def _now(self) -> _Variables:
+    def _read_variables(self) -> _Variables:
         found = _Variables()
         self._looked = set[int]()
         for function in self._functions:
-            _look(function, found, self._looked)
+            _add_variables(function, found, self._looked)
         return found
 
 
@@ -96,7 +96,7 @@ def find_names(functions: Iterable[Callable[..., object]]) -> Iterator[frozenset
     The functions of GAMMS, of Python and of installed packages are left out.
     """
     for one in _find_all(functions):
-        yield _names_in(one.__code__)
+        yield _list_names(one.__code__)
 
 
 def may_change_games(functions: Iterable[Callable[..., object]]) -> bool:
@@ -105,7 +105,7 @@ def may_change_games(functions: Iterable[Callable[..., object]]) -> bool:
     It sets an attribute of an object other than `self`, or has the name of a verb that changes a game.
     """
     return any(
-        not CHANGING_VERBS.isdisjoint(_names_in(one.__code__)) or _sets_attributes(one.__code__)
+        not CHANGING_VERBS.isdisjoint(_list_names(one.__code__)) or _sets_attributes(one.__code__)
         for one in _find_all(functions)
     )
 
@@ -121,7 +121,7 @@ def _sets_attributes(code: CodeType) -> bool:
     return any(_sets_attributes(within) for within in code.co_consts if isinstance(within, CodeType))
 
 
-def name_global_draws(functions: Iterable[Callable[..., object]]) -> bool:
+def is_drawing_globally(functions: Iterable[Callable[..., object]]) -> bool:
     """Return whether the code of functions, or of those that they call, draws by `random` or `numpy.random` themselves.
 
     These are the global generators, which all games share. A function that imports one of these modules, or passes it
@@ -166,10 +166,10 @@ def _reach(function: object, reached: dict[int, Any]) -> None:
     if id(function) in reached or (isinstance(function, FunctionType) and not _is_of_program(function)):
         return
     reached[id(function)] = function
-    values = [value for _, value in _named_values(function)]
+    values = [value for _, value in _list_named_values(function)]
     if isinstance(function, FunctionType):
         for module in [one for one in values if isinstance(one, ModuleType)]:
-            values += [vars(module).get(name) for name in _names_in(function.__code__)]
+            values += [vars(module).get(name) for name in _list_names(function.__code__)]
     else:
         values += _methods_of(type(getattr(function, "__self__", function)))
     for value in values:
@@ -193,15 +193,15 @@ def _methods_of(kind: type) -> list[object]:
 
 
 @lru_cache(maxsize=1 << 12)
-def _names_in(code: CodeType) -> frozenset[str]:
+def _list_names(code: CodeType) -> frozenset[str]:
     """Return the names of globals and attributes, and the texts, in a function and its inner functions."""
     texts = [one for one in code.co_consts if isinstance(one, str)]
-    within = [_names_in(one) for one in code.co_consts if isinstance(one, CodeType)]
+    within = [_list_names(one) for one in code.co_consts if isinstance(one, CodeType)]
     return frozenset(code.co_names).union(texts, *within)
 
 
 @contextmanager
-def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -> Iterator[None]:
+def refuse_changes(functions: Iterable[Callable[..., object]], way_out: str) -> Iterator[None]:
     """Raise an error if functions have changed, within the block, state that they can reach besides their arguments.
 
     Raises:
@@ -214,36 +214,36 @@ def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -
         raise BadValue(changed)
 
 
-def image_of(made: object) -> object:
+def make_image(made: object) -> object:
     """Return a comparable image of a value, or of the state that a function can reach.
 
     Equal values have equal images.
     """
     if isinstance(made, Mapping):
-        return [(key, image_of(one)) for key, one in made.items()]
+        return [(key, make_image(one)) for key, one in made.items()]
     if not callable(made) or isinstance(made, type):
-        return _image(made, set())
+        return _make_image(made, set())
     return HiddenState(made).image
 
 
-def _look(function: object, found: _Variables, seen: set[int]) -> None:
+def _add_variables(function: object, found: _Variables, seen: set[int]) -> None:
     """Add the variables that a function can reach, recursively."""
     if id(function) in seen:
         return
     seen.add(id(function))
-    is_ours = _package_of(function) == "gamms"
-    for name, value in _named_values(function):
+    is_ours = _find_package(function) == "gamms"
+    for name, value in _list_named_values(function):
         if callable(value) and not isinstance(value, type):
-            _look(value, found, seen)
+            _add_variables(value, found, seen)
         elif not is_ours:
             has_all = type(value) is np.ndarray and not value.dtype.hasobject
-            found[id(function), name] = _Variable(name, _image(value, set()), None if has_all else shown(value))
+            found[id(function), name] = _Variable(name, _make_image(value, set()), None if has_all else shown(value))
 
 
-def _named_values(function: object) -> Iterator[tuple[str, object]]:
+def _list_named_values(function: object) -> Iterator[tuple[str, object]]:
     """Yield (description, value) for each variable that a function can reach besides its arguments."""
     if isinstance(function, FunctionType):
-        yield from _variables_of(function)
+        yield from _list_variables(function)
     elif isinstance(function, partial):
         yield "", function.func
         for key, value in [*enumerate(function.args), *function.keywords.items()]:
@@ -252,15 +252,15 @@ def _named_values(function: object) -> Iterator[tuple[str, object]]:
         yield "", getattr(function, "__func__", None)
         own = function.__self__
         name = function.__name__
-        yield from _attributes(own) if _is_of_program(type(own)) else [(f"The object of the method {name!r}", own)]
+        yield from _list_attributes(own) if _is_of_program(type(own)) else [(f"The object of the method {name!r}", own)]
     elif hasattr(function, "__wrapped__"):  # made by functools.cache
         yield "", function.__wrapped__
     else:
         yield "", getattr(type(function), "__call__", None)  # noqa: B004 - it is followed, not asked for
-        yield from _attributes(function)
+        yield from _list_attributes(function)
 
 
-def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
+def _list_variables(function: FunctionType) -> Iterator[tuple[str, object]]:
     whose = f"of {function.__name__}()"
     code = function.__code__
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
@@ -273,7 +273,7 @@ def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
     last = dict(zip(arguments[len(arguments) - len(defaults) :], defaults, strict=True))
     for name, value in {**last, **(function.__kwdefaults__ or {})}.items():
         yield f"The default argument {name!r} {whose}", value
-    for name in _globals_in(code):
+    for name in _list_globals(code):
         if name in function.__globals__:
             yield f"The global variable {name!r}", function.__globals__[name]
     for name, value in vars(function).items():
@@ -281,14 +281,14 @@ def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
 
 
 @lru_cache(maxsize=1 << 12)
-def _globals_in(code: CodeType) -> tuple[str, ...]:
+def _list_globals(code: CodeType) -> tuple[str, ...]:
     """Return the names of globals in a function and its inner functions, each once."""
     named = [one.argval for one in get_instructions(code) if one.opname in ("LOAD_GLOBAL", "STORE_GLOBAL")]
-    within = [_globals_in(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
+    within = [_list_globals(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
     return tuple(dict.fromkeys([*named, *chain(*within)]))
 
 
-def _attributes(owner: object) -> Iterator[tuple[str, object]]:
+def _list_attributes(owner: object) -> Iterator[tuple[str, object]]:
     """Yield (description, value) for each attribute of a class of the program, or of an object of one."""
     kind = owner if isinstance(owner, type) else type(owner)
     if not _is_of_program(kind):
@@ -303,7 +303,7 @@ def _attributes(owner: object) -> Iterator[tuple[str, object]]:
             yield f"The attribute {name!r} of {kind.__name__}", value
 
 
-def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program keeps
+def _make_image(value: Any, seen: set[int]) -> object:  # Any: whatever a program keeps
     """Return a comparable image of a value; it is equal at another time if the value has not changed."""
     for kinds, image in () if type(value) in _CONTAINERS else _ATOMS:
         if isinstance(value, kinds):
@@ -312,22 +312,22 @@ def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program kee
         return None
     seen.add(id(value))
     if isinstance(value, list | tuple | deque):
-        return _images(value, seen)
+        return _make_images(value, seen)
     if isinstance(value, set | frozenset):
-        return frozenset(_image(one, seen) for one in value)
+        return frozenset(_make_image(one, seen) for one in value)
     if isinstance(value, Iterator) and type(value).__module__ in _OF_ITERATORS:
         # Its remaining length and the objects that it iterates over; reading these consumes nothing.
-        return length_hint(value), tuple(_image(one, seen) for one in get_referents(value))
-    pairs = dict(value if isinstance(value, Mapping) else _attributes(value))
-    return _images(pairs.keys(), seen), _images(pairs.values(), seen)
+        return length_hint(value), tuple(_make_image(one, seen) for one in get_referents(value))
+    pairs = dict(value if isinstance(value, Mapping) else _list_attributes(value))
+    return _make_images(pairs.keys(), seen), _make_images(pairs.values(), seen)
 
 
-def _images(values: Collection[Any], seen: set[int]) -> object:
+def _make_images(values: Collection[Any], seen: set[int]) -> object:
     """Return a comparable image of several values."""
     # NOTE: strategies hold tables of places in closures: a fourth of the time (benchmarks: games of the gallery).
     if _SCALARS.issuperset(map(type, values)):
         return marshal.dumps([*values], _WITHOUT_REFERENCES)
-    return tuple([_image(one, seen) for one in values])
+    return tuple([_make_image(one, seen) for one in values])
 
 
 _CONTAINERS = frozenset({list, tuple, dict})
@@ -348,8 +348,8 @@ _ATOMS: tuple[tuple[Any, Callable[[Any], object]], ...] = (
 def _is_of_program(kind: type | FunctionType) -> bool:
     """Return whether a class or a function belongs neither to GAMMS, nor to Python, nor to an installed package."""
     file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
-    return _package_of(kind) not in {"gamms", *sys.stdlib_module_names} and not _INSTALLED & {*Path(file).parts}
+    return _find_package(kind) not in {"gamms", *sys.stdlib_module_names} and not _INSTALLED & {*Path(file).parts}
 
 
-def _package_of(value: object) -> str:
+def _find_package(value: object) -> str:
     return str(getattr(value, "__module__", None) or "").partition(".")[0]

@@ -26,7 +26,7 @@ _NO_ITEMS = re.compile(r"indices must be|is not subscriptable|does not support i
 _UNCHANGEABLE = re.compile(r"does not support item|has no attribute '(append|remove|pop|insert|extend)'")
 
 
-def hint_for_strategy(error: BaseException, states: States, plan: Mapping[str, Any] | None) -> str:
+def explain_strategy_error(error: BaseException, states: States, plan: Mapping[str, Any] | None) -> str:
     """Return the hint for a strategy or a plan that has raised an error; "" if there is none.
 
     Args:
@@ -34,30 +34,30 @@ def hint_for_strategy(error: BaseException, states: States, plan: Mapping[str, A
         states: the state of each of its agents; none for a plan of arrays.
         plan: the argument of a plan; None: it is a strategy.
     """
-    indexed = indexed_object(error)
+    indexed = find_indexed_object(error)
     return (
-        _pair_hint(error, indexed, states)
-        or _state_hint(error, indexed, states, plan)
-        or _type_hint(error, indexed, plan or (), "its state is states[name]; loop over states.values()")
+        _explain_pair(error, indexed, states)
+        or _explain_state(error, indexed, states, plan)
+        or _explain_type(error, indexed, plan or (), "its state is states[name]; loop over states.values()")
         or UnknownAttribute.hint_of(error)
     )
 
 
-def hint_for_rule(error: BaseException, ctx: HostContext) -> str:
+def explain_rule_error(error: BaseException, ctx: HostContext) -> str:
     """Return the hint for a rule that has raised an error; "" if there is none."""
-    indexed = indexed_object(error)
+    indexed = find_indexed_object(error)
     if type(error) is KeyError and indexed is not None and indexed is ctx.game.data:
         key = shown(error.args[0])
         return f" ctx.game.data has no such key yet: begin with ctx.game.data.setdefault({key}, …)."
     if indexed is None and type(error) is TypeError and "tuple indices must be" in str(error):
         return _OF_TUPLES
     way_out = "loop over ctx.game.agents, or call ctx.agent.get_agent"
-    return _type_hint(error, indexed, ctx.agent.agents, way_out) or UnknownAttribute.hint_of(error)
+    return _explain_type(error, indexed, ctx.agent.agents, way_out) or UnknownAttribute.hint_of(error)
 
 
-def _pair_hint(error: BaseException, indexed: object, states: States) -> str:
+def _explain_pair(error: BaseException, indexed: object, states: States) -> str:
     """Return a hint for code that uses the value of a sensor, the pair (kind, data), as its data."""
-    sensed = [(name, pair) for state in states for name, pair in _sensors(state).items()]
+    sensed = [(name, pair) for state in states for name, pair in _list_sensors(state).items()]
     names: list[str] = []
     if type(error) is AttributeError:
         names = [name for name, pair in sensed if pair is error.obj]
@@ -70,35 +70,35 @@ def _pair_hint(error: BaseException, indexed: object, states: States) -> str:
     return f" A sensor gives the pair (kind, data): write _, seen = state['sensor'][{shown(names[0])}]."
 
 
-def _state_hint(error: BaseException, indexed: object, states: States, plan: Mapping[str, Any] | None) -> str:
+def _explain_state(error: BaseException, indexed: object, states: States, plan: Mapping[str, Any] | None) -> str:
     """Return a hint for code that reads or sets what a state lacks, or changes what it may not change."""
     key = error.args[0] if type(error) is KeyError and error.args else None
     if key is not None and plan is not None and indexed is plan:
         return f" Its agents are: {', '.join(map(shown, plan))}."
     for state in states:
         if key is not None and indexed is not None:
-            hint = _missing_key(key, indexed, state)
+            hint = _explain_missing_key(key, indexed, state)
         elif key is not None and plan is None:
-            hint = _key_of_unknown(key, state)
+            hint = _explain_unknown_key(key, state)
         else:
-            hint = _misuse(error, indexed, state)
+            hint = _explain_misuse(error, indexed, state)
         if hint:
             return hint
     return ""
 
 
-def _sensors(state: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+def _list_sensors(state: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     """Return the pairs (kind, data) of the sensors in a state, without values that the strategy has put there."""
     given = state.get("sensor")
     named = given.items() if isinstance(given, dict) else ()
     return {name: pair for name, pair in named if isinstance(pair, tuple) and len(pair) == _PAIR}
 
 
-def _missing_key(key: object, indexed: object, state: Mapping[str, Any]) -> str:
+def _explain_missing_key(key: object, indexed: object, state: Mapping[str, Any]) -> str:
     """Return a hint for a key that a part of a state lacks."""
     if indexed is state:
         return nearest(key, state) or f" The state has: {', '.join(map(shown, state))}."
-    sensors = _sensors(state)
+    sensors = _list_sensors(state)
     if indexed is state.get("sensor"):
         if not sensors:
             return " It has no sensors: give it some, create_agent(…, sensors={…})."
@@ -107,17 +107,17 @@ def _missing_key(key: object, indexed: object, state: Mapping[str, Any]) -> str:
         if indexed is state.get(name):
             return f" state['{name}'] has no such key yet: read state['{name}'].get({shown(key)}, …)."
     sensor = next((sensor for sensor, (_, data) in sensors.items() if data is indexed), None)
-    return "" if sensor is None else f" Sensor {shown(sensor)} shows now: {_few_keys(sensors[sensor][1])}."
+    return "" if sensor is None else f" Sensor {shown(sensor)} shows now: {_join_first_keys(sensors[sensor][1])}."
 
 
-def _few_keys(data: Iterable[object]) -> str:
+def _join_first_keys(data: Iterable[object]) -> str:
     """Return the first few keys of the data of a sensor."""
     return ", ".join(map(shown, islice(data, _FEW))) or "nothing"
 
 
-def _key_of_unknown(key: object, state: Mapping[str, Any]) -> str:
+def _explain_unknown_key(key: object, state: Mapping[str, Any]) -> str:
     """Return a hint for a missing key of an object that is not known: probably a sensor, or a key of the state."""
-    sensors = _sensors(state)
+    sensors = _list_sensors(state)
     if nearest(key, sensors):
         return f" Its sensors are: {', '.join(map(shown, sensors))}."
     if not isinstance(key, str):
@@ -125,7 +125,7 @@ def _key_of_unknown(key: object, state: Mapping[str, Any]) -> str:
     return nearest(key, state) or f" The state has: {', '.join(map(shown, state))}."
 
 
-def _misuse(error: BaseException, indexed: object, state: Mapping[str, Any]) -> str:
+def _explain_misuse(error: BaseException, indexed: object, state: Mapping[str, Any]) -> str:
     """Return a hint for code that takes a value of a state for another kind of value."""
     words = str(error)
     found = _SET_ATTRIBUTE.match(words)
@@ -141,7 +141,7 @@ def _misuse(error: BaseException, indexed: object, state: Mapping[str, Any]) -> 
     return ""
 
 
-def _type_hint(error: BaseException, indexed: object, names: Container[str], way_out: str) -> str:
+def _explain_type(error: BaseException, indexed: object, names: Container[str], way_out: str) -> str:
     """Return a hint for code that takes a value of another kind for a dict or a list, or a name for an agent.
 
     Args:
@@ -164,7 +164,7 @@ def _type_hint(error: BaseException, indexed: object, names: Container[str], way
     return ""
 
 
-def indexed_object(error: BaseException) -> Any:
+def find_indexed_object(error: BaseException) -> Any:
     """Return the object that was indexed, `x` of `x[key]`, where that raised an error.
 
     The source of the line is read, and no code of the user runs: only names, keys of plain dicts, tuples and lists, and
@@ -179,13 +179,13 @@ def indexed_object(error: BaseException) -> Any:
     while step.tb_next is not None:
         step = step.tb_next
     try:
-        expression = ast.parse(f"({_failed_code(step)}\n)", mode="eval").body
+        expression = ast.parse(f"({_read_failed_code(step)}\n)", mode="eval").body
     except (SyntaxError, ValueError):
         return None
-    return _value(expression.value, step.tb_frame) if isinstance(expression, ast.Subscript) else None
+    return _evaluate_expression(expression.value, step.tb_frame) if isinstance(expression, ast.Subscript) else None
 
 
-def _failed_code(step: TracebackType) -> str:
+def _read_failed_code(step: TracebackType) -> str:
     """Return the source of the operation that failed; "" if it is not at hand."""
     code = step.tb_frame.f_code
     first, last, begin, end = next(islice(code.co_positions(), step.tb_lasti // 2, None), (None, None, None, None))
@@ -198,21 +198,21 @@ def _failed_code(step: TracebackType) -> str:
     return b"".join(text).decode(errors="replace")
 
 
-def _value(expression: ast.expr, frame: FrameType) -> Any:
+def _evaluate_expression(expression: ast.expr, frame: FrameType) -> Any:
     """Return the value of an expression in a frame; None if it is not known without running code of the user."""
     if isinstance(expression, ast.Constant):
         return expression.value
     if isinstance(expression, ast.Name):
         return frame.f_locals.get(expression.id, frame.f_globals.get(expression.id))
     if isinstance(expression, ast.Attribute):
-        owner = _value(expression.value, frame)
+        owner = _evaluate_expression(expression.value, frame)
         return getattr(owner, expression.attr, None) if _is_ours(owner) else None
     if isinstance(expression, ast.Subscript) and isinstance(expression.slice, (ast.Constant, ast.Name)):
-        return _item(_value(expression.value, frame), _value(expression.slice, frame))
+        return _get_item(_evaluate_expression(expression.value, frame), _evaluate_expression(expression.slice, frame))
     return None
 
 
-def _item(owner: object, key: object) -> Any:
+def _get_item(owner: object, key: object) -> Any:
     """Return an item of a plain dict, tuple or list, or of a mapping of GAMMS; None if it has none."""
     if not isinstance(owner, (dict, tuple, list, ReadOnlyMapping)) or not isinstance(key, (str, int)):
         return None

@@ -78,7 +78,7 @@ def _begin_of_part(order: Sequence[Sequence[Any]] | None, team: object) -> float
     return next((number / len(parts) for number, teams in enumerate(parts) if team in teams), 0.0)
 
 
-def doing_of(name: str, team: object, state: GameState, settings: Settings, now: float) -> dict[str, Any] | None:
+def find_doing(name: str, team: object, state: GameState, settings: Settings, now: float) -> dict[str, Any] | None:
     """Return what an agent is doing, as its state shows it.
 
     Args:
@@ -299,7 +299,7 @@ class _TurnEnds:
 
         A tag counts before the places to which it has brought the agent.
         """
-        stops = [one for one in self._stops_of(name, lasts) if one.time >= since]
+        stops = [one for one in self._list_stops(name, lasts) if one.time >= since]
         return min(stops, key=lambda one: one.time, default=_Stop(inf, ""))
 
     def start_of(self, name: str) -> int:
@@ -307,26 +307,26 @@ class _TurnEnds:
         i = None if self._moves is None else self._moves.index_of(name)
         return self._agents[name].current_node_id if self._moves is None or i is None else int(self._moves.starts[i])
 
-    def _stops_of(self, name: str, lasts: Duration) -> Iterator[_Stop]:
-        tags = [_Stop(time, "tag") for time in self._times_of("tag", "other", name)]
+    def _list_stops(self, name: str, lasts: Duration) -> Iterator[_Stop]:
+        tags = [_Stop(time, "tag") for time in self._list_times("tag", "other", name)]
         for kind in lasts.interrupted_by:
             if kind == "tag":
                 yield from tags
             elif kind != "move":
-                yield from (_Stop(time, kind) for time in self._times_of(kind, "agent", name))
+                yield from (_Stop(time, kind) for time in self._list_times(kind, "agent", name))
         agent = self._agents.get(name)
         i = None if self._moves is None else self._moves.index_of(name)
         at_once = min(tags)[0] if tags else float(self._turn)  # when a rule has put the agent elsewhere or out of play
         if agent is None or not agent.alive:
             yield _Stop(at_once if i is not None else self._turn - 1.0, "eliminated")
         elif "move" in lasts.interrupted_by and self._moves is not None and i is not None:
-            time = _leaves_at(self._moves, i, self._turn - 1, _begin_of_part(self._order, agent.team))
+            time = _find_departure_time(self._moves, i, self._turn - 1, _begin_of_part(self._order, agent.team))
             if time is not None:
                 yield _Stop(time, "move")
             if not self._moves.slots[i].flies and agent.current_node_id != self._moves.ends[i]:
                 yield _Stop(at_once, "move")
 
-    def _times_of(self, kind: str, field: str, name: str) -> Iterable[float]:
+    def _list_times(self, kind: str, field: str, name: str) -> Iterable[float]:
         """Return the times of the events of a kind in which a field names an agent."""
         named = [event for event in self._events if event["kind"] == kind and event.get(field) == name]
         return [
@@ -334,7 +334,7 @@ class _TurnEnds:
         ]
 
 
-def _leaves_at(moves: TurnMoves, i: int, now: int, part: float) -> float | None:
+def _find_departure_time(moves: TurnMoves, i: int, now: int, part: float) -> float | None:
     """Return when the agent of a slot sets out in a turn that begins at `now`; None: it stays."""
     slot = moves.slots[i]
     if slot.flies:

@@ -24,33 +24,33 @@ from gamms.game.channels import (
     Jammer,
     Outgoing,
     as_body,
-    bytes_of,
-    checked_outboxes,
-    flaw_of,
+    check_outboxes,
+    describe_message_flaw,
+    find_byte_limits,
+    find_matching_agents,
+    find_refusals,
     groups_of,
-    matching,
+    list_unknown_names,
     receivers_of,
-    refusals,
     refuse_others,
     size_of,
-    unknown_in,
 )
 from gamms.game.movement.legality import IllegalAction
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.chances import as_chances
-from gamms.ir.columns import Failure, GameLog, joined_rows, places_of, some_rows
+from gamms.ir.columns import Failure, GameLog, find_places, join_rows, select_rows
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.plain import to_plain
-from gamms.readonly import copied, locked
+from gamms.readonly import copy_locked, thaw
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.on_edges import located
+from gamms.typing.on_edges import locate
 
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
@@ -106,7 +106,7 @@ class MessagePositions(NamedTuple):
         for row, agent in enumerate(agents if block.flyers or block.travellers else ()):
             position = getattr(agent, "position", None)
             progress = block.on_edge(block.row_of(agent.name))
-            place = None if progress is None else located(graph, progress)
+            place = None if progress is None else locate(graph, progress)
             if position is not None:
                 xyz[0, row] = position
                 antennas[0, row] = position
@@ -210,8 +210,8 @@ class _Network:
         self._channel = channel
         self._scene = scene
         names = tuple(scene.teams)
-        jammers = tuple(place for one in channel.jammers for place in _places_of(one, scene))
-        self._terms = _terms_of(channel, names, tuple(scene.teams.values()), jammers)
+        jammers = tuple(place for one in channel.jammers for place in _convert_jammer(one, scene))
+        self._terms = _convert_channel(channel, names, tuple(scene.teams.values()), jammers)
         self._purposes = np.zeros((games, agents) if channel.loss else 0, np.uint64)
         if channel.loss:
             sending = np.flatnonzero(np.bincount(senders))
@@ -234,9 +234,9 @@ class _Network:
                 break
             transmitters = self._awaited[:number]
             self._slots[transmitters] = len(self._reach) + np.arange(number)
-            self._reach = np.concatenate((self._reach, self._reached(network, transmitters)))
+            self._reach = np.concatenate((self._reach, self._find_reached_agents(network, transmitters)))
 
-    def _reached(self, network: core.ChannelNetwork, transmitters: IntArray) -> ByteArray:
+    def _find_reached_agents(self, network: core.ChannelNetwork, transmitters: IntArray) -> ByteArray:
         """Return which agents each transmitter reaches, (transmitters, agents)."""
         channel = self._channel
         scene = self._scene
@@ -254,13 +254,13 @@ class _Network:
 
 
 @lru_cache(maxsize=_MOST_TERMS)
-def _terms_of(
+def _convert_channel(
     channel: Channel, names: tuple[str, ...], teams: tuple[Any, ...], jammers: tuple[tuple[float, ...], ...]
 ) -> core.Channel:
-    """Return a channel in the form of the core; `_places_of` describes jammers."""
+    """Return a channel in the form of the core; `_convert_jammer` describes jammers."""
     uses = [channel.is_for(team) for team in teams]
-    overhears = matching(channel.eavesdroppers, names, teams)
-    relays = uses if channel.relay is True else matching(channel.relay or (), names, teams)
+    overhears = find_matching_agents(channel.eavesdroppers, names, teams)
+    relays = uses if channel.relay is True else find_matching_agents(channel.relay or (), names, teams)
     weights = np.array((core.USES, core.OVERHEARS, core.RELAYS), np.uint8)
     roles = weights @ np.array((uses, overhears, relays), np.uint8)
     losses = as_chances(channel.loss, "loss") if channel.loss else np.zeros((0, 2))
@@ -279,10 +279,10 @@ def _terms_of(
 @lru_cache(maxsize=_MOST_TERMS)
 def _send_keys(seed: int, channel: str, names: tuple[str, ...]) -> BitArray:
     """Return hashes of a seed, a channel and the names of senders, (1, senders)."""
-    return locked(kernels.purpose_keys([seed], [("channel", channel, name) for name in names]))
+    return copy_locked(kernels.purpose_keys([seed], [("channel", channel, name) for name in names]))
 
 
-def _places_of(jammer: Jammer, scene: MessagePositions) -> list[tuple[float, ...]]:
+def _convert_jammer(jammer: Jammer, scene: MessagePositions) -> list[tuple[float, ...]]:
     """Return a jammer as tuples: the number of an agent, or -1 with x, y and z of a place; and the radius."""
     if jammer.at is None:
         wanted, known = (jammer.team, scene.teams.values()) if jammer.agent is None else (jammer.agent, scene.teams)
@@ -324,7 +324,7 @@ class OutgoingMessages(NamedTuple):
         """Return the same messages with the numbers of the senders among other names."""
         if names == self.names:
             return self
-        return self._replace(senders=renumbering(self.names, names)[self.senders], names=names)
+        return self._replace(senders=number_names(self.names, names)[self.senders], names=names)
 
 
 class ReceivedMessages(NamedTuple):
@@ -347,7 +347,7 @@ class ReceivedMessages(NamedTuple):
     overheard: BoolArray
 
 
-class _Received(NamedTuple):
+class _ReceivedMessage(NamedTuple):
     """A message as agents hear it.
 
     Attributes:
@@ -361,7 +361,7 @@ class _Received(NamedTuple):
     message: dict[str, Any]
     copy: Callable[[Any], Any] | None
 
-    def overhear(self) -> "_Received":
+    def overhear(self) -> "_ReceivedMessage":
         """Return the same message for an agent that it is not for."""
         return self._replace(message=self.message | {"overheard": True})
 
@@ -383,14 +383,14 @@ class SentMessages:
         self.turns = turns
         self.place = place
         self.fates = fates
-        self._received: dict[tuple[int, int], dict[str, list[_Received]]] | None = None
+        self._received: dict[tuple[int, int], dict[str, list[_ReceivedMessage]]] | None = None
 
     def forget(self, games: IntArray) -> "SentMessages":
         """Return these messages without those of some games."""
         at = np.where(np.isin(self.box.at, games), -1, self.box.at)
         return SentMessages(self.box._replace(at=at), self.turns, self.place, self.fates)
 
-    def received(self, game: int, turn: int) -> "Mapping[str, list[_Received]]":
+    def received(self, game: int, turn: int) -> "Mapping[str, list[_ReceivedMessage]]":
         """Return agent -> the messages that it hears, in order, for agents of a game that hear some in a turn."""
         if self._received is None:
             self._received = self._find_received()
@@ -400,10 +400,10 @@ class SentMessages:
         """Drop the messages that were made for inboxes."""
         self._received = None
 
-    def _find_received(self) -> "dict[tuple[int, int], dict[str, list[_Received]]]":
+    def _find_received(self) -> "dict[tuple[int, int], dict[str, list[_ReceivedMessage]]]":
         """Return (game, turn) -> agent -> the messages that it hears, in order."""
         box = self.box
-        found = defaultdict[tuple[int, int], dict[str, list[_Received]]](partial(defaultdict, list))
+        found = defaultdict[tuple[int, int], dict[str, list[_ReceivedMessage]]](partial(defaultdict, list))
         columns = [column.tolist() for column in (box.at, self.turns, self.place, box.senders)]
         names = box.names
         heard_it = core.HEARD
@@ -416,7 +416,7 @@ class SentMessages:
                 to, body = self.plain(number)
                 message = {"channel": box.channel, "sender": names[sender], "to": to, "body": body}
                 message |= {"turn": turn - 1, "overheard": False}
-                heard = _Received(turn, place, message, _copy_of(body))
+                heard = _ReceivedMessage(turn, place, message, _copy_of(body))
                 known = number
                 of_turn = 0
             if of_turn != arrival:
@@ -540,7 +540,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         self._refuse_other_teams(self.channels[channel], senders)
         receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
-            receivers = self._name_receivers(to, where.shape)[at, which].tolist()
+            receivers = self._list_receiver_names(to, where.shape)[at, which].tolist()
         elif to is not None and not receivers_of(_as_key(to), {**self._departed, **self.teams}):
             raise UnknownName("agent or team", to, [*self.teams, *dict.fromkeys(self.teams.values())])
         if isinstance(body, np.ndarray) and body.shape[:2] != where.shape:
@@ -565,7 +565,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
             if team in sending:
                 refuse_others(channel, team)
 
-    def _name_receivers(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    def _list_receiver_names(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
         """Return the names of receivers, (games, agents), from their numbers."""
         names = np.array(self.names, object)
         if to.dtype.kind not in "iu" or to.shape not in (shape, shape[1:], ()) or ((to < 0) | (to >= len(names))).any():
@@ -624,20 +624,20 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         """Let the storage of a single game send the admitted messages of a game in this turn."""
         target.names = self.names
         target._admissions = self._admissions
-        of_game = [some_rows(box, box.at == game) for box in self._admitted]
+        of_game = [select_rows(box, box.at == game) for box in self._admitted]
         target._admitted = [box._replace(at=np.zeros_like(box.at)) for box in of_game if len(box.at)]
 
     def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
         """Drop the messages of the last admission by agents whose action failed, given as (game, agent) pairs."""
         for number, box in enumerate(self._admitted[self._first_admitted :], self._first_admitted):
             senders = zip(box.at.tolist(), box.senders.tolist(), strict=True)
-            self._admitted[number] = some_rows(box, np.array([one not in failed for one in senders], np.bool_))
+            self._admitted[number] = select_rows(box, np.array([one not in failed for one in senders], np.bool_))
 
     def _take_posted(self, boxes: Sequence[OutgoingMessages], is_there: BoolArray) -> list[Failure]:
         """Admit posted messages that the channels accept; return the errors of the others."""
         flaws = list[Failure]()
         place = np.zeros(is_there.shape, np.int64)
-        left = {name: bytes_of(one, is_there.shape) for name, one in self.channels.items()}
+        left = {name: find_byte_limits(one, is_there.shape) for name, one in self.channels.items()}
         for box in boxes:
             channel = self.channels[box.channel]
             if channel.max_bytes_per_turn is not None:
@@ -645,14 +645,14 @@ class MessageTraffic(GameLog[list[SentMessages]]):
                 size_by_id = {key: size_of(to_plain(body)) for key, body in by_id.items()}
                 box.sizes[:] = [size_by_id[id(body)] for body in box.bodies]
             sent = box.at, box.senders, box.to, np.maximum(box.sizes, 0)
-            errors = refusals(channel, sent, is_there, self.teams, left[box.channel])
+            errors = find_refusals(channel, sent, is_there, self.teams, left[box.channel])
             for row, error in errors.items():
                 game = int(box.at[row])
                 sender = int(box.senders[row])
-                flaws.append(Failure.illegal(game, sender, flaw_of(int(place[game, sender]), error)))
+                flaws.append(Failure.illegal(game, sender, describe_message_flaw(int(place[game, sender]), error)))
             place[box.at, box.senders] += 1
             box.order[:] += self._admissions * _MOST_OF_ONE
-            self._admitted.append(some_rows(box, ~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
+            self._admitted.append(select_rows(box, ~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
         return flaws
 
     @property
@@ -662,14 +662,14 @@ class MessageTraffic(GameLog[list[SentMessages]]):
 
     def send(self, games: IntArray, scene: MessagePositions) -> None:
         """Find the outcomes of the messages of these games; messages of dead agents are dropped."""
-        number = places_of(games, self._num_games)
+        number = find_places(games, self._num_games)
         names = tuple(scene.teams)
         sent = list[SentMessages]()
         for name in self.channels:
             boxes = [box.renumber(names) for box in self._admitted if box.channel == name]
             if not boxes:
                 continue
-            box = joined_rows(boxes)
+            box = join_rows(boxes)
             at = number[box.at]
             those = np.flatnonzero((at >= 0) & (box.senders >= 0))  # of deleted senders there are none in the scene
             those = those[scene.alive[at[those], box.senders[those]]]
@@ -678,7 +678,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
             admission, order = np.divmod(box.order[those], _MOST_OF_ONE)
             place = (admission * len(names) + box.senders[those]) * _MOST_OF_ONE + order
             by_place = np.lexsort((place, at[those]))
-            box = some_rows(box, those[by_place])
+            box = select_rows(box, those[by_place])
             at = number[box.at]
             fates = outcomes_of(self.channels[name], scene, at, box.senders, box.to)
             sent.append(SentMessages(box, scene.turns[at] + 1, place[by_place], fates))
@@ -710,8 +710,8 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         none = np.zeros(0, np.int64)
         found = [ReceivedMessages(none, none, none, [], none, none > 0)]
         places = [none]
-        number = places_of(games, self._num_games + 1)  # the last entry, index -1, is for dropped games
-        column = places_of(agents, len(self.names) + 1)  # the last entry, index -1, is for unknown agents
+        number = find_places(games, self._num_games + 1)  # the last entry, index -1, is for dropped games
+        column = find_places(agents, len(self.names) + 1)  # the last entry, index -1, is for unknown agents
         for _, sent in self._under_way:
             if sent.box.channel != channel:
                 continue
@@ -719,7 +719,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
             box = sent.box.renumber(self.names)
             known = fates.agents
             if box is not sent.box:
-                known = renumbering(sent.box.names, self.names)[known]
+                known = number_names(sent.box.names, self.names)[known]
             at = number[box.at[fates.messages]]
             hearers = column[known]
             arrives = (at >= 0) & (hearers >= 0) & (fates.arrivals == turns[at] + 1)
@@ -731,13 +731,13 @@ class MessageTraffic(GameLog[list[SentMessages]]):
                 ReceivedMessages(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard)
             )
             places.append(sent.place[which])
-        heard = joined_rows(found)
+        heard = join_rows(found)
         keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
-        return some_rows(heard, np.lexsort(keys))
+        return select_rows(heard, np.lexsort(keys))
 
     def inbox(self, game: int, turn: int, name: str) -> list[dict[str, Any]]:
         """Return the messages that an agent of a game hears after some turns, in the order of sending."""
-        heard = list[_Received]()
+        heard = list[_ReceivedMessage]()
         channels = 0
         for _, sent in self._under_way:
             found = sent.received(game, turn + 1).get(name)
@@ -765,11 +765,11 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         """Put logged messages that some agents hear after `turn` turns under way again."""
         waiting: dict[str, list[tuple[int, dict[str, Any]]]] = {}
         for place, entry in enumerate(entries):
-            if _last_arrival(entry) > turn:
+            if _find_last_arrival(entry) > turn:
                 waiting.setdefault(entry["channel"], []).append((place, entry))
         for channel, rows in waiting.items():
-            last = max(_last_arrival(entry) for _, entry in rows)
-            self._under_way += ((last - turn - 1, _sent_again(channel, games, rows)),)
+            last = max(_find_last_arrival(entry) for _, entry in rows)
+            self._under_way += ((last - turn - 1, _repeat_message(channel, games, rows)),)
 
     def forget(self, games: IntArray) -> None:
         """Drop the messages of some games."""
@@ -792,7 +792,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
 
         return undo
 
-    def _entries(self, noted: list[SentMessages]) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _list_entries(self, noted: list[SentMessages]) -> Iterator[tuple[int, dict[str, Any]]]:
         rows = [row for sent in noted for row in sent.entries()]
         for game, _, entry in sorted(rows, key=itemgetter(0, 1)):
             yield game, entry
@@ -892,7 +892,7 @@ class GameMessages(MessageTraffic):
     def _warn_of_unknown_names(self) -> None:
         for channel in self._settings.channels.values():
             if channel not in self._known_channels:
-                for flaw in unknown_in(channel, self._ctx):
+                for flaw in list_unknown_names(channel, self._ctx):
                     self._ctx.logger.warning(f"{channel.name}: {flaw}")
         self._known_channels = list(self._settings.channels.values())
 
@@ -903,21 +903,21 @@ def read_outboxes(
     """Return the messages in the outboxes of agents, and (slot, error text) for each message that cannot be sent."""
     teams = {one.name: one.team for one in ctx.agent.create_iter()}
     outboxes = [(slot, slot.last[0].get("outbox", ())) for slot in slots]
-    return checked_outboxes([one for one in outboxes if one[1] != []], settings.channels, teams)
+    return check_outboxes([one for one in outboxes if one[1] != []], settings.channels, teams)
 
 
-def renumbering(names: Sequence[str], others: Sequence[str]) -> IntArray:
+def number_names(names: Sequence[str], others: Sequence[str]) -> IntArray:
     """Return the number of each name among other names, and -1 at the end and for names that are not there."""
     number_of = {name: number for number, name in enumerate(others)}
     return np.array([*(number_of.get(name, -1) for name in names), -1], np.int64)
 
 
-def _last_arrival(entry: Mapping[str, Any]) -> int:
+def _find_last_arrival(entry: Mapping[str, Any]) -> int:
     """Return the turn in which the last agent hears a logged message; 0: none does."""
     return max((turn for key in ARRIVALS for turn in entry[key].values()), default=0)
 
 
-def _sent_again(channel: str, games: IntArray, rows: Sequence[tuple[int, dict[str, Any]]]) -> SentMessages:
+def _repeat_message(channel: str, games: IntArray, rows: Sequence[tuple[int, dict[str, Any]]]) -> SentMessages:
     """Return logged messages of a channel in each of some games, given with their places."""
     entries = [entry for _, entry in rows]
     arrivals = [
@@ -958,7 +958,7 @@ def _copy_of(body: Any) -> Callable[[Any], Any] | None:
     # NOTE: a flat body is copied for each of many that hear it in a tenth of the time (benchmarks: messages).
     if kind in (list, dict) and _SCALARS.issuperset(map(type, body.values() if kind is dict else body)):
         return cast("Callable[[Any], Any]", kind.copy)
-    return copied
+    return thaw
 
 
 def _as_key(to: object) -> Hashable:

@@ -22,20 +22,20 @@ from gamms.core import rules
 from gamms.core.copies import refill_each
 from gamms.core.turn import ShippedDecisions
 from gamms.errors import BadValue, UnknownName
-from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, roster_of, sensors_of
-from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, core_forms
-from gamms.game.block.initial_state import InitialState, movement_of
-from gamms.game.block.sensing import called_each_turn
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, list_agents, make_roster, sensors_of
+from gamms.game.block.in_core import CoreColumns, CoreGames, find_core_forms, list_called_rules
+from gamms.game.block.initial_state import InitialState, make_movement
+from gamms.game.block.sensing import list_sensors_called_each_turn
 from gamms.game.block.state import GameArrays, fits_float
-from gamms.game.block.strategy_steps import begin_steps, can_read, memories_of
+from gamms.game.block.strategy_steps import begin_steps, can_read, list_memories
 from gamms.game.conflicts import flat, unranked
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.order import TurnOrder
 from gamms.game.settings import NamedRule, as_called, refuse_unused
 from gamms.game.slots import COUNTED, Slots
-from gamms.game.strategy_specs import strategy_spec_of
+from gamms.game.strategy_specs import get_strategy_spec
 from gamms.ir.agents import show_lives, show_positions, show_progress
-from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
+from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
 from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import GarbagePause
@@ -57,7 +57,7 @@ _FIRST_READING = 20  # turns that it takes longer at first
 _NODES_A_TURN = 50  # to read so many nodes of the map, at first, takes as long as the turn engine takes for a turn
 
 
-def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None") -> "GameInCore | None":
+def find_game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None") -> "GameInCore | None":
     """Return a game as a game of the core; None: Python takes part in its turns, or they are few.
 
     Args:
@@ -75,8 +75,8 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
         return None
     refuse_unused(game.internals.parts.settings)
     game.internals.parts.turns.note_departed()
-    roster = roster_of(game)
-    key = _key_of(game, roster, past)
+    roster = make_roster(game)
+    key = _make_key(game, roster, past)
     is_known = known is not None and known.key == key
     game.internals.parts.turns.forget_states()
     if known is not None:
@@ -100,7 +100,7 @@ def _may_be_in_core(game: PlayedGame) -> bool:
     deciders = [*strategies.values(), *(plan.function for plan in plans.values())]
     are_called = parts.collectors.by_name or game.internals.after_observing or parts.rules.now.act_before_moves
     return (
-        all(strategy_spec_of(one).is_in_core for one in deciders)
+        all(get_strategy_spec(one).is_in_core for one in deciders)
         and all(one.spec.core_form is not None and not one.spec.is_array_function for one in game.rules)
         and not (are_called or settings["channels"] or settings["deeds"] or settings["time_budget"])
         and not game.ctx.agent.block.flyers
@@ -118,28 +118,28 @@ def _is_in_core(game: PlayedGame, roster: AgentTable) -> bool:
     left_out |= unranked(settings["conflicts"], roster.names, roster.teams_by_agent())
     return (
         first_called(game, roster) is None
-        and all(one.spec.core_form is not None for one in called_rules(game, roster))
+        and all(one.spec.core_form is not None for one in list_called_rules(game, roster))
         and not left_out.any()
     )
 
 
-def _key_of(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
+def _make_key(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
     """Return a key that is equal as long as the columns of a game, and its rules in the core, stay the same."""
     agents = roster.agents
     block = game.ctx.agent.block
     own = {one.spec.key for one in game.rules}
-    facts = {name: _Itself(value) for name, value in game.facts.items() if name not in own}
+    facts = {name: _ComparedByIdentity(value) for name, value in game.facts.items() if name not in own}
     return (
         *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), block.speed.tobytes()),
         *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
         *(past, game.ctx.graph.graph, game.ctx.graph.storage.changes()),
-        [_Itself(value) for value in game.settings().values()],
+        [_ComparedByIdentity(value) for value in game.settings().values()],
         [tuple(sensors_of(agent).items()) for agent in agents],
         game.internals.parts.turns.phase.sensor_changes,
     )
 
 
-class _Itself:
+class _ComparedByIdentity:
     """A value that is compared by identity."""
 
     def __init__(self, value: object) -> None:
@@ -147,7 +147,7 @@ class _Itself:
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other one holds the same object."""
-        return isinstance(other, _Itself) and other._value is self._value
+        return isinstance(other, _ComparedByIdentity) and other._value is self._value
 
     __hash__ = None  # type: ignore[assignment] # keys are compared, not hashed
 
@@ -168,7 +168,7 @@ class ShippedAgents(ShippedDecisions):
         self._versions = _list_versions(game)
         self._inactive: frozenset[int] | None = None
         self._names = {name for name, is_own in zip(roster.names, decides.tolist(), strict=True) if is_own}
-        movement = movement_of(game, roster)
+        movement = make_movement(game, roster)
         state = GameArrays(roster, movement, [game.ctx.seed], np.zeros((1, len(roster.names)), np.int64))
         if game.settings()["team_memory"]:
             state.share_memories()
@@ -178,8 +178,8 @@ class ShippedAgents(ShippedDecisions):
         self._core = CoreGames(game, state, block, is_apart=False, decides=True)
         self._core.prepare(None, 1)
         plans = game.settings()["plans"]
-        deciders = [decider_of(agent, plans) for agent in roster.agents if agent.name in self._names]
-        steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
+        deciders = [find_decider(agent, plans) for agent in roster.agents if agent.name in self._names]
+        steps = [step for one in deciders for step in get_strategy_spec(one).core_steps or () if step.key]
         self._steps = list({step.key: step for step in steps}.values())
         self._before = self._core.memory  # before the last turn
         columns = movement.streets.columns
@@ -239,7 +239,7 @@ class ShippedAgents(ShippedDecisions):
         self._core.finish()
         memory[...] = now
         memory_of = self._game.internals.state.memory_of
-        for name, key, value in memories_of(self._state, self._steps):
+        for name, key, value in list_memories(self._state, self._steps):
             if name in self._names:
                 memory_of(name)[key] = value
 
@@ -279,13 +279,13 @@ class ShippedFinder:
             self._known.begin_memories(order.block.inactive)
             return self._known, 0
         self._known = None
-        wait = self._turns_to_wait(order)
+        wait = self._count_turns_to_wait(order)
         if wait > 0:
             return None, game.turn + wait
         if not _may_decide(game, order):
             return None, _NEVER
-        roster = AgentTable.of(agents_of(game))
-        decides = _decided_in_core(game, roster)
+        roster = AgentTable.of(list_agents(game))
+        decides = _find_agents_in_core(game, roster)
         if not decides.any():
             return None, _NEVER
         try:
@@ -295,7 +295,7 @@ class ShippedFinder:
         self._known.begin_memories(order.block.inactive)
         return self._known, 0
 
-    def _turns_to_wait(self, order: TurnOrder) -> int:
+    def _count_turns_to_wait(self, order: TurnOrder) -> int:
         """Return the number of turns after which asking agents has cost as much as making the columns.
 
         Costs are counted in agents that are asked. The slots that are not made yet count as saved.
@@ -325,18 +325,20 @@ def _may_decide(game: PlayedGame, order: TurnOrder) -> bool:
     settings = game.settings()
     strategies = {id(one): one for one in game.ctx.agent.storage.strategies() if one is not None}
     deciders = [*strategies.values(), *(plan.function for plan in settings["plans"].values())]
-    return settings["time_budget"] is None and any(strategy_spec_of(one).is_in_core for one in deciders)
+    return settings["time_budget"] is None and any(get_strategy_spec(one).is_in_core for one in deciders)
 
 
-def _decided_in_core(game: PlayedGame, roster: AgentTable) -> BoolArray:
+def _find_agents_in_core(game: PlayedGame, roster: AgentTable) -> BoolArray:
     """Return for which agents the core decides, (agents,); for all, none or some."""
     plans = game.settings()["plans"]
-    deciders = [decider_of(agent, plans) for agent in roster.agents]
+    deciders = [find_decider(agent, plans) for agent in roster.agents]
     kinds = {id(one): one for one in deciders}
-    in_core = {key: one is None or strategy_spec_of(one).is_in_core for key, one in kinds.items()}
-    forms = core_forms(game, roster)
+    in_core = {key: one is None or get_strategy_spec(one).is_in_core for key, one in kinds.items()}
+    forms = find_core_forms(game, roster)
     each = zip(forms, deciders, roster.agents, strict=True)
-    are_known = [form is not None and in_core[id(one)] and not called_each_turn(agent) for form, one, agent in each]
+    are_known = [
+        form is not None and in_core[id(one)] and not list_sensors_called_each_turn(agent) for form, one, agent in each
+    ]
     found = np.array(are_known, np.bool_)
     if not found.all():
         _leave_out_sharers(found, roster)
@@ -395,7 +397,7 @@ class GameInCore:
     Args:
         game: the game; it has begun.
         roster: its agents.
-        key: the result of `_key_of` for the game.
+        key: the result of `_make_key` for the game.
         past: the turns that the visual engine remembers. Any: the class is of that package.
 
     Attributes:
@@ -407,7 +409,7 @@ class GameInCore:
         self._past = past
         self._game = game
         self._roster = roster
-        movement = movement_of(game, roster)
+        movement = make_movement(game, roster)
         begin = movement.streets.rows(np.array([roster.first_nodes(game)]))
         state = GameArrays(roster, movement, [game.ctx.seed], begin)
         settings = game.settings()
@@ -417,12 +419,12 @@ class GameInCore:
         self._on_edges = movement.progress if movement.by_metres else None
         self._columns = CoreColumns([state], np.zeros(1, np.int64))
         state.facts.update(game.facts)
-        for rule in called_rules(game, roster):
+        for rule in list_called_rules(game, roster):
             if rule.spec.prepare_arrays is not None:
                 rule.spec.prepare_arrays(state)
-        deciders = [decider_of(agent, settings["plans"]) for agent in roster.agents]
+        deciders = [find_decider(agent, settings["plans"]) for agent in roster.agents]
         self._decides = np.array([one is not None for one in deciders], np.bool_)
-        self._steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
+        self._steps = [step for one in deciders for step in get_strategy_spec(one).core_steps or () if step.key]
         self._read(begin)
         self._core = CoreGames(game, state, self._columns, is_apart=False, past_turns=past.room + 1)
         block = game.ctx.agent.block
@@ -459,12 +461,12 @@ class GameInCore:
             after_turns: called with the number of turns played, several times a second.
         """
         try:
-            yield from self._ahead(last, after_turns)
+            yield from self._step_turns(last, after_turns)
         except KeyboardInterrupt:
             self._show()
             raise
 
-    def _ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
+    def _step_turns(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         state = self._state
         turns = self._game.internals.parts.turns
         is_going = True
@@ -478,7 +480,7 @@ class GameInCore:
             played = int(state.turn[0])
             self._seconds = max(perf_counter() - began, _SHORTEST_S) / max(played - turn, 1)
             is_going = bool(state.is_going[0]) and played != last
-            left = self._turns_of_engine(turn)
+            left = self._list_last_turns(turn)
             if not is_going and left[-1:] == [played]:
                 are_some_out = True
                 left.pop()
@@ -562,14 +564,16 @@ class GameInCore:
             core.finish()
             columns.take_in()
 
-    def _turns_of_engine(self, turn: int) -> list[int]:
+    def _list_last_turns(self, turn: int) -> list[int]:
         """Return the turns after `turn`, ascending, in which agents took part last that were eliminated in them."""
         now = int(self._state.turn[0])
         takes_part = self._columns.takes_part[0]
-        last = {number for agent, number in self._eliminated().items() if number == now or not takes_part[agent]}
+        last = {
+            number for agent, number in self._find_eliminated_agents().items() if number == now or not takes_part[agent]
+        }
         return sorted(number for number in last if number > turn)
 
-    def _eliminated(self) -> dict[int, int]:
+    def _find_eliminated_agents(self) -> dict[int, int]:
         """Return agent -> the last turn in which it was eliminated, of the turns played last."""
         noted = self._columns.noted
         if noted is None:
@@ -629,11 +633,11 @@ class GameInCore:
         self._show_memories(values)
         for rule in as_called(self._game.rules):
             if rule.spec.show_arrays is not None:
-                rule.spec.show_arrays(self._game.ctx, state, events, self._later_events(rule))
+                rule.spec.show_arrays(self._game.ctx, state, events, self._count_later_events(rule))
 
     def _show_memories(self, values: GameState) -> None:
         """Show what strategies remember."""
-        for name, key, value in memories_of(self._state, self._steps):
+        for name, key, value in list_memories(self._state, self._steps):
             values.memory_of(name)[key] = value
 
     def _show_counts(self, values: GameState) -> None:
@@ -647,7 +651,7 @@ class GameInCore:
         """Show why the last actions of agents were not executed; `errors` are new."""
         state = self._state
         blocked = values.blocked
-        last = self._eliminated()
+        last = self._find_eliminated_agents()
         last |= dict.fromkeys(np.flatnonzero(self._columns.takes_part[0]).tolist(), int(state.turn[0]))
         names = self._roster.names
         for agent in last:
@@ -658,7 +662,7 @@ class GameInCore:
                 blocked.add(error["agent"], error["message"])
         for agent in np.flatnonzero(state.blocked[0]).tolist():
             if agent in last:
-                blocked.add(names[agent], in_conflict(self._core.wanted(0, agent)))
+                blocked.add(names[agent], describe_conflict(self._core.wanted(0, agent)))
         self._game.internals.parts.turns.show_blocked()
 
     def _show_past(self, before: IntArray, turn: int) -> None:
@@ -686,7 +690,7 @@ class GameInCore:
         begin = np.where(nodes[0] == here, previous, here).data if is_all else places.pop(0)
         self._past.end_turns(begin, places, turn, goes_on=is_all)
 
-    def _later_events(self, rule: NamedRule) -> int:
+    def _count_later_events(self, rule: NamedRule) -> int:
         """Return the number of events of the last turn from rules that are played after a rule."""
         noted = self._columns.noted
         if noted is None:

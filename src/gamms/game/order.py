@@ -215,7 +215,7 @@ class TurnPart:
         if version != NOT_ASKED and (not self._is_whole or order.whole.individuals):  # memories begin by names
             individuals = self.individuals
         sensors = [
-            one.sensors if one.template is None else tuple([_numbered(look, first) for look in one.sensors])
+            one.sensors if one.template is None else tuple([_number_sensor(look, first) for look in one.sensors])
             for one in individuals
         ]
         return PartInCore(
@@ -415,7 +415,7 @@ class TurnOrder:
                 self.slots.counts_of(i)
 
 
-def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, Any]]) -> SensorCall:
+def _number_sensor(one: SensorCall, first: dict[Hashable, tuple[int, Any]]) -> SensorCall:
     """Return a sensor with the number of its group of equal sensors, if it can share data."""
     key = getattr(one.sensor, "looks_alike", None)
     if key is None or not hasattr(one.sensor, "shared_look"):
@@ -424,7 +424,7 @@ def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, Any]]) -> Sensor
     return SensorCall(one.name, one.last, one.sensor.type, one.sensor, number)
 
 
-def left_out(name: str, team: Hashable) -> BadValue:
+def make_left_out_error(name: str, team: Hashable) -> BadValue:
     """Return the error for an order of play that lacks the team of a living agent."""
     return BadValue(
         f"ctx.game.order leaves out team {shown(team)}, of which agent {name!r} is. Add the team to one of its lists."

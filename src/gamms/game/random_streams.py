@@ -18,7 +18,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.readonly import ShallowCopied, locked
+from gamms.readonly import ShallowCopyMixin, copy_locked
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
@@ -88,7 +88,7 @@ class Draws(TurnStream):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A copy continues independently; it does not advance the draws of the game.
-        return _draws_at, self._point
+        return _make_draws, self._point
 
     def __eq__(self, other: object) -> bool:
         """Return whether both will draw the same numbers."""
@@ -111,7 +111,7 @@ class Draws(TurnStream):
         raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
 
 
-class ArrayDraws(ShallowCopied):
+class ArrayDraws(ShallowCopyMixin):
     """The keyed draws of many agents, in one game or in several: each call returns one number per agent.
 
     They are equal to the draws of `state["draw"]` of each agent in the same turn of the same game, call by call.
@@ -172,7 +172,7 @@ class ArrayDraws(ShallowCopied):
         """The number of draws in this turn, for all agents or for each."""
         if self._among is not None:
             return self._among[0].count
-        return locked(self._count) if isinstance(self._count, np.ndarray) else self._count
+        return copy_locked(self._count) if isinstance(self._count, np.ndarray) else self._count
 
     def bits(self) -> BitArray:
         """Return 64 random bits for each."""
@@ -192,7 +192,7 @@ class ArrayDraws(ShallowCopied):
         return kernels.bits_at_rows(self._keys, count)
 
 
-def _draws_at(first: int, name: str, turn: int, count: int) -> Draws:
+def _make_draws(first: int, name: str, turn: int, count: int) -> Draws:
     draws = Draws(_CopiedTable(first, turn), name)
     draws.go_to(count or None)
     return draws
@@ -255,7 +255,7 @@ class TurnGenerator(Generator):
         return Generator, (deepcopy(self.bit_generator),)
 
 
-def _drawing(method: Callable[..., Any]) -> Callable[..., Any]:
+def _make_drawing_method(method: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(method)
     def draw(self: TurnGenerator, *args: object, **kwargs: object) -> Any:
         if not self._has_drawn:
@@ -267,17 +267,17 @@ def _drawing(method: Callable[..., Any]) -> Callable[..., Any]:
 
 for _name, _method in list(vars(Generator).items()):
     if not _name.startswith("_") and callable(_method):
-        setattr(TurnGenerator, _name, _drawing(_method))
+        setattr(TurnGenerator, _name, _make_drawing_method(_method))
 
 
-def global_state() -> tuple[object, ...]:
+def get_global_state() -> tuple[object, ...]:
     """Return the states of both generators; the result is equal to an earlier one if nothing was drawn since."""
     numpy = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - as below
     return random.getstate(), numpy["pos"], numpy["key"].tobytes()
 
 
 @contextmanager
-def seeded_for_run(ctx: HostContext, turn: int) -> Iterator[None]:
+def seed_for_run(ctx: HostContext, turn: int) -> Iterator[None]:
     """Seed `random` and `numpy.random` from the seed of a context within the block, and restore them afterwards.
 
     Strategies written for 1.0.0 draw from these generators. They belong to the process: games in several threads share

@@ -16,14 +16,14 @@ import numpy as np
 from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text, refuse_suffix
 from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
-from gamms.folders import as_kind, bytes_of, write_whole
-from gamms.game.strategy_specs import drawn_members
-from gamms.ir.game_state import CollectedNumbers, is_shown_number, log_at, reason_in_words
-from gamms.ir.messages import message_table
-from gamms.ir.tables import frame_of, table_of, with_latlon
+from gamms.folders import as_kind, read_bytes, write_whole
+from gamms.game.strategy_specs import draw_members
+from gamms.ir.game_state import CollectedNumbers, describe_reason, is_shown_number, log_at
+from gamms.ir.messages import make_message_table
+from gamms.ir.tables import add_latlon, frame_of, make_table
 from gamms.limits import refuse_above
 from gamms.plain import Plain
-from gamms.text import printable_line, reason, shown
+from gamms.text import make_printable_line, reason, shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.graph_engine import IGraphEngine
@@ -37,8 +37,8 @@ _COUNTS = ("alive", "moves", "blocked", "illegal", "errors", "overruns")  # of a
 
 
 def list_opponents(deciders: Iterable[tuple[Hashable, object]], seed: int) -> dict[str, dict[Hashable, str]]:
-    """Return the entry `opponents` of a provenance, or nothing if no team plays a pool; see `drawn_members`."""
-    drawn = drawn_members(deciders, seed)
+    """Return the entry `opponents` of a provenance, or nothing if no team plays a pool; see `draw_members`."""
+    drawn = draw_members(deciders, seed)
     return {"opponents": drawn} if drawn else {}
 
 
@@ -91,7 +91,7 @@ class Result(Surface):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values; keys that are not strings are converted to text."""
-        plain: dict[str, Any] = _plain({name: getattr(self, name) for name in self.__dataclass_fields__})
+        plain: dict[str, Any] = _make_plain({name: getattr(self, name) for name in self.__dataclass_fields__})
         return plain
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -121,7 +121,7 @@ class Result(Surface):
         file: Path = as_path(path, "path")
         refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"Reading {str(file)!r}")
         try:
-            plain = json.loads(bytes_of(file.resolve()))
+            plain = json.loads(read_bytes(file.resolve()))
         except (ValueError, RecursionError) as error:
             raise BadFile(f"{str(file)!r} is not a result: {reason(error)}.") from None
         if not isinstance(plain, dict) or plain.get("format") != _FORMAT:
@@ -148,11 +148,11 @@ class Result(Surface):
             UnknownName (KeyError): there is no such table.
             BadValue (ValueError): `lat_lon` is given, but the table has no nodes or the map has no CRS.
         """
-        tables = self._tables()
+        tables = self._make_tables()
         if as_key(name, "The name of a table") not in tables:
             raise UnknownName("table", name, tables)
-        table = table_of(tables[name])
-        return table if lat_lon is None else with_latlon(table, lat_lon.columns())
+        table = make_table(tables[name])
+        return table if lat_lon is None else add_latlon(table, lat_lon.columns())
 
     def to_pandas(self, name: str, *, lat_lon: IGraphEngine | None = None) -> "pd.DataFrame":
         """Return one table as a pandas data frame; see `table`.
@@ -163,7 +163,7 @@ class Result(Surface):
         """
         return frame_of(self.table(name, lat_lon=lat_lon))
 
-    def _tables(self) -> dict[str, Any]:
+    def _make_tables(self) -> dict[str, Any]:
         events: dict[str, Any] = {}
         for event in self.events:
             events.setdefault(event["kind"], []).append({key: event[key] for key in event if key != "kind"})
@@ -173,13 +173,13 @@ class Result(Surface):
             "events": {key: [event[key] for event in self.events] for key in ("turn", "kind")},
             "errors": self.errors or {"turn": [], "agent": [], "kind": [], "message": []},
             "deeds": self.deeds or {"turn": [], "agent": [], "deed": [], "at": []},
-            "messages": message_table(self.messages),
+            "messages": make_message_table(self.messages),
             "scores": {"of": list(self.scores), "score": list(self.scores.values())},
             "agents": [{"agent": name, **summary} for name, summary in self.agents.items()],
-            "teams": self._teams(),
+            "teams": self._list_team_rows(),
         }
 
-    def _teams(self) -> dict[str, list[Any]]:
+    def _list_team_rows(self) -> dict[str, list[Any]]:
         """Return one row per team: the numbers of its agents, living agents and moves, and its score."""
         by_team: dict[Any, list[dict[str, Any]]] = {}
         for one in self.agents.values():
@@ -201,27 +201,36 @@ class Result(Surface):
         `overruns.<team>`; and `collector.<name>`, the last value of each collector of the game.
         """
         teams = list(dict.fromkeys(one["team"] for one in self.agents.values()))
-        row = {"reason": self.reason, "winner": _plain(self.winner), "truncated": self.truncated, "turns": self.turns}
+        row = {
+            "reason": self.reason,
+            "winner": _make_plain(self.winner),
+            "truncated": self.truncated,
+            "turns": self.turns,
+        }
         row |= {f"opponent.{team}": name for team, name in self.provenance.get("opponents", {}).items()}
-        row |= {f"score.{of}": _plain(score) for of, score in ({**dict.fromkeys(teams, 0), **self.scores}).items()}
+        row |= {f"score.{of}": _make_plain(score) for of, score in ({**dict.fromkeys(teams, 0), **self.scores}).items()}
         for team in teams:
             agents = [one for one in self.agents.values() if one["team"] == team]
             row[f"agents.{team}"] = len(agents)
             row |= {f"{count}.{team}": sum(one[count] for one in agents) for count in _COUNTS}
         of_game = {name: table["value"] for name, table in self.collected.items() if "agent" not in table}
-        return row | {f"collector.{name}": _plain(values[-1]) if values else None for name, values in of_game.items()}
+        return row | {
+            f"collector.{name}": _make_plain(values[-1]) if values else None for name, values in of_game.items()
+        }
 
     def headline(self) -> str:
         """Return the winner, the number of turns and the reason in one line."""
         end = "no team won" if self.winner is None else f"{self.winner} won"
         turns = "1 turn" if self.turns == 1 else f"{self.turns} turns"
-        return printable_line(f"{end} after {turns}: {reason_in_words(self.reason)}")
+        return make_printable_line(f"{end} after {turns}: {describe_reason(self.reason)}")
 
-    def _shown_tables(self) -> Iterator[list[tuple[str, ...]]]:
+    def _list_shown_tables(self) -> Iterator[list[tuple[str, ...]]]:
         """Yield the tables for `print` and notebooks, each with its header."""
-        teams = self._teams()
-        yield [tuple(teams), *(tuple(map(_shown, row)) for row in zip(*teams.values(), strict=True))]
-        others = [(_shown(of), _shown(score)) for of, score in self.scores.items() if of not in teams["team"]]
+        teams = self._list_team_rows()
+        yield [tuple(teams), *(tuple(map(_format_cell, row)) for row in zip(*teams.values(), strict=True))]
+        others = [
+            (_format_cell(of), _format_cell(score)) for of, score in self.scores.items() if of not in teams["team"]
+        ]
         if others:
             yield [("", "score"), *others]
 
@@ -233,7 +242,7 @@ class Result(Surface):
     def __str__(self) -> str:
         """Return the headline and a table of the teams."""
         lines = [f"{self.headline()} (seed {self.seed})"]
-        for rows in self._shown_tables():
+        for rows in self._list_shown_tables():
             widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
             lines.append("")
             for first, *others in rows:
@@ -243,7 +252,7 @@ class Result(Surface):
             kinds = ", ".join(
                 f"{number} {kind}" for kind, number in Counter(one["kind"] for one in self.errors).items()
             )
-            lines += ["", f"What strategies did wrong (result.errors): {printable_line(kinds)}"]
+            lines += ["", f"What strategies did wrong (result.errors): {make_printable_line(kinds)}"]
         if self.provenance.get("information") == "full":
             lines += ["", "Strategies that look ahead had full information."]
         return "\n".join(lines)
@@ -251,7 +260,7 @@ class Result(Surface):
     def _repr_html_(self) -> str:
         """Return the headline and the tables as HTML, for notebooks."""
         parts = [f"<b>{escape(self.headline())}</b> (seed {self.seed})"]
-        for header, *rows in self._shown_tables():
+        for header, *rows in self._list_shown_tables():
             cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
             head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
             parts.append(f"<table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in cells)}</table>")
@@ -302,7 +311,7 @@ class _Message(TypedDict):
     jammed: list[Any]
 
 
-class _Collected(TypedDict):
+class _CollectedColumns(TypedDict):
     turn: list[Any]
     value: list[Any]
 
@@ -321,24 +330,24 @@ class _StoredResult(TypedDict):
     deeds: list[_Deed]
     messages: list[_Message]
     seed: int
-    collected: dict[str, _Collected]
+    collected: dict[str, _CollectedColumns]
     provenance: dict[str, Any]
 
 
-def _shown(value: object) -> str:
+def _format_cell(value: object) -> str:
     """Return the text of a table cell."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return format(value, "g") if is_number and abs(value) < _LONG else printable_line(str(value))  # type: ignore[arg-type] # a number
+    return format(value, "g") if is_number and abs(value) < _LONG else make_printable_line(str(value))  # type: ignore[arg-type] # a number
 
 
 # -- files ------------------------------------------------------------------------------------------------------
 
 
-def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
+def summarize_errors(errors: Sequence[Mapping[str, Any]]) -> str:
     """Return a summary of the errors of strategies in one line; there is at least one error."""
     kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(Counter(one["kind"] for one in errors).items()))
     first = errors[0]
-    message = printable_line(first["message"])[:200].rstrip(".")
+    message = make_printable_line(first["message"])[:200].rstrip(".")
     return (
         f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
         f"{message}{'' if message.endswith('?') else '.'} See result.errors."
@@ -377,7 +386,7 @@ def warn_of_no_end(logger: ILogger) -> None:
     )
 
 
-def misspelt_names(keys: Iterable[object], winner: object, names: Iterable[object]) -> list[str]:
+def find_misspelled_names(keys: Iterable[object], winner: object, names: Iterable[object]) -> list[str]:
     """Return a warning for each key of scores, and for a winner, that resembles the name of a team or an agent."""
     named = dict.fromkeys(names)
     others = sorted(key for key in keys if isinstance(key, str) and key not in named)[:_MOST_SCORES]
@@ -393,14 +402,14 @@ _FORMAT = "gamms result 1"
 _BYTES_PER_LETTER = 40  # of memory for each byte of JSON; the worst case is `{"":0}`
 
 
-def _plain(value: object) -> Plain:
+def _make_plain(value: object) -> Plain:
     """Return a value in a form that JSON can store."""
     if isinstance(value, Mapping):
-        return {key if isinstance(key, str) else str(key): _plain(one) for key, one in value.items()}
+        return {key if isinstance(key, str) else str(key): _make_plain(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(one) for one in value]
+        return [_make_plain(one) for one in value]
     if isinstance(value, (set, frozenset)):
-        return sorted((_plain(one) for one in value), key=str)
+        return sorted((_make_plain(one) for one in value), key=str)
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):

@@ -117,7 +117,7 @@ def as_team_or_role(given: object, name: str = "A team") -> Any:  # Any: a team,
         raise BadValue(f"The role {shown(given)} needs names or where; for all agents of a team give the team itself.")
     return Role(
         as_key(given["team"], "The team of a role"),
-        None if names is None else frozenset(as_name(one, "an agent") for one in _listed(names)),
+        None if names is None else frozenset(as_name(one, "an agent") for one in _check_names(names)),
         () if where is None else _as_attributes(where),
     )
 
@@ -130,7 +130,7 @@ def as_teams_and_roles(given: object) -> frozenset[Any] | None:  # Any: teams, a
     return frozenset(as_team_or_role(one) for one in several)
 
 
-def _listed(names: object) -> Iterable[object]:
+def _check_names(names: object) -> Iterable[object]:
     found = [names] if isinstance(names, str) else as_items(names, "names", "names of agents")
     if not found:
         raise BadValue("names of a role is empty: name at least one agent.")

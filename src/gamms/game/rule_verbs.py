@@ -5,19 +5,19 @@ from functools import partial
 from typing import Any, overload
 
 from gamms.arguments import as_bool, as_ids, as_items, as_key, as_name
-from gamms.deciding import Protected, leaving_last_turn, refused_while_deciding
+from gamms.deciding import Protected, leave_last_turn, refuse_while_deciding
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of, performed_deeds
-from gamms.game.facts import facts_to
-from gamms.game.movement.moves import stays_on_edges, stays_on_nodes
+from gamms.game.facts import get_writable_facts
+from gamms.game.movement.moves import list_stays_on_edges, list_stays_on_nodes
 from gamms.game.settings import Settings
 from gamms.game.snapshots import GameInternals
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.game_state import GameState, Scores, joined_end
 from gamms.plain import Plain
-from gamms.readonly import ReadOnlyMapping, frozen, published
-from gamms.typing.actions import known_node
+from gamms.readonly import ReadOnlyMapping, freeze, published
+from gamms.typing.actions import check_node
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent
 from gamms.typing.game import AerialState, Deed, Move, State, Track, Visit
 
@@ -59,7 +59,7 @@ class RuleVerbs(Settings):
     def scores(self) -> Scores:
         """Scores by team, agent or any other key; a missing key has the score 0."""
         scores = self._state.scores
-        return ReadOnlyMapping(Scores(frozen(scores))) if self._phase.is_deciding else scores  # type: ignore[return-value] # it reads like them
+        return ReadOnlyMapping(Scores(freeze(scores))) if self._phase.is_deciding else scores  # type: ignore[return-value] # it reads like them
 
     @property
     def is_over(self) -> bool:
@@ -84,7 +84,7 @@ class RuleVerbs(Settings):
         moves = self._state.moves
         return {} if moves is None else self._phase.shown(moves.by_name())
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def performed(self, kind: str | None = None) -> list[Deed]:
         """Return the deeds of this turn, in the order of the agents' names.
 
@@ -99,7 +99,7 @@ class RuleVerbs(Settings):
         deeds = performed_deeds(self._state, is_moving=self._turns.is_moving)
         return [deed for deed in deeds if kind in (None, deed.kind)]
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def refuse(self, agent: IAgent | str, why: str, deed: str | None = None) -> None:
         """Refuse the move of an agent in this turn, so that it stays, or one of its deeds; for the `check` of a rule.
 
@@ -119,7 +119,7 @@ class RuleVerbs(Settings):
             raise BadValue("ctx.game.refuse is for the check of a rule: rule.check = function(ctx).")
         if deed is not None:
             fields_of(deed, self.deeds)
-        refusals.add(self._agent(agent).name, reason, deed)
+        refusals.add(self._get_agent(agent).name, reason, deed)
 
     def tracks(self, agents: Iterable[IAgent | str]) -> list[Track]:
         """Return the track of each agent, or of its name, in this turn: its nodes, with times from 0 to 1.
@@ -131,13 +131,13 @@ class RuleVerbs(Settings):
             UnknownName (KeyError): there is no such agent.
         """
         given = as_items(agents, "agents", "agents or their names")
-        found = [one if hasattr(one, "name") else self._agent(one) for one in given]
+        found = [one if hasattr(one, "name") else self._get_agent(one) for one in given]
         self._phase.read_moves()
         moves = self._state.moves
         tracks: list[Track] | None = None if moves is None else moves.tracks(found)
         return [Track((agent.current_node_id,), (1.0,)) for agent in found] if tracks is None else tracks
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def visits(self, nodes: int | Iterable[int] | None = None, edges: int | Iterable[int] | None = None) -> list[Visit]:
         """Return when living agents on the ground came to nodes, and to edges, in this turn; earliest first.
 
@@ -158,18 +158,20 @@ class RuleVerbs(Settings):
         if wanted_nodes is None and edges is not None:
             wanted_nodes = frozenset()
         for node in sorted(wanted_nodes or ()):
-            known_node(self.ctx.graph.graph, self.ctx.agent.block, node)
+            check_node(self.ctx.graph.graph, self.ctx.agent.block, node)
         now = self._state.turn + self._turns.is_moving - 1
         walkers = [agent for agent in self.agents if agent.type is not AgentType.AERIAL]
         found = []
         for agent, track in zip(walkers, self.tracks(walkers), strict=True):
             each: list[Any] = [
                 (node, None, stay)
-                for node, stay in stays_on_nodes(track)
+                for node, stay in list_stays_on_nodes(track)
                 if wanted_nodes is None or node in wanted_nodes
             ]
             if wanted_edges:
-                on_edges = stays_on_edges(track, partial(self._turns.legality.find_edge, getattr(agent, "mode", None)))
+                on_edges = list_stays_on_edges(
+                    track, partial(self._turns.legality.find_edge, getattr(agent, "mode", None))
+                )
                 each += [(None, edge, stay) for edge, stay in on_edges if edge in wanted_edges]
             found += [
                 Visit(agent.name, agent.team, node, edge, now + since, now + until)
@@ -181,7 +183,7 @@ class RuleVerbs(Settings):
     def observation(self, agent: IAerialAgent) -> AerialState: ...  # type: ignore[overload-overlap] # as `get_state`
     @overload
     def observation(self, agent: IAgent | str) -> State: ...
-    @refused_while_deciding
+    @refuse_while_deciding
     def observation(self, agent: IAgent | str) -> Any:
         """Return the state that the strategy of a living agent, or of its name, would get now.
 
@@ -190,7 +192,7 @@ class RuleVerbs(Settings):
         Raises:
             UnknownName (KeyError): there is no such agent, or it is not alive.
         """
-        one = self._agent(agent)
+        one = self._get_agent(agent)
         self._phase.are_memories_known = True
         order = self._turns.order()
         living = self._turns.living()
@@ -198,7 +200,7 @@ class RuleVerbs(Settings):
             raise UnknownName("living agent", one.name, [agent.name for agent in living])
         return self._turns.observation(order.slots[order.index_of[one.name]])
 
-    @leaving_last_turn
+    @leave_last_turn
     def emit(self, kind: str, **data: Plain) -> None:
         """Add an event to `events` and the result. Values should be plain.
 
@@ -210,7 +212,7 @@ class RuleVerbs(Settings):
         turn = self._state.turn + self._turns.is_moving
         self._state.events.append({"turn": turn, "kind": as_name(kind, "a kind of event"), **data})
 
-    @leaving_last_turn
+    @leave_last_turn
     def end(self, reason: str, winner: Plain = None, truncated: bool = False) -> None:
         """End the game after this turn.
 
@@ -227,25 +229,25 @@ class RuleVerbs(Settings):
         if self._state.over is None or self._turns.is_playing:
             self._state.over = joined_end(self._state.over, over)
 
-    @leaving_last_turn
+    @leave_last_turn
     def eliminate(self, agent: IAgent | str) -> None:
         """Eliminate an agent, given by itself or its name; do nothing if it is already eliminated."""
-        one = self._agent(agent)
+        one = self._get_agent(agent)
         if one.alive:
             self._turns.make_state_of(one.name)
             with self._phase.suspended(changes_world=False):  # its state is made
                 one.alive = False
             self.emit("eliminated", agent=one.name, node=one.current_node_id)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def respawn(self, agent: IAgent | str, node: int | None = None) -> None:
         """Place an agent, dead or alive, on a node, as if it had been there before; None: on its start."""
-        one: Any = self._agent(agent)  # of any kind: its place is of the same
+        one: Any = self._get_agent(agent)  # of any kind: its place is of the same
         where = self._internals.start_of(one) if node is None else node
         block: AgentBlock = self.ctx.agent.block
         row = block.row_of(one.name)
         if not block.kind[row]:
-            block.put_back(row, known_node(self.ctx.graph.graph, block, where))
+            block.put_back(row, check_node(self.ctx.graph.graph, block, where))
         else:
             if isinstance(where, tuple):
                 one.position = where
@@ -258,7 +260,7 @@ class RuleVerbs(Settings):
 
     def start_node(self, agent: IAgent | str) -> int | Position:
         """Return the start node of an agent, or its start position (x, y, z) if it flies."""
-        return self._internals.start_of(self._agent(agent))
+        return self._internals.start_of(self._get_agent(agent))
 
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
@@ -269,7 +271,7 @@ class RuleVerbs(Settings):
         phase.are_memories_known = True
         memories = self._state.memories
         own = {name: memories.get(name, {}) for name in phase.names()} if phase.is_deciding else None
-        return memories if own is None else frozen(own)
+        return memories if own is None else freeze(own)
 
     @property
     def is_deciding(self) -> bool:
@@ -281,7 +283,7 @@ class RuleVerbs(Settings):
         """Whether agents are observing, deciding or moving now."""
         return self._turns.is_moving
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def publish(self, *, to: object = None, **facts: object) -> None:
         """Publish facts to strategies, in `state["facts"]`; they are deeply read-only.
 
@@ -296,14 +298,14 @@ class RuleVerbs(Settings):
             BadType: a fact is mutable.
         """
         made = [(name, published(name, value)) for name, value in facts.items()]
-        facts_to(to, self._state, self.ctx).update(made)
+        get_writable_facts(to, self._state, self.ctx).update(made)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def facts_of(self, to: object) -> dict[str, Any]:
         """Return the facts that were published only to a team or to an agent."""
-        return dict(facts_to(to, self._state, self.ctx))
+        return dict(get_writable_facts(to, self._state, self.ctx))
 
-    def _agent(self, agent: IAgent | str) -> IAgent:
+    def _get_agent(self, agent: IAgent | str) -> IAgent:
         found: IAgent = self.ctx.agent.get_agent(getattr(agent, "name", agent))
         return found
 

@@ -21,14 +21,14 @@ from gamms.arguments import (
     as_name,
     as_positive,
     as_text,
-    with_options,
+    spell_out_options,
 )
 from gamms.core.rules import Rule as CoreRule
-from gamms.deciding import ContextPart, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, get_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
-from gamms.game.deeds import as_deeds, declarations_of, list_lasting
-from gamms.game.hints import hint_for_rule
+from gamms.game.deeds import as_deeds, list_lasting, make_plain_declarations
+from gamms.game.hints import explain_rule_error
 from gamms.game.roles import Role, get_team
 from gamms.ir.game_state import GameState
 from gamms.plain import Shape, refuse_misfit
@@ -164,7 +164,7 @@ class Settings(ContextPart):
         """Return all settings, for `configure`."""
         return {name: getattr(self, name) for name in _CHECKS}
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def settings_now(self) -> dict[str, Any]:
         """Return all settings, read-only; the same dict is returned until a setting changes."""
         if self._settings_now[0] != self._phase.epoch:
@@ -177,7 +177,7 @@ class Settings(ContextPart):
         plain.update((name, getattr(self, name)) for name in _TRAVEL if getattr(self, name) != getattr(Settings, name))
         default = self.default_action
         channels = {name: one.options() for name, one in self.channels.items()}
-        declared = {"order": self.order, "deeds": declarations_of(self.deeds), "channels": channels}
+        declared = {"order": self.order, "deeds": make_plain_declarations(self.deeds), "channels": channels}
         plain.update((name, value) for name, value in declared.items() if value)
         if not self.team_memory:
             plain["team_memory"] = False
@@ -185,7 +185,7 @@ class Settings(ContextPart):
             plain["information"] = self.information
         return {**plain, "default_action": default} if isinstance(default, (str, int)) else plain
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def configure(self, given: object) -> None:
         """Set several settings from a dict.
 
@@ -197,15 +197,15 @@ class Settings(ContextPart):
             raise BadType(f"game= must be a dict of settings, not {shown(given)}.")
         for name in given:
             as_known(name, "setting of a game", _CHECKS)
-        checked = {name: checked_setting(name, value) for name, value in given.items()}
+        checked = {name: check_setting(name, value) for name, value in given.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         self._phase.change_settings()
         if "deeds" in checked:
             self._follow_deeds()
 
-    @refused_while_deciding
-    @with_options()
+    @refuse_while_deciding
+    @spell_out_options()
     def add_channel(self, name: str, **options: Unpack[ChannelOptions]) -> Channel:
         """Add a channel, by which agents send the messages in `state["outbox"]`.
 
@@ -224,7 +224,7 @@ class Settings(ContextPart):
         self.channels = {**self.channels, name: channel}
         return channel
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def remove_channel(self, name: str) -> None:
         """Remove a channel; messages under way on it do not arrive.
 
@@ -261,7 +261,7 @@ def refuse_unused(settings: Settings) -> None:
         )
 
 
-def _choice(name: str, value: object) -> str:
+def _check_choice(name: str, value: object) -> str:
     known = _CHOICES[name]
     if value not in known:
         hint = nearest(value, known) or f" Use one of: {', '.join(map(repr, known))}."
@@ -269,7 +269,7 @@ def _choice(name: str, value: object) -> str:
     return str(value)
 
 
-def _plans(name: str, value: object) -> Mapping[Any, Plan]:
+def _check_plans(name: str, value: object) -> Mapping[Any, Plan]:
     """Return a read-only mapping from teams to plans; a plain function becomes a plan of states."""
     if not isinstance(value, Mapping):
         raise BadType(f"ctx.game.{name} must be a dict of teams and plans, not {shown(value)}.")
@@ -300,7 +300,7 @@ def as_order(name: str, value: object) -> tuple[tuple[Any, ...], ...] | None:
     return order
 
 
-def _conflicts(name: str, value: object) -> Any:
+def _check_conflicts(name: str, value: object) -> Any:
     if value is not None and (isinstance(value, type) or not callable(getattr(value, "resolve", None))):
         is_resolver = callable(value) and not isinstance(value, type)
         way_out = f" Write gamms.rules.Conflicts(resolve={as_code(value)})." if is_resolver else ""
@@ -311,29 +311,29 @@ def _conflicts(name: str, value: object) -> Any:
     return value
 
 
-def _seconds(name: str, value: object) -> float | None:
+def _check_seconds(name: str, value: object) -> float | None:
     return None if value is None else as_positive(value, f"ctx.game.{name}", hint="; None means no bound.")
 
 
-def _duration(name: str, value: object) -> float:
+def _check_duration(name: str, value: object) -> float:
     return as_positive(value, f"ctx.game.{name}")
 
 
-def _action(_: str, value: object) -> Any:
+def _check_action(_: str, value: object) -> Any:
     if isinstance(value, str) and value != "stay":
         raise BadValue(f'ctx.game.default_action must be "stay", an action or a function, not {shown(value)}.')
     return as_function_of(value, "A default action", "the state") if callable(value) else value
 
 
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
-    **dict.fromkeys(_CHOICES, _choice),
-    "turn_seconds": _duration,
+    **dict.fromkeys(_CHOICES, _check_choice),
+    "turn_seconds": _check_duration,
     "weight": lambda name, value: as_text(value, f"ctx.game.{name}"),
-    "conflicts": _conflicts,
-    "time_budget": _seconds,
-    "deadline_s": _seconds,
-    "default_action": _action,
-    "plans": _plans,
+    "conflicts": _check_conflicts,
+    "time_budget": _check_seconds,
+    "deadline_s": _check_seconds,
+    "default_action": _check_action,
+    "plans": _check_plans,
     "team_memory": lambda name, value: as_bool(value, f"ctx.game.{name}"),
     "order": as_order,
     "deeds": lambda _, value: as_deeds(value),
@@ -342,7 +342,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
 }
 
 
-def checked_setting(name: str, value: object) -> Any:  # Any: of the type of the setting
+def check_setting(name: str, value: object) -> Any:  # Any: of the type of the setting
     """Return the value of a setting in the form that a game keeps.
 
     Raises:
@@ -510,19 +510,19 @@ class NamedRule(NamedTuple):
 
 def as_called(rules: Iterable[NamedRule]) -> list[NamedRule]:
     """Return rules as they are called: those of one phase with the same `act_as_one` are joined into one rule."""
-    return [named for _, named in _groups(rules)]
+    return [named for _, named in _group_rules(rules)]
 
 
-def _groups(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule]]:
+def _group_rules(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule]]:
     """Return (rules, joined rule) for each group of rules that are called as one, in the order of their first rules."""
     groups: dict[Hashable, list[NamedRule]] = {}
     for one in rules:
         join = one.spec.act_as_one
         groups.setdefault(one.name if join is None else (one.phase, join), []).append(one)
-    return [(group, _joined(group)) for group in groups.values()]
+    return [(group, _join_rules(group)) for group in groups.values()]
 
 
-def _joined(group: Sequence[NamedRule]) -> NamedRule:
+def _join_rules(group: Sequence[NamedRule]) -> NamedRule:
     """Return the rule that represents a group."""
     if len(group) == 1:
         return group[0]
@@ -531,7 +531,7 @@ def _joined(group: Sequence[NamedRule]) -> NamedRule:
     return NamedRule(" and ".join([one.name for one in group]), join(parts), group[0].phase)
 
 
-class NodesOf(Container[int]):
+class MapNodeIds(Container[int]):
     """The ids of the nodes of a context's map, for checks of stored values."""
 
     def __init__(self, ctx: HostContext) -> None:
@@ -557,11 +557,11 @@ class RuleTable:
 
     def __init__(self, rules: tuple[NamedRule, ...]) -> None:
         self.rules = rules
-        self.of_phase = {phase: _groups([one for one in rules if one.phase == phase]) for phase in PHASES}
+        self.of_phase = {phase: _group_rules([one for one in rules if one.phase == phase]) for phase in PHASES}
         specs = [(one, one.spec) for one in rules]
         self._checks = [(one, spec.check) for one, spec in specs if spec.check is not None]
         self._own = frozenset(one.name for one in rules if getattr(one.rule, _SPEC, None) is None)
-        self._attributes = [_attributes_of(one.rule) for one in rules]
+        self._attributes = [_list_declared_attributes(one.rule) for one in rules]
         self.prepared = [spec.prepare for _, spec in specs]
         self.phases = frozenset(one.phase for one in rules)
         self.drawings: dict[str, tuple[Any, int]] = {}
@@ -594,7 +594,9 @@ class RuleTable:
     def changed(self) -> list[NamedRule]:
         """Return the rules whose attributes have changed since this table was made."""
         return [
-            one for one, known in zip(self.rules, self._attributes, strict=True) if _attributes_of(one.rule) != known
+            one
+            for one, known in zip(self.rules, self._attributes, strict=True)
+            if _list_declared_attributes(one.rule) != known
         ]
 
 
@@ -602,7 +604,7 @@ _NO_RULES = RuleTable(())
 _NO_DRAWINGS: Mapping[str, tuple[Any, int]] = {}
 
 
-def _attributes_of(rule: object) -> list[Any]:
+def _list_declared_attributes(rule: object) -> list[Any]:
     """Return the attributes of a user's rule that declare it."""
     return [getattr(rule, name, None) for name in _ATTRIBUTES]
 
@@ -699,22 +701,22 @@ class RuleSet:
     def _set(self, rules: RuleTable) -> None:
         self.now = rules
         self._players.clear()
-        phase_of(self._ctx).drop_plans()
+        get_phase(self._ctx).drop_plans()
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
         if callable(getattr(rule, "resolve", None)) and (isinstance(rule, type) or not callable(rule)):
             raise BadType(f"{shown(rule)} resolves conflicts of moves and is not a rule: set it as ctx.game.conflicts.")
         if iscoroutinefunction(as_function_of(rule, "A rule", "the context")):
-            raise BadType(f"A rule must not be an async def, and {_name_of(rule)} is one: it is not awaited.")
+            raise BadType(f"A rule must not be an async def, and {_find_name(rule)} is one: it is not awaited.")
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:
             raise Duplicate("a rule", name)
         spec = rule_spec_of(rule)
         if spec.key is not None and any(one.spec.key == spec.key for one in self.rules):
             raise Duplicate("a rule with a key", spec.key)
-        named = NamedRule(_free_name(_name_of(rule), taken) if name is None else name, rule, phase)
-        refuse_misfits(spec, self._ctx.game.internals.state, NodesOf(self._ctx))
+        named = NamedRule(_find_free_name(_find_name(rule), taken) if name is None else name, rule, phase)
+        refuse_misfits(spec, self._ctx.game.internals.state, MapNodeIds(self._ctx))
         if spec.prepare is not None:
             spec.prepare(self._ctx)
         self.put(RuleTable(_sort_rules((*self.rules, named))))
@@ -747,7 +749,7 @@ class RuleSet:
             if wanted in (named, named.name, named.rule):
                 self.put(RuleTable(tuple(one for one in self.rules if one is not named)))
                 return
-        name = wanted if isinstance(wanted, str) else _name_of(wanted)
+        name = wanted if isinstance(wanted, str) else _find_name(wanted)
         raise UnknownName("rule", name, [named.name for named in self.rules])
 
     def put(self, rules: RuleTable) -> None:
@@ -795,7 +797,7 @@ class RuleSet:
         was_called = False
         while True:
             for player in called:
-                now = player if self.now is known else self._left_of(player)
+                now = player if self.now is known else self._make_player_of_rest(player)
                 if now is None:
                     continue
                 try:
@@ -813,39 +815,39 @@ class RuleSet:
             if not added:
                 return was_called
             seen = (*seen, *added)
-            called = [self._player_of(*one) for one in _groups([one for one in added if one.phase == phase])]
+            called = [self._make_player(*one) for one in _group_rules([one for one in added if one.phase == phase])]
 
     def _list_players(self, phase: str) -> "list[_RulePlayer]":
         """Return what plays the rules of a phase."""
         called = self._players.get(phase)
         if called is None:
-            called = [self._player_of(*one) for one in self.now.of_phase[phase]]
+            called = [self._make_player(*one) for one in self.now.of_phase[phase]]
             self._players[phase] = called
         return called
 
     def _list_left(self, begun: BegunPhase, state: GameState) -> "list[_RulePlayer]":
         """Return what plays the rest of a phase; raise what the last rule has raised that was called, if anything."""
-        groups = _groups([one for one in begun.rules if one.phase == begun.phase])
+        groups = _group_rules([one for one in begun.rules if one.phase == begun.phase])
         if begun.raised is not None:
             if isinstance(begun.raised, Exception):
                 _add_place(begun.raised, groups[begun.called - 1][1], begun.phase, state, self._ctx)
             raise begun.raised
         if begun.phase == "before" and state.over is not None:
             return []
-        return [self._player_of(*one) for one in groups[begun.called :]]
+        return [self._make_player(*one) for one in groups[begun.called :]]
 
-    def _player_of(self, group: Sequence[NamedRule], named: NamedRule) -> "_RulePlayer":
+    def _make_player(self, group: Sequence[NamedRule], named: NamedRule) -> "_RulePlayer":
         """Return what plays rules that are called as one."""
         player = rule_spec_of(named.rule).player
         play = partial(named.rule, self._ctx) if player is None else player(self._ctx)
         return _RulePlayer(group, named, play)
 
-    def _left_of(self, player: "_RulePlayer") -> "_RulePlayer | None":
+    def _make_player_of_rest(self, player: "_RulePlayer") -> "_RulePlayer | None":
         """Return what plays those of the rules that were not removed; None: all were."""
         left = [one for one in player.group if one in self.rules]
         if len(left) == len(player.group):
             return player
-        return self._player_of(left, _joined(left)) if left else None
+        return self._make_player(left, _join_rules(left)) if left else None
 
     def check(self, state: GameState) -> bool:
         """Call the `check` of each rule, to refuse moves and deeds; return whether there are any."""
@@ -871,9 +873,9 @@ class RuleSet:
         teams = sorted({*block.teams, *block.team_rows} - {None}, key=str)
         may_come = any(one.spec.may_create_agents for one in self.rules)
         for named in [one for one in self.unchecked if one in self.rules]:
-            for team in _unknown_teams(named.spec, teams):
+            for team in _find_unknown_teams(named.spec, teams):
                 if not may_come or nearest(team, teams):
-                    raise UnknownName("team", team, teams, _no_agents_of(team, named.name))
+                    raise UnknownName("team", team, teams, _explain_missing_agents(team, named.name))
                 self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
             self._check_roles(named, may_come=may_come)
             self._warn_of_idle(named)
@@ -902,7 +904,7 @@ class RuleSet:
                 )
 
 
-def _unknown_teams(spec: RuleSpec, teams: Sequence[Hashable]) -> Iterator[Hashable]:
+def _find_unknown_teams(spec: RuleSpec, teams: Sequence[Hashable]) -> Iterator[Hashable]:
     """Yield the teams that a rule mentions and that are not among the teams of a game."""
     named = dict.fromkeys(map(get_team, spec.teams))
     yield from (team for team in named if team not in teams and team is not None)
@@ -912,7 +914,7 @@ def _unknown_teams(spec: RuleSpec, teams: Sequence[Hashable]) -> Iterator[Hashab
     yield from (owner for owner in islice(unknown, _FEW_OWNERS) if nearest(owner, others))
 
 
-def _no_agents_of(team: Hashable, rule: str) -> str:
+def _explain_missing_agents(team: Hashable, rule: str) -> str:
     """Return the hint for a rule that mentions a team without agents."""
     way_out = (
         f"declare it by ctx.agent.create_team({shown(team)}, [])"
@@ -923,16 +925,18 @@ def _no_agents_of(team: Hashable, rule: str) -> str:
 
 
 def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState, ctx: HostContext) -> None:
-    error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.{hint_for_rule(error, ctx)}")
+    error.add_note(
+        f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.{explain_rule_error(error, ctx)}"
+    )
 
 
-def _name_of(rule: object) -> str:
+def _find_name(rule: object) -> str:
     while not hasattr(rule, "__name__") and hasattr(rule, "func"):  # functools.partial
         rule = rule.func
     return str(getattr(rule, "__name__", type(rule).__name__))
 
 
-def _free_name(name: str, taken: set[str]) -> str:
+def _find_free_name(name: str, taken: set[str]) -> str:
     """Return the name, with the first number that makes it unique."""
     number = 1
     free = name

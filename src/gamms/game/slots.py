@@ -13,7 +13,7 @@ from gamms.arguments import as_range
 from gamms.core.ask import DecidingAgent, SensorCall
 from gamms.errors import BadValue, GammsError
 from gamms.game.deeds import list_lasting
-from gamms.game.facts import PrivateForks, facts_for
+from gamms.game.facts import PrivateForks, get_facts
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
@@ -21,7 +21,7 @@ from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import RowArray, split_mode
 from gamms.kernels.draws import BitArray
-from gamms.readonly import copied
+from gamms.readonly import thaw
 from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.agent_engine import DeletedAgent, IAgent, TurnAccess
@@ -105,7 +105,7 @@ class AgentSlot:
         self.team = agent.team
         self.row, self.carried, self.last = access
         self.flies = agent.type is AgentType.AERIAL
-        self.speed = None if self.flies else _speed(agent)
+        self.speed = None if self.flies else _get_speed(agent)
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
         self.mode: str | None = None if self.flies else getattr(agent, "mode", None)
         self.obeys_turns = self.mode is not None and split_mode(self.mode)[1]
@@ -148,7 +148,7 @@ class AgentSlot:
 
     def renew_speed(self) -> None:
         """Let the agent go at its present speed."""
-        self.keep_speed(None if self.flies else _speed(self.agent))
+        self.keep_speed(None if self.flies else _get_speed(self.agent))
 
     @property
     def draws(self) -> Draws:
@@ -168,7 +168,7 @@ class AgentSlot:
     def template(self) -> dict[str, Any]:
         """The constant part of the agent's state."""
         if self._template is None:
-            self._template = self._new_template()
+            self._template = self._make_template()
         return self._template
 
     @property
@@ -184,7 +184,7 @@ class AgentSlot:
             self._asked = DecidingAgent(*args, travels=self.travels, speed=self.speed)
         return self._asked
 
-    def _new_template(self) -> dict[str, Any]:
+    def _make_template(self) -> dict[str, Any]:
         state, _, facts, settings, fork = self.game
         return {
             "curr_pos": None,
@@ -200,8 +200,8 @@ class AgentSlot:
             "rng": self.rng,
             "memory": state.memory_of(self.name),
             **({"team_memory": None} if settings.team_memory else {}),
-            "facts": facts_for(self.name, self.team, state, facts),
-            "blocked": self._why_blocked(),
+            "facts": get_facts(self.name, self.team, state, facts),
+            "blocked": self._explain_block(),
             "fork": fork,
             **({"deeds": settings.deeds} if settings.deeds else {}),
             **({"doing": None} if self.shows_doing else {}),
@@ -211,14 +211,14 @@ class AgentSlot:
     def show_blocked(self) -> None:
         """Update the reason in the state why the last action was not executed."""
         if self._template is not None:
-            self._template["blocked"] = self._why_blocked()
+            self._template["blocked"] = self._explain_block()
 
     def set_blocked(self, why: str | None) -> None:
         """Set the reason in the state why the last action was not executed."""
         if self._template is not None:
             self._template["blocked"] = why
 
-    def _why_blocked(self) -> str | None:
+    def _explain_block(self) -> str | None:
         blocked = self.game.state.blocked
         return blocked.get(self.name) if blocked else None
 
@@ -546,7 +546,7 @@ def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
             )
 
 
-def _speed(agent: IAgent) -> float | None:
+def _get_speed(agent: IAgent) -> float | None:
     if agent.speed is None:
         return None
     try:
@@ -556,10 +556,10 @@ def _speed(agent: IAgent) -> float | None:
         raise
 
 
-def own_copy(name: str, kind: SensorType, data: object) -> tuple[SensorType, Any]:
+def copy_data(name: str, kind: SensorType, data: object) -> tuple[SensorType, Any]:
     """Return a copy of the data of a user's sensor, which may return the same object to several agents."""
     try:
-        return kind, copied(data)
+        return kind, thaw(data)
     except Exception as error:
         error.add_note(f"What the sensor {name!r} shows is copied: every agent gets its own.")
         raise

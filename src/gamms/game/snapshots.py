@@ -6,17 +6,17 @@ from functools import partial
 from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple
 
-from gamms.arguments import DescribedFunction, annotations_of
+from gamms.arguments import DescribedFunction, find_annotations
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copied, copied_values
-from gamms.deciding import ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, add_copies, copy_part, refuse_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.conflicts import Conflicts
-from gamms.game.facts import PrivateForks, facts_for
+from gamms.game.facts import PrivateForks, get_facts
 from gamms.game.lasting import drop_deed
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import CollectorMark, Collectors, warn_of_idle
-from gamms.game.settings import NamedRule, NodesOf, Plan, RuleSet, RuleTable, Settings, refuse_misfits
-from gamms.game.strategy_specs import strategy_spec_of
+from gamms.game.settings import MapNodeIds, NamedRule, Plan, RuleSet, RuleTable, Settings, refuse_misfits
+from gamms.game.strategy_specs import get_strategy_spec
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
@@ -101,7 +101,7 @@ class Snapshot(NotPickled):
         moves = self.get("moves")
         agents = deepcopy(self._parts["agent_engine"], memo)
         if moves is not None and id(moves) not in memo:  # they hold views of arrays
-            memo[id(moves)] = moves.of_agents(agents, partial(_twin_of, memo))
+            memo[id(moves)] = moves.of_agents(agents, partial(_find_twin, memo))
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
         parts["prepared"] = -1  # strategies are prepared once in each context
         return Snapshot(self.turn, self.seed, of, values, parts)
@@ -220,7 +220,7 @@ class ForkSource:
         self._state = parts.state
         self._game = parts.ctx.game
         self.snapshot = (
-            parts.take(GameState.plain_copies, _plain_values) if only_plain else parts.take(GameState.values, dict)
+            parts.take(GameState.plain_copies, _list_plain_values) if only_plain else parts.take(GameState.values, dict)
         )
         self.agents = self.snapshot.agents
         each = zip(self.agents.roster.agents, self.agents.states, strict=True)
@@ -365,13 +365,13 @@ class ForkMemo(dict[int, Any]):
     held: dict[int, Any]
 
 
-def _plain_values(attributes: dict[str, Any]) -> dict[str, Any]:
+def _list_plain_values(attributes: dict[str, Any]) -> dict[str, Any]:
     made: dict[str, Any] = copied_values(attributes, ONLY_PLAIN)
     return made
 
 
 def _note_held(value: Any, held: dict[int, Any]) -> None:
-    """Note the present content of each cell, list and dict that a function holds; see `_rebound`.
+    """Note the present content of each cell, list and dict that a function holds; see `_rebind_value`.
 
     Raises:
         NotPlain: it holds an object that has to be copied at once.
@@ -381,7 +381,7 @@ def _note_held(value: Any, held: dict[int, Any]) -> None:
         return
     parts: Iterable[Any] = ()
     if kind is FunctionType:
-        parts = held[id(value)] = [_content_of(cell) for cell in value.__closure__ or ()]
+        parts = held[id(value)] = [_get_content(cell) for cell in value.__closure__ or ()]
     elif kind is MethodType:
         if not _is_replaced(value.__self__):
             raise NotPlain
@@ -402,14 +402,14 @@ def _is_replaced(value: object) -> bool:
     return isinstance(value, IContext) or getattr(type(value), "__deepcopy__", None) is ContextPart.__deepcopy__
 
 
-def _twin_of(memo: Memo, agent: Any) -> Any:
+def _find_twin(memo: Memo, agent: Any) -> Any:
     """Return the copy of an agent; a deleted agent is copied now."""
-    return memo.get(id(agent)) or copied_part(agent, memo)
+    return memo.get(id(agent)) or copy_part(agent, memo)
 
 
 def copy_moves(moves: TurnMoves, target: SnapshotTaker, memo: Memo) -> TurnMoves:
     """Return moves of a turn for the agents of a fork."""
-    return moves.of_agents(target.ctx.agent, partial(_twin_of, memo))
+    return moves.of_agents(target.ctx.agent, partial(_find_twin, memo))
 
 
 def copy_rules(rules: Iterable[NamedRule], memo: Memo) -> list[NamedRule]:
@@ -421,7 +421,7 @@ def renew_state(target: SnapshotTaker, agent: IAgent, state: dict[str, Any], tea
     """Insert what an agent of a game knows into a copy of its last state in another game."""
     state["memory"] = target.state.memory_of(agent.name)
     state["team_memory"] = copied(team_memory)
-    state["facts"] = facts_for(agent.name, agent.team, target.state, target.ctx.game.facts)
+    state["facts"] = get_facts(agent.name, agent.team, target.state, target.ctx.game.facts)
     state["fork"] = PrivateForks(target.ctx)
 
 
@@ -447,7 +447,7 @@ def own(value: object, memo: Memo) -> Any:
     if type(value) in _SCALARS:
         return value
     if isinstance(value, (FunctionType, MethodType, partial)):
-        return _rebound(value, memo)
+        return _rebind_value(value, memo)
     trial = dict(memo)
     try:
         made = deepcopy(value, trial)
@@ -457,7 +457,7 @@ def own(value: object, memo: Memo) -> Any:
     return made
 
 
-def _rebound(value: object, memo: Memo) -> Any:
+def _rebind_value(value: object, memo: Memo) -> Any:
     known = memo.get(id(value), _UNKNOWN)
     if known is not _UNKNOWN:
         return known
@@ -465,17 +465,17 @@ def _rebound(value: object, memo: Memo) -> Any:
     return value if rebind is None else rebind(value, memo)
 
 
-def _rebound_function(function: FunctionType, memo: Memo) -> FunctionType:
+def _rebind_function(function: FunctionType, memo: Memo) -> FunctionType:
     memo[id(function)] = function  # it may close over itself
     cells = function.__closure__ or ()
-    held = _content_then(function, memo)
-    contents = [_content_of(cell) for cell in cells] if held is None else held
-    made = tuple([_rebound_cell(*one, memo) for one in zip(cells, contents, strict=True)])
+    held = _find_past_content(function, memo)
+    contents = [_get_content(cell) for cell in cells] if held is None else held
+    made = tuple([_rebind_cell(*one, memo) for one in zip(cells, contents, strict=True)])
     if all(new is cell for new, cell in zip(made, cells, strict=True)):
         return function
     twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, made)
     twin.__kwdefaults__ = function.__kwdefaults__
-    twin.__annotations__ = annotations_of(function)
+    twin.__annotations__ = find_annotations(function)
     twin.__module__ = function.__module__
     twin.__qualname__ = function.__qualname__
     twin.__doc__ = function.__doc__
@@ -484,31 +484,31 @@ def _rebound_function(function: FunctionType, memo: Memo) -> FunctionType:
     return twin
 
 
-def _content_then(holder: object, memo: Memo) -> Any:
+def _find_past_content(holder: object, memo: Memo) -> Any:
     """Return what a function, list or dict held when a fork was taken; None: that is not noted."""
     return memo.held.get(id(holder)) if isinstance(memo, ForkMemo) else None
 
 
-def _content_of(cell: CellType) -> Any:
+def _get_content(cell: CellType) -> Any:
     try:
         return cell.cell_contents
     except ValueError:  # nothing was assigned yet
         return _UNKNOWN
 
 
-def _rebound_cell(cell: CellType, content: Any, memo: Memo) -> CellType:
-    made = _rebound(content, memo)
+def _rebind_cell(cell: CellType, content: Any, memo: Memo) -> CellType:
+    made = _rebind_value(content, memo)
     return cell if made is content else CellType(made)
 
 
-def _rebound_method(method: MethodType, memo: Memo) -> Any:
+def _rebind_method(method: MethodType, memo: Memo) -> Any:
     instance = own(method.__self__, memo)
     return method if instance is method.__self__ else MethodType(method.__func__, instance)
 
 
-def _rebound_partial(function: "partial[Any]", memo: Memo) -> Any:
+def _rebind_partial(function: "partial[Any]", memo: Memo) -> Any:
     parts = function.func, function.args, function.keywords
-    func, args, keywords = made = [_rebound(one, memo) for one in parts]
+    func, args, keywords = made = [_rebind_value(one, memo) for one in parts]
     if all(new is one for new, one in zip(made, parts, strict=True)):
         return function
     twin = type(function)(func, *args, **keywords)
@@ -517,19 +517,19 @@ def _rebound_partial(function: "partial[Any]", memo: Memo) -> Any:
     return twin
 
 
-def _rebound_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
-    held = _content_then(values, memo)
+def _rebind_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
+    held = _find_past_content(values, memo)
     known = values if held is None else held
-    items = [_rebound(one, memo) for one in known]
+    items = [_rebind_value(one, memo) for one in known]
     return values if all(new is one for new, one in zip(items, known, strict=True)) else type(values)(items)
 
 
-def _rebound_values(values: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
-    held = _content_then(values, memo)
+def _rebind_values(values: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
+    held = _find_past_content(values, memo)
     if held is None and _is_of_scalars(values):
         return values
     known = values if held is None else dict(held)
-    items = {key: _rebound(one, memo) for key, one in known.items()}
+    items = {key: _rebind_value(one, memo) for key, one in known.items()}
     return values if all(items[key] is one for key, one in known.items()) else items
 
 
@@ -539,13 +539,13 @@ def _is_of_scalars(values: dict[Any, Any]) -> bool:
 
 
 _REBOUND: dict[type, Callable[[Any, Memo], Any]] = {
-    FunctionType: _rebound_function,
-    MethodType: _rebound_method,
-    partial: _rebound_partial,
-    DescribedFunction: _rebound_partial,
-    tuple: _rebound_items,
-    list: _rebound_items,
-    dict: _rebound_values,
+    FunctionType: _rebind_function,
+    MethodType: _rebind_method,
+    partial: _rebind_partial,
+    DescribedFunction: _rebind_partial,
+    tuple: _rebind_items,
+    list: _rebind_items,
+    dict: _rebind_values,
 }
 
 
@@ -603,14 +603,14 @@ class GameInternals(ContextPart):
         """
         ctx = self._parts.ctx
         state = self.state
-        nodes = NodesOf(ctx)
+        nodes = MapNodeIds(ctx)
         self.checks_start = False
         refuse_misfit(state.data, _KEPT, "ctx.game.data", nodes)
         self.unchecked_arrays = {*state.data.get(KEPT, {})}
         for named in ctx.game.rules:
             refuse_misfits(named.spec, state, nodes)
         for name, agent in ctx.agent.agents.items():
-            spec = strategy_spec_of(agent.strategy)
+            spec = get_strategy_spec(agent.strategy)
             own = spec.memory if agent.team is not None else (*spec.memory, *spec.team_memory)
             start = state.began.get(name)
             if start is not None and (type(start) is int) != (agent.type is not AgentType.AERIAL):
@@ -672,12 +672,12 @@ class GameInternals(ContextPart):
             place = getattr(agent, "position", agent.current_node_id)
         return place
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def restart_streams(self) -> None:
         """Restart the agents' random streams with the current seed of the context."""
         self._parts.turns.restart_streams()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def fork(self, seed: int) -> tuple[Any, Memo]:
         """Return a context with a copy of this game, with all random streams based on a seed.
 
@@ -691,7 +691,7 @@ class GameInternals(ContextPart):
         self._parts.refuse_in_turn("taken")
         return ForkSource(self._parts, only_plain=False).make_fork(seed)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def capture(self) -> ForkSource | None:
         """Return the present game, of which a fork can be made later; None: it has objects that are copied at once."""
         self._parts.refuse_in_turn("taken")
@@ -704,7 +704,7 @@ class GameInternals(ContextPart):
         """Copy the random streams to a copy of the game, so that it draws the same numbers."""
         target.parts.turns.restore(self._parts.turns.snapshot())
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def restore_rules(self, rules: Sequence[NamedRule]) -> None:
         """Replace all rules, without calling `prepare`."""
         self._parts.rules.put(RuleTable(tuple(rules)))
@@ -718,7 +718,7 @@ class GameInternals(ContextPart):
         is_past = most is not None and turn > most and (last is None or turn > last)
         return turn in (last, most) or is_past
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def close(self) -> None:
         """Close the event loop and, if the context ends in the middle of a turn before the last one, end the game."""
         turns = self._parts.turns

@@ -99,7 +99,7 @@ def declare(strategy: object, spec: StrategySpec) -> None:
     setattr(strategy, _SPEC, spec)
 
 
-def strategy_spec_of(strategy: object) -> StrategySpec:
+def get_strategy_spec(strategy: object) -> StrategySpec:
     """Return the declaration of a strategy or of a team's plan; an empty one if it declares nothing.
 
     `functools.wraps` copies the attributes of the wrapped function, so a declaration that a wrapper shares with the
@@ -110,9 +110,9 @@ def strategy_spec_of(strategy: object) -> StrategySpec:
     return _UNDECLARED if spec is getattr(wrapped, _SPEC, None) else spec
 
 
-def pools_of(deciders: Iterable[tuple[Hashable, object]]) -> dict[Hashable, PoolSpec]:
-    """Return the pool of each team that plays one; see `drawn_members`."""
-    return {team: pool for team, one in deciders if (pool := strategy_spec_of(one).pool) is not None}
+def list_pools(deciders: Iterable[tuple[Hashable, object]]) -> dict[Hashable, PoolSpec]:
+    """Return the pool of each team that plays one; see `draw_members`."""
+    return {team: pool for team, one in deciders if (pool := get_strategy_spec(one).pool) is not None}
 
 
 def name_strategy(strategy: object) -> str:
@@ -123,38 +123,38 @@ def name_strategy(strategy: object) -> str:
     return call.replace("(ctx, ", "(").removesuffix("(ctx)")
 
 
-def drawn_members(deciders: Iterable[tuple[Hashable, object]], seed: int) -> dict[Hashable, str]:
+def draw_members(deciders: Iterable[tuple[Hashable, object]], seed: int) -> dict[Hashable, str]:
     """Return the name of the member that each team with a pool plays in the game of a seed.
 
     Args:
         deciders: for each agent its team, and its strategy or the plan of its team.
         seed: the seed of the game.
     """
-    return {team: pool.names[pool.draw(seed, team)] for team, pool in pools_of(deciders).items()}
+    return {team: pool.names[pool.draw(seed, team)] for team, pool in list_pools(deciders).items()}
 
 
 def decides_in_arrays(decider: object, settings: Mapping[str, Any]) -> bool:
     """Return whether a decider is called once for all games: by its array form, if games have no time budget."""
-    spec = strategy_spec_of(decider)
+    spec = get_strategy_spec(decider)
     return spec.array_form is not None and not spec.is_called_each and settings["time_budget"] is None
 
 
 def call_each(decider: object) -> None:
     """Let batches call a strategy, or the plan of a team, game by game from now on."""
-    declare(decider, replace(strategy_spec_of(decider), is_called_each=True))
+    declare(decider, replace(get_strategy_spec(decider), is_called_each=True))
 
 
-def key_of(form: Any) -> Hashable:
+def make_form_key(form: Any) -> Hashable:
     """Return a key that is equal for equal forms; partial functions are equal if function and arguments are."""
     key: Hashable
     if isinstance(form, partial):
         key = (
             form.func,
-            tuple(map(key_of, form.args)),
-            tuple((k, key_of(v)) for k, v in sorted(form.keywords.items())),
+            tuple(map(make_form_key, form.args)),
+            tuple((k, make_form_key(v)) for k, v in sorted(form.keywords.items())),
         )
     else:
-        key = tuple(map(key_of, form)) if isinstance(form, tuple) else form
+        key = tuple(map(make_form_key, form)) if isinstance(form, tuple) else form
     try:
         hash(key)
     except TypeError:

@@ -12,7 +12,7 @@ Memory = dict[Any, Any]
 _NOTHING: Any = object()  # the value of a missing key
 
 
-def why_not_copied(memory: Memory) -> str | None:
+def find_copy_problem(memory: Memory) -> str | None:
     """Return the reason why a team memory cannot be copied, as a sentence; None: it can."""
     try:
         copied(memory)
@@ -24,7 +24,7 @@ def why_not_copied(memory: Memory) -> str | None:
     return None
 
 
-def merged_memory(before: Memory, copies: Sequence[Memory]) -> Memory:
+def merge_memory(before: Memory, copies: Sequence[Memory]) -> Memory:
     """Return the memory of a team after the changes of all its agents; `before` itself if nothing has changed.
 
     A key that one agent has changed gets its value. If several agents have changed it: sets are united; dicts are
@@ -35,23 +35,23 @@ def merged_memory(before: Memory, copies: Sequence[Memory]) -> Memory:
         before: the memory before.
         copies: the copies of its agents after their changes, in the order of names.
     """
-    changes = _changes(before, copies)
-    return copied(_changed(before, changes)) if changes else before
+    changes = _find_changes(before, copies)
+    return copied(_apply_changes(before, changes)) if changes else before
 
 
-def _changes(before: Memory, copies: Sequence[Memory]) -> dict[Any, list[Any]]:
+def _find_changes(before: Memory, copies: Sequence[Memory]) -> dict[Any, list[Any]]:
     """Return key -> its changed values, in the order of the copies; `_NOTHING` for a removed key."""
     changes: dict[Any, list[Any]] = {}
     for copy in copies:
-        for key in _changed_keys(before, copy):
+        for key in _find_changed_keys(before, copy):
             value = copy.get(key, _NOTHING)
             old = before.get(key, _NOTHING)
-            if _differs(value, old):
+            if _is_different(value, old):
                 changes.setdefault(key, []).append(value)
     return changes
 
 
-def _changed_keys(before: Memory, copy: Memory) -> Iterator[Any]:
+def _find_changed_keys(before: Memory, copy: Memory) -> Iterator[Any]:
     """Yield the keys whose value may differ in a copy."""
     # NOTE: most copies have the keys in the same order, and new ones behind them: these are compared in C
     # (benchmarks: memories).
@@ -66,19 +66,19 @@ def _changed_keys(before: Memory, copy: Memory) -> Iterator[Any]:
         yield from dict.fromkeys([*before, *copy])
 
 
-def _changed(before: Memory, changes: Mapping[Any, Sequence[Any]]) -> Memory:
+def _apply_changes(before: Memory, changes: Mapping[Any, Sequence[Any]]) -> Memory:
     """Return a memory with changed values."""
     after = dict(before)
     for key, changed in changes.items():
         values = [value for value in changed if value is not _NOTHING]
         if values:
-            after[key] = _one_of(before.get(key), values)
+            after[key] = _merge_values(before.get(key), values)
         else:
             del after[key]
     return after
 
 
-def _differs(value: object, other: object) -> bool:
+def _is_different(value: object, other: object) -> bool:
     """Return whether two values differ; values that cannot be compared do."""
     if value is other:
         return False
@@ -88,7 +88,7 @@ def _differs(value: object, other: object) -> bool:
         return True
 
 
-def _one_of(old: object, values: list[Any]) -> Any:
+def _merge_values(old: object, values: list[Any]) -> Any:
     """Return the merged value of several new values of one key."""
     if len(values) == 1:
         return values[0]
@@ -96,7 +96,7 @@ def _one_of(old: object, values: list[Any]) -> Any:
         return set().union(*values)
     if all(isinstance(value, dict) for value in values):
         start = old if isinstance(old, dict) else {}
-        return _changed(start, _changes(start, values))
+        return _apply_changes(start, _find_changes(start, values))
     begin = old if isinstance(old, list) else []
     if all(isinstance(value, list) and value[: len(begin)] == begin for value in values):
         return [*begin, *(one for value in values for one in value[len(begin) :])]

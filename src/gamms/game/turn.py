@@ -17,21 +17,21 @@ from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.deeds import list_lasting, performed_deeds
 from gamms.game.facts import PrivateForks
-from gamms.game.lasting import doing_of
+from gamms.game.lasting import find_doing
 from gamms.game.messages import GameMessages
 from gamms.game.movement.arrivals import WAITS, AgentsUnderWay, ArrivingAgents
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
 from gamms.game.movement.travel import GamePaths, ResolvedAction
-from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
+from gamms.game.order import TurnOrder, TurnPart, make_left_out_error, note_lost
 from gamms.game.result import Collectors
 from gamms.game.settings import BegunPhase, RuleSet, Settings, refuse_unused
-from gamms.game.slots import AgentSlot, SlotMaker, own_copy
-from gamms.game.strategy_specs import strategy_spec_of
+from gamms.game.slots import AgentSlot, SlotMaker, copy_data
+from gamms.game.strategy_specs import get_strategy_spec
 from gamms.ir.agents import AgentBlock, show_numbers
-from gamms.ir.columns import copied_column
+from gamms.ir.columns import copy_column
 from gamms.ir.deeds import PlainDeeds
-from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
+from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
 from gamms.limits import GarbagePause
 from gamms.progress import uninterrupted
 from gamms.readonly import ReadOnlyMapping
@@ -52,7 +52,7 @@ _LAST_PLAYED = {"check": "act", "deeds": "act", "give way": "give way"}
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
-def closed_edge(source: int, target: int) -> str:
+def describe_closed_edge(source: int, target: int) -> str:
     """Return the reason why an agent is back on a node: the edge that it was on was closed."""
     return f"the edge from node {source} to node {target} was closed"
 
@@ -150,7 +150,7 @@ class TurnEngine(GameTurn):
             made_of = self._get_order_key(block)
             if order is None or self._order_of != made_of or order.entries != block.structure.entries:
                 with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
-                    order = self._new_order(block, order if self._order_of == made_of else None)
+                    order = self._make_order(block, order if self._order_of == made_of else None)
                 self.order_now = order
                 self._order_of = made_of
                 self._follow_graph()
@@ -165,7 +165,7 @@ class TurnEngine(GameTurn):
         """Return whether all facts are known to all agents."""
         return not (self.state.agent_facts or self.state.team_facts)
 
-    def _new_order(self, block: AgentBlock, before: TurnOrder | None) -> TurnOrder:
+    def _make_order(self, block: AgentBlock, before: TurnOrder | None) -> TurnOrder:
         """Return a new order of turns; `before` is the last one, if only the agents have changed."""
         settings = self._settings
         refuse_unused(settings)
@@ -324,7 +324,7 @@ class TurnEngine(GameTurn):
             return known
         sensed: dict[str, Any] = slot.agent.sense()
         for name in slot.foreign:
-            sensed[name] = own_copy(name, *sensed[name])
+            sensed[name] = copy_data(name, *sensed[name])
         return sensed
 
     def observed(self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions) -> dict[str, Any]:
@@ -350,7 +350,7 @@ class TurnEngine(GameTurn):
         if self._settings.team_memory:
             state["team_memory"] = decisions.team_memory(slot.team) if known else {}
         if "doing" in state:
-            state["doing"] = doing_of(slot.name, slot.team, game, self._settings, self.legality.travel.now)
+            state["doing"] = find_doing(slot.name, slot.team, game, self._settings, self.legality.travel.now)
         if self._settings.channels:
             state["inbox"] = self.read_inbox(slot.name)
             state["outbox"] = []
@@ -362,11 +362,11 @@ class TurnEngine(GameTurn):
         """Return the phases of a turn; the same until the epoch rises."""
         plan: TurnPlan | None = self.plan_now
         if plan is None or plan.epoch != self.phase.epoch or plan.order is not self.order():
-            plan = self._new_plan(self.order())
+            plan = self._make_plan(self.order())
             self.plan_now = plan
         return plan
 
-    def _new_plan(self, order: TurnOrder) -> TurnPlan:
+    def _make_plan(self, order: TurnOrder) -> TurnPlan:
         """Return the phases that turns of these agents need."""
         self.conflicting = None
         acts = order.has_deeds or self.rules.now.may_act_before_moves
@@ -394,7 +394,7 @@ class TurnEngine(GameTurn):
         order: TurnOrder = plan.order
         unlisted = order.moving.present(order.unlisted)
         if unlisted:
-            raise left_out(order.names[unlisted[0]], order.all_teams()[unlisted[0]])
+            raise make_left_out_error(order.names[unlisted[0]], order.all_teams()[unlisted[0]])
         if self._settings.conflicts is not None:
             self._conflicts.check_teams(self._settings.conflicts, order)
         order.may_be_refused = bool(order.unlisted or order.unranked)
@@ -543,11 +543,11 @@ class TurnEngine(GameTurn):
         """
         rules = self.rules
         log = self.state.deed_log
-        self._want_deeds(turn, number)
+        self._collect_wanted_deeds(turn, number)
         log.do(number, is_first=number == self.first)
         for i, kind, why in self.refused(turn, turn.order.parts[number].members, rules):
             if kind is None:
-                self._block(turn.slots[i], why)
+                self._block_agent(turn.slots[i], why)
             else:
                 log.refuse(self.state.row, i, kind)
                 self._note_illegal(turn.slots[i], why)
@@ -568,9 +568,9 @@ class TurnEngine(GameTurn):
         self.state.moves = turn
         turn.give_up(self._ctx.agent.block)
         for i in self.cut_off(turn) if may_be_closed else ():
-            self._block(turn.slots[i], CLOSED)
+            self._block_agent(turn.slots[i], CLOSED)
 
-    def _want_deeds(self, turn: TurnMoves, number: int) -> None:
+    def _collect_wanted_deeds(self, turn: TurnMoves, number: int) -> None:
         """Collect the deeds that agents want to do in a part of the turn; the numbers of agents are their slots."""
         wanted = PlainDeeds(number, [])
         names = turn.slots.names
@@ -598,7 +598,7 @@ class TurnEngine(GameTurn):
         closed = [i for i in range(len(turn.slots)) if not self.legality.is_open(turn.find_track(i))]
         return [i for i in closed if turn.stop(i)]
 
-    def _block(self, slot: AgentSlot, why: str) -> None:
+    def _block_agent(self, slot: AgentSlot, why: str) -> None:
         slot.set_blocked(self.state.blocked.add(slot.name, why))
 
     def _get_drawn(self, order: TurnOrder) -> list[tuple[AgentSlot, Any]]:
@@ -624,12 +624,12 @@ class TurnEngine(GameTurn):
         assert shipped is not None  # noqa: S101 - it decides
         known = order.split
         if known is None or known[0] is not shipped:
-            known = shipped, *self._new_split(order, part, list(map(bool, shipped.decides)))
+            known = shipped, *self._split_part(order, part, list(map(bool, shipped.decides)))
             order.split = known
         _, rest, own = known
         return rest, own if rest is None or rest.see_world_only else None
 
-    def _new_split(
+    def _split_part(
         self, order: TurnOrder, part: TurnPart, decides: list[bool]
     ) -> tuple[TurnPart | None, TurnPart | None]:
         if sum(decides) < (_FEWEST_DECIDED if all(decides) else _FEWEST_BESIDE):
@@ -683,7 +683,7 @@ class TurnEngine(GameTurn):
             unsent = self.messages.take([order.slots[i] for i in asked], order.names)
         self._forget_blocked(order, part)
         for i, why in decisions.close():
-            self._block(order.slots[i], why)
+            self._block_agent(order.slots[i], why)
         for slot, why in unsent:
             self._note_illegal(slot, why)
 
@@ -741,7 +741,7 @@ class TurnEngine(GameTurn):
             self._departure_before = None
             self._refuse_deletion()
         self._keep_map()
-        arrivals = self._arriving(order, part, under_way)
+        arrivals = self._make_arriving_agents(order, part, under_way)
         try:
             if under_way is None:
                 turn: TurnMoves = self.ask(order, order.part_of(arrivals.begin()), observers, arrivals.chosen)
@@ -814,12 +814,12 @@ class TurnEngine(GameTurn):
         arrivals.put_back(under_way)
         took_part = self._let_take_part(order, under_way)
         arrivals.take(under_way)
-        starts = copied_column(arrivals.starts)
+        starts = copy_column(arrivals.starts)
         for name, node in zip(under_way.names, under_way.starts, strict=True):
             starts[order.index_of[name]] = node  # a function may have put it elsewhere since
         index_of = order.index_of
         actions = {index_of[name]: action for name, action in under_way.actions.items()}
-        turn = TurnMoves(order, starts, copied_column(starts), actions, took_part=took_part)
+        turn = TurnMoves(order, starts, copy_column(starts), actions, took_part=took_part)
         if under_way.raised is not None:
             raise under_way.raised
         if under_way.decides:
@@ -839,7 +839,9 @@ class TurnEngine(GameTurn):
             actions = self.ask(order, here, [], arrivals.chosen).actions
         self._set_out(turn, actions, arrivals)
 
-    def _arriving(self, order: TurnOrder, part: TurnPart, under_way: AgentsUnderWay | None) -> ArrivingAgents:
+    def _make_arriving_agents(
+        self, order: TurnOrder, part: TurnPart, under_way: AgentsUnderWay | None
+    ) -> ArrivingAgents:
         """Return the agents of a part that decide at arrivals, in the form of the core; the same if possible."""
         known = self._last_arriving.get(self.part) if under_way is None else None
         members = part.members if under_way is None else under_way.find_moving(order.index_of)
@@ -881,7 +883,7 @@ class TurnEngine(GameTurn):
         self._refuse_deletion()
         for i in losers:
             turn.order.blocked[i] += 1
-            self._block(turn.slots[i], in_conflict(arrivals.goal(i)))
+            self._block_agent(turn.slots[i], describe_conflict(arrivals.goal(i)))
         stopped = {*losers}
         for i, why in arrivals.go_on(losers):
             self._note_illegal(turn.slots[i], why)
@@ -899,7 +901,7 @@ class TurnEngine(GameTurn):
             ends = {i: (before[i], after[i]) for i in indices}
             return {slots[i].name: Move(slots[i].name, slots[i].team, *ends[i], ends[i]) for i in indices}
 
-        losers = self._losers(order, (before, after), order.moving.lives, named)
+        losers = self._find_losers(order, (before, after), order.moving.lives, named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
     def _prepare_first(self, order: TurnOrder, part: TurnPart) -> bool:
@@ -908,7 +910,7 @@ class TurnEngine(GameTurn):
             rows = order.selection.rows
             self.near.learn([order.block.node_of(rows[i]) for i in part.present(part.asked)])
         strategies = {id(one): one for one in self._ctx.agent.storage.strategies()}
-        return all(strategy_spec_of(one).core_steps is not None for one in strategies.values())
+        return all(get_strategy_spec(one).core_steps is not None for one in strategies.values())
 
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""
@@ -923,13 +925,13 @@ class TurnEngine(GameTurn):
             place = block.on_edge(slot.row) if slot.travels else None
             if place is not None and roads.on(place.edge) is None:
                 block.set_progress(slot.row, None)
-                self._block(slot, closed_edge(place.source, place.target))
+                self._block_agent(slot, describe_closed_edge(place.source, place.target))
 
     def _note_illegal(self, slot: AgentSlot, message: str) -> None:
         slot.counts["illegal"] += 1
         error = {"turn": self.state.turn, "agent": slot.name, "kind": "illegal", "message": message}
         self.state.errors.append(error)
-        self._block(slot, message)
+        self._block_agent(slot, message)
 
     def _forget_blocked(self, order: TurnOrder, part: TurnPart) -> None:
         blocked = self.state.blocked
@@ -963,11 +965,11 @@ class TurnEngine(GameTurn):
             places: MovePlaces = turn.places()
         else:
             places = turn.in_core() if turn.columns is None else turn.columns
-        losers = self._losers(turn.order, places, turn.took_part, turn.named)
+        losers = self._find_losers(turn.order, places, turn.took_part, turn.named)
         self.conflicting = self._conflicts.in_core
         return turn.stop_each(losers) if len(losers) else (losers, losers)
 
-    def _losers(
+    def _find_losers(
         self,
         order: TurnOrder,
         places: MovePlaces,

@@ -49,7 +49,7 @@ def __getattr__(name: str) -> _typing.Any:
     if name == "LineString":
         from gamms.ir import geometry
 
-        return geometry.line_string_class()
+        return geometry.import_line_string()
     if name in _IN_MEMORY:
         return getattr(import_module("gamms.memory"), name)
     raise UnknownAttribute(__name__, name, () if name.startswith("_") else __all__)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gamms.arguments import as_ids, as_known, as_positive, names_keywords, refuse_call
+from gamms.arguments import as_ids, as_known, as_positive, explain_call_errors, refuse_call
 from gamms.compat import Surface
-from gamms.deciding import ContextPart, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, get_phase, refuse_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
 from gamms.graph.finding import (
     NamedFeature,
@@ -17,10 +17,10 @@ from gamms.graph.finding import (
     bounds,
     find,
     inside,
-    region_of,
+    make_region,
 )
 from gamms.graph.graph import Graph
-from gamms.graph.obstacles import Obstacles, checked_corners, checked_faces
+from gamms.graph.obstacles import Obstacles, check_corners, check_faces
 from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
@@ -33,7 +33,7 @@ from gamms.typing import IContext
 from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, ObsFace, RouteQueries
 from gamms.typing.map_storage import IGraphSource
 from gamms.typing.memory_engine import StoreType
-from gamms.typing.obstacles import Faces, line_ends
+from gamms.typing.obstacles import Faces, check_line_ends
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -55,7 +55,7 @@ R = TypeVar("R")
 _DIGITS = 20  # of a label that may be a 64-bit number
 
 
-def _forwarded(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenate[GraphEngine, P], R]":
+def _forward_to_graph(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenate[GraphEngine, P], R]":
     """Return a method that calls a method of the graph of an engine."""
 
     @wraps(verb)
@@ -88,21 +88,21 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         if not isinstance(engine, Engine):
             raise UnknownType(f"Unknown graph engine {shown(engine)}. Use Engine.MEMORY or Engine.SQLITE.")
         store = GraphStore()
-        self._begin(ctx, store, Obstacles(), Graph(store, phase_of(ctx)))
+        self._begin(ctx, store, Obstacles(), Graph(store, get_phase(ctx)))
         if engine is Engine.SQLITE:
             self._open_database(path)
 
     def _begin(self, ctx: IContext, store: GraphStore, obstacles: Obstacles, graph: Graph) -> None:
         """Set all attributes, for a map in memory."""
         self._ctx = ctx
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._store = store
         self._obstacles = obstacles
         self._graph: Graph | None = graph
         self._storage = MapStorage(ctx, store, obstacles, self._phase)
         self._tables: VisibilityTables | None = None
         self._database: MapDatabase | None = None
-        self._saved: tuple[object, ...] | None = None  # the `_state` that was last written to the file
+        self._saved: tuple[object, ...] | None = None  # the `_make_state_key` that was last written to the file
         self._streets: tuple[int, StreetNames] | None = None  # (revision of the graph, its street names)
 
     @property
@@ -123,12 +123,12 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     # -- obstacles ----------------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
         """Add a quadrangle."""
-        self._present().add_corners(*checked_corners(face_id, tr, tl, br, bl, type))
+        self._get_obstacles().add_corners(*check_corners(face_id, tr, tl, br, bl, type))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_obstacles(self, faces: Faces, ids: "ArrayLike | None" = None, types: "ArrayLike" = 0) -> list[int]:
         """Add many quadrangles at once and return their ids; on an error nothing is added.
 
@@ -142,37 +142,37 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             DuplicateId (KeyError): an id is taken, or given twice.
                 BadType (TypeError), BadValue (ValueError): a number or a shape is invalid; nothing has changed.
         """
-        obstacles = self._present()
-        new = checked_faces(faces, ids, types, obstacles)
+        obstacles = self._get_obstacles()
+        new = check_faces(faces, ids, types, obstacles)
         obstacles.add_many(new)
         added: list[int] = new.ids.tolist()
         return added
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def remove_obstacle_face(self, face_id: int) -> None:
         """Remove a quadrangle."""
-        self._present().remove(face_id)
+        self._get_obstacles().remove(face_id)
 
     def get_obstacle_face(self, face_id: int) -> ObsFace:
         """Return a quadrangle by id."""
-        return self._present().get(face_id)
+        return self._get_obstacles().get(face_id)
 
     def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
-        return self._present().near(d, x, y)
+        return self._get_obstacles().near(d, x, y)
 
     def obstacle_columns(self) -> ObstacleColumns:
         """Return all quadrangles as read-only arrays that never change."""
-        return self._present().columns()
+        return self._get_obstacles().columns()
 
     @property
     def obstacle_revision(self) -> int:
         """A number that changes with every change of the obstacles."""
-        return self._present().revision
+        return self._get_obstacles().revision
 
     def visible(self, origin: "ArrayLike", targets: "ArrayLike") -> BoolArray:
         """Return whether no face blocks the straight line from origin (3,) to each of the targets (targets, 3)."""
-        return self._present().visible(*line_ends(origin, targets))
+        return self._get_obstacles().visible(*check_line_ends(origin, targets))
 
     def visibility(
         self,
@@ -187,7 +187,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         if self._tables is None:
             from gamms.graph.visibility import VisibilityTables
 
-            obstacles = self._present()
+            obstacles = self._get_obstacles()
             routes = CachedRoutes(self._store, Graph)
             self._tables = VisibilityTables(self._store, routes, obstacles, self._ctx, self._storage)
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
@@ -227,7 +227,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         Raises:
             BadValue (ValueError): not a polygon, or GeoJSON on a map without a CRS.
         """
-        return inside(self.graph.columns(), region_of(polygon, self.crs), touching=touching)
+        return inside(self.graph.columns(), make_region(polygon, self.crs), touching=touching)
 
     def isochrone(
         self,
@@ -313,7 +313,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         """The bounding box (xmin, ymin, xmax, ymax) of all nodes and polylines (BadValue: the map has no nodes)."""
         return bounds(self.graph.columns())
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def close_roads(
         self, edges: Iterable[int] | None = None, *, name: str | None = None, inside: object = None
     ) -> list[int]:
@@ -351,7 +351,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             self._store.close_edges(ids)
         return ids
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def open_roads(self, edges: Iterable[int] | None = None, *, name: str | None = None) -> list[int]:
         """Reopen closed edges by id, by street name, or all of them; return the ids of the reopened edges.
 
@@ -385,7 +385,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> Graph:  # noqa: N803 - published name
         """Add a networkx graph, or the map of a recording, to the current graph; on an error nothing is added.
 
@@ -420,7 +420,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         """Return a mapping from networkx label to id, for all nodes whose label is not an integer."""
         return labels(self.graph.columns())
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def save(self, path: str | os.PathLike[str] | None = None) -> None:
         """Write graph, obstacles, CRS and attributes into one file.
 
@@ -434,7 +434,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             OSError: the file cannot be written.
         """
         contents = self._storage.contents()
-        saved = self._state()
+        saved = self._make_state_key()
         if path is not None:
             from gamms.graph import map_file
 
@@ -446,7 +446,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             self._database.write(contents)
             self._saved = saved
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def load(self, path: str | os.PathLike[str] | None = None) -> Graph:
         """Replace the graph and the obstacles by the contents of a file written by `save`.
 
@@ -469,7 +469,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             raise BadValue("A graph in memory needs a path to be loaded from: ctx.graph.load('map.gamms').")
         return graph
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def export(self, path: str | os.PathLike[str], *, mode: "str | Mapping[str, str] | None" = None) -> "list[Path]":
         """Write nodes and edges for other programs.
 
@@ -505,7 +505,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         return Frames(self.graph.columns())
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def terminate(self) -> None:
         """Write pending changes to the database, and release the graph."""
         if self._graph is None:
@@ -520,30 +520,30 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     # -- methods of the graph -----------------------------------------------------------------------------------
 
-    columns = _forwarded(Graph.columns)
-    add_edge = _forwarded(Graph.add_edge)
-    add_node = _forwarded(Graph.add_node)
-    get_edge = _forwarded(Graph.get_edge)
-    get_edges = _forwarded(Graph.get_edges)
-    get_neighbors = _forwarded(Graph.get_neighbors)
-    get_node = _forwarded(Graph.get_node)
-    get_nodes = _forwarded(Graph.get_nodes)
-    positions = _forwarded(Graph.positions)
-    remove_edge = _forwarded(Graph.remove_edge)
-    remove_node = _forwarded(Graph.remove_node)
-    update_edge = _forwarded(Graph.update_edge)
-    update_node = _forwarded(Graph.update_node)
-    add_nodes = _forwarded(Graph.add_nodes)
-    add_edges = _forwarded(Graph.add_edges)
-    node_attributes = _forwarded(Graph.node_attributes)
-    edge_attributes = _forwarded(Graph.edge_attributes)
-    shortest_path = _forwarded(Graph.shortest_path)
-    distances = _forwarded(Graph.distances)
-    distance_matrix = _forwarded(Graph.distance_matrix)
-    to_latlon = _forwarded(Graph.to_latlon)
-    from_latlon = _forwarded(Graph.from_latlon)
-    nearest_node = _forwarded(Graph.nearest_node)
-    to_networkx = _forwarded(Graph.to_networkx)
+    columns = _forward_to_graph(Graph.columns)
+    add_edge = _forward_to_graph(Graph.add_edge)
+    add_node = _forward_to_graph(Graph.add_node)
+    get_edge = _forward_to_graph(Graph.get_edge)
+    get_edges = _forward_to_graph(Graph.get_edges)
+    get_neighbors = _forward_to_graph(Graph.get_neighbors)
+    get_node = _forward_to_graph(Graph.get_node)
+    get_nodes = _forward_to_graph(Graph.get_nodes)
+    positions = _forward_to_graph(Graph.positions)
+    remove_edge = _forward_to_graph(Graph.remove_edge)
+    remove_node = _forward_to_graph(Graph.remove_node)
+    update_edge = _forward_to_graph(Graph.update_edge)
+    update_node = _forward_to_graph(Graph.update_node)
+    add_nodes = _forward_to_graph(Graph.add_nodes)
+    add_edges = _forward_to_graph(Graph.add_edges)
+    node_attributes = _forward_to_graph(Graph.node_attributes)
+    edge_attributes = _forward_to_graph(Graph.edge_attributes)
+    shortest_path = _forward_to_graph(Graph.shortest_path)
+    distances = _forward_to_graph(Graph.distances)
+    distance_matrix = _forward_to_graph(Graph.distance_matrix)
+    to_latlon = _forward_to_graph(Graph.to_latlon)
+    from_latlon = _forward_to_graph(Graph.from_latlon)
+    nearest_node = _forward_to_graph(Graph.nearest_node)
+    to_networkx = _forward_to_graph(Graph.to_networkx)
 
     def distance(
         self, source: int, target: int, weight: str | None = "length", *, turns: str | bool | None = None
@@ -552,7 +552,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         graph = self._graph  # NOTE: the property would double the time (benchmarks: Paths)
         return (self.graph if graph is None else graph).distance(source, target, weight, turns=turns)
 
-    @names_keywords
+    @explain_call_errors
     def place(
         self,
         n: int,
@@ -600,13 +600,13 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         scenery = self.graph.scenery
         if isinstance(scenery, Scenery):
             return scenery
-        from gamms.graph.map_file import scenery_called
+        from gamms.graph.map_file import load_scenery
 
-        return scenery_called(scenery)
+        return load_scenery(scenery)
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _present(self) -> Obstacles:
+    def _get_obstacles(self) -> Obstacles:
         if self._graph is None:
             raise ContextTerminated("ctx.graph")
         return self._obstacles
@@ -621,7 +621,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     def _read_database(self, database: "MapDatabase") -> None:
         self._put(database.read(), database.path)
-        self._saved = self._state()
+        self._saved = self._make_state_key()
 
     def _put(self, contents: "SavedMap", path: str) -> None:
         """Replace the map by the contents of a file; warn if its lengths are not metres, for it has no other copy."""
@@ -631,17 +631,17 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     def _write_finally(self, database: "MapDatabase") -> None:
         """Write the map for the last time, to a second file if the database refuses it: unwritten changes are lost."""
-        if self._state() == self._saved:
+        if self._make_state_key() == self._saved:
             return
         contents = self._storage.contents()
         try:
             try:
                 database.write(contents)
             except BadValue as error:
-                from gamms.graph.map_file import savable
+                from gamms.graph.map_file import select_savable
 
                 self._ctx.logger.error(f"{error} The attribute is not saved to the database.")  # noqa: TRY400 - ILogger has no exception()
-                contents = savable(contents)[0]
+                contents = select_savable(contents)[0]
                 database.write(contents)
         except (WriteConflict, BadFile) as error:
             from gamms.graph import map_file
@@ -649,7 +649,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             error.add_note(f"The map of this context was saved to {map_file.save_beside(database.path, contents)}.")
             raise
 
-    def _state(self) -> tuple[object, ...]:
+    def _make_state_key(self) -> tuple[object, ...]:
         """Return a key that changes with every change of the graph or the obstacles."""
         return self.graph.revision, self.obstacle_revision, self.graph.attribution, self.graph.scenery
 
@@ -676,7 +676,7 @@ class SharedMap:
         """
         source = self._source
         target = GraphEngine.__new__(GraphEngine)
-        target._begin(ctx, self._store, self._obstacles, self._graph._fork(self._store, phase_of(ctx)))
+        target._begin(ctx, self._store, self._obstacles, self._graph._fork(self._store, get_phase(ctx)))
         target._storage.visibility_rows = source._storage.visibility_rows
         memo[id(self._graph)] = target.graph
         for name in ("_store", "_obstacles", "_storage"):

@@ -21,10 +21,10 @@ import numpy as np
 
 from gamms.arguments import as_target
 from gamms.errors import BadType, BadValue, UnknownType, nearest
-from gamms.folders import whole_file, write_csv, write_whole
+from gamms.folders import open_whole_file, write_csv, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.ir.tables import frame_of, table_of
+from gamms.ir.tables import frame_of, make_table
 from gamms.plain import as_json, to_plain
 from gamms.plugins import needing
 from gamms.text import as_xml, written
@@ -85,15 +85,15 @@ def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str
     if suffix is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
         raise UnknownType(f"Cannot write a graph as {target.suffix or 'a file without a suffix'!r}.{hint}")
-    return _FORMATS[suffix](target, layers_of(columns, attribution))
+    return _FORMATS[suffix](target, make_layers(columns, attribution))
 
 
-def layers_of(columns: GraphColumns, attribution: str | None) -> GraphTables:
+def make_layers(columns: GraphColumns, attribution: str | None) -> GraphTables:
     """Return a graph as tables; on a map with a CRS, geometries are in degrees, and nodes have `lat` and `lon`."""
     ids = columns.node_ids
     sources = columns.sources
     targets = columns.targets
-    drawn = shapes_of(columns)
+    drawn = list_shapes(columns)
     points = columns.xy
     lines = drawn
     in_degrees = columns.crs is not None
@@ -115,7 +115,7 @@ def layers_of(columns: GraphColumns, attribution: str | None) -> GraphTables:
     return GraphTables(nodes, edges, drawn, lines, points, in_degrees, attribution, columns.crs)
 
 
-def plain_cell(value: object) -> Scalar:
+def make_plain_cell(value: object) -> Scalar:
     """Return an attribute value as a number, a text, a bool or None; other values as JSON."""
     if value is None or type(value) in (str, int, float, bool):
         return value  # type: ignore[return-value] # as the line before says
@@ -128,13 +128,13 @@ def plain_cell(value: object) -> Scalar:
         return written(plain)
 
 
-def shapes_of(columns: GraphColumns) -> list[FloatArray]:
+def list_shapes(columns: GraphColumns) -> list[FloatArray]:
     """Return the polyline (points, 2) of every edge."""
     pairs = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
     return [columns.polylines.get(row, pair) for row, pair in enumerate(pairs)]
 
 
-def wkt_of(line: FloatArray) -> str:
+def format_wkt(line: FloatArray) -> str:
     """Return a polyline (points, 2) as well-known text."""
     return f"LINESTRING ({', '.join(f'{x!r} {y!r}' for x, y in line.tolist())})"
 
@@ -145,7 +145,7 @@ def _add_attributes(table: Table, attributes: Mapping[str, Mapping[int, object]]
     for name, values in sorted(attributes.items()):
         column: list[Scalar] = [None] * count
         for row, value in values.items():
-            column[row] = plain_cell(value)
+            column[row] = make_plain_cell(value)
         unique = name
         number = 2
         while unique.lower() in taken:
@@ -155,7 +155,7 @@ def _add_attributes(table: Table, attributes: Mapping[str, Mapping[int, object]]
         table[unique] = column
 
 
-def _rows(table: Table) -> Iterator[dict[str, Scalar]]:
+def _list_rows(table: Table) -> Iterator[dict[str, Scalar]]:
     names = list(table)
     return (dict(zip(names, row, strict=True)) for row in zip(*table.values(), strict=True))
 
@@ -165,10 +165,10 @@ def _rows(table: Table) -> Iterator[dict[str, Scalar]]:
 
 def _write_csv(target: Path, layers: GraphTables) -> list[Path]:
     files = [target.with_name(f"{target.stem}_{part}.csv") for part in ("nodes", "edges")]
-    shapes: list[Scalar] = [wkt_of(line) for line in layers.lines]
+    shapes: list[Scalar] = [format_wkt(line) for line in layers.lines]
     with ExitStack() as all_or_none:
         for file, table in zip(files, (layers.nodes, {**layers.edges, "geometry": shapes}), strict=True):
-            beside = all_or_none.enter_context(whole_file(file, through_links=True))
+            beside = all_or_none.enter_context(open_whole_file(file, through_links=True))
             write_csv(beside, table, zip(*table.values(), strict=True))
     return files
 
@@ -182,22 +182,24 @@ def _write_geojson(target: Path, layers: GraphTables) -> list[Path]:
             "GeoJSON needs degrees, and this graph has no CRS: set ctx.graph.graph.crs, for example to 'EPSG:32635', "
             "or write .gpkg, .graphml or .csv."
         )
-    nodes = (("Point", point, row) for point, row in zip(layers.points.tolist(), _rows(layers.nodes), strict=True))
-    edges = (("LineString", line.tolist(), row) for line, row in zip(layers.lines, _rows(layers.edges), strict=True))
+    nodes = (("Point", point, row) for point, row in zip(layers.points.tolist(), _list_rows(layers.nodes), strict=True))
+    edges = (
+        ("LineString", line.tolist(), row) for line, row in zip(layers.lines, _list_rows(layers.edges), strict=True)
+    )
     with (
-        whole_file(target, through_links=True) as beside,
+        open_whole_file(target, through_links=True) as beside,
         beside.open("w", encoding="utf-8", errors=_ESCAPED) as stream,
     ):
         stream.write('{"type": "FeatureCollection"')
         if layers.attribution is not None:
             stream.write(f', "attribution": {json.dumps(layers.attribution)}')
         stream.write(', "features": [')
-        stream.writelines(_features((*nodes, *edges)))
+        stream.writelines(_write_features((*nodes, *edges)))
         stream.write("\n]}\n")
     return [target]
 
 
-def _features(parts: Iterable[tuple[str, list[Any], dict[str, Scalar]]]) -> Iterator[str]:
+def _write_features(parts: Iterable[tuple[str, list[Any], dict[str, Scalar]]]) -> Iterator[str]:
     comma = "\n"
     for kind, coordinates, row in parts:
         properties = {name: as_json(value) for name, value in row.items() if value is not None}
@@ -210,7 +212,7 @@ def _features(parts: Iterable[tuple[str, list[Any], dict[str, Scalar]]]) -> Iter
 
 
 def _write_graphml(target: Path, layers: GraphTables) -> list[Path]:
-    shapes: list[Scalar] = [wkt_of(line) for line in layers.drawn]
+    shapes: list[Scalar] = [format_wkt(line) for line in layers.drawn]
     about: dict[str, Scalar] = {"crs": layers.crs, "attribution": layers.attribution}
     return _put_graphml(target, about, layers.nodes, {**layers.edges, "geometry": shapes})
 
@@ -220,7 +222,7 @@ def _put_graphml(
 ) -> list[Path]:
     """Write GraphML, with keys of edges that tell parallel ones apart."""
     tables = {"node": nodes, "edge": edges}
-    with whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
+    with open_whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
         stream.write(
             '<?xml version="1.0" encoding="UTF-8"?>\n<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
         )
@@ -228,16 +230,16 @@ def _put_graphml(
         for kind, table in described.items():
             for number, (name, values) in enumerate(table.items()):
                 if name not in _IN_TAGS[kind]:
-                    attributes = f'attr.name="{_xml_name(name)}" attr.type="{_graphml_type(values)}"'
+                    attributes = f'attr.name="{_check_xml_name(name)}" attr.type="{_find_graphml_type(values)}"'
                     stream.write(f'<key id="{kind}{number}" for="{kind}" {attributes}/>\n')
         stream.write('<graph edgedefault="directed">\n')
-        stream.write(_data("graph", {name: one for name, one in about.items() if one}))
-        for row in _rows(tables["node"]):
-            stream.write(f'<node id="{row["id"]}">{_data("node", row)}</node>\n')
-        for number, row in enumerate(_rows(tables["edge"])):
+        stream.write(_write_data("graph", {name: one for name, one in about.items() if one}))
+        for row in _list_rows(tables["node"]):
+            stream.write(f'<node id="{row["id"]}">{_write_data("node", row)}</node>\n')
+        for number, row in enumerate(_list_rows(tables["edge"])):
             key = "" if keys is None else f' id="{keys[number]}"'
             ends = f'source="{row["source"]}" target="{row["target"]}"'
-            stream.write(f"<edge {ends}{key}>{_data('edge', row)}</edge>\n")
+            stream.write(f"<edge {ends}{key}>{_write_data('edge', row)}</edge>\n")
         stream.write("</graph>\n</graphml>\n")
     return [target]
 
@@ -245,23 +247,23 @@ def _put_graphml(
 _IN_TAGS = {"node": {"id"}, "edge": {"source", "target"}, "graph": set[str]()}
 
 
-def _data(kind: str, row: Mapping[str, Scalar]) -> str:
+def _write_data(kind: str, row: Mapping[str, Scalar]) -> str:
     return "".join(
-        f'<data key="{kind}{number}">{_xml(str(value).lower() if isinstance(value, bool) else value)}</data>'
+        f'<data key="{kind}{number}">{_write_xml(str(value).lower() if isinstance(value, bool) else value)}</data>'
         for number, (name, value) in enumerate(row.items())
         if value is not None and name not in _IN_TAGS[kind]
     )
 
 
-def _xml(value: Scalar) -> str:
+def _write_xml(value: Scalar) -> str:
     return as_xml(value if isinstance(value, str) else repr(value), quote=False)
 
 
-def _xml_name(name: str) -> str:
+def _check_xml_name(name: str) -> str:
     return re.sub(r"[\t\n\r]", lambda blank: f"&#{ord(blank[0])};", as_xml(name))
 
 
-def _graphml_type(values: Iterable[Scalar]) -> str:
+def _find_graphml_type(values: Iterable[Scalar]) -> str:
     kinds = {type(value) for value in values} - {type(None)}
     if kinds == {bool}:
         return "boolean"
@@ -286,11 +288,11 @@ def _write_osmnx(target: Path, layers: GraphTables) -> list[Path]:
             "OSMnx needs degrees, and this graph has no CRS: set ctx.graph.graph.crs, for example to 'EPSG:32635', or "
             "write .graphml, .gpkg or .csv."
         )
-    ends = [*zip(_ids(layers.edges["source"]), _ids(layers.edges["target"]), strict=True)]
+    ends = [*zip(_find_ids(layers.edges["source"]), _find_ids(layers.edges["target"]), strict=True)]
     nodes = {name: values for name, values in layers.nodes.items() if name not in ("x", "y", "lat", "lon")}
     nodes |= {"y": layers.nodes["lat"], "x": layers.nodes["lon"]}
-    nodes.setdefault("street_count", [*_count_streets(ends, _ids(layers.nodes["id"]))])
-    shapes: list[Scalar] = [wkt_of(line) if len(line) > 2 else None for line in layers.lines]
+    nodes.setdefault("street_count", [*_count_streets(ends, _find_ids(layers.nodes["id"]))])
+    shapes: list[Scalar] = [format_wkt(line) if len(line) > 2 else None for line in layers.lines]
     edges = {name: values for name, values in layers.edges.items() if name != "id"}
     known = {*ends}
     usual: Table = {
@@ -307,7 +309,7 @@ def _write_osmnx(target: Path, layers: GraphTables) -> list[Path]:
     return _put_graphml(target, about, *texts, [*_number_parallels(ends)])
 
 
-def _ids(values: Iterable[Scalar]) -> list[int]:
+def _find_ids(values: Iterable[Scalar]) -> list[int]:
     return [int(one) for one in values if one is not None]
 
 
@@ -361,20 +363,20 @@ def _write_sumo(target: Path, layers: GraphTables) -> list[Path]:
 
     Junctions have no extent, so that the lanes have the lengths of the edges.
     """
-    origin = np.floor(_least(layers.drawn, layers.points_on_map))
-    ids = _ids(layers.edges["id"])
-    sources = _ids(layers.edges["source"])
-    targets = _ids(layers.edges["target"])
+    origin = np.floor(_find_least(layers.drawn, layers.points_on_map))
+    ids = _find_ids(layers.edges["id"])
+    sources = _find_ids(layers.edges["source"])
+    targets = _find_ids(layers.edges["target"])
     arriving = _group_by(targets)
     leaving = _group_by(sources)
-    with whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
+    with open_whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n')
         if layers.attribution is not None:
-            stream.write(f"<!-- {_xml(layers.attribution).replace('--', '- -')} -->\n")
-        stream.write(f'<net version="1.20" junctionCornerDetail="0">\n{_location(layers, origin)}')
-        for row, line in zip(_rows(layers.edges), layers.drawn, strict=True):
-            stream.write(_sumo_edge(row, line - origin))
-        for node, place in zip(_ids(layers.nodes["id"]), (layers.points_on_map - origin).tolist(), strict=True):
+            stream.write(f"<!-- {_write_xml(layers.attribution).replace('--', '- -')} -->\n")
+        stream.write(f'<net version="1.20" junctionCornerDetail="0">\n{_write_location(layers, origin)}')
+        for row, line in zip(_list_rows(layers.edges), layers.drawn, strict=True):
+            stream.write(_write_sumo_edge(row, line - origin))
+        for node, place in zip(_find_ids(layers.nodes["id"]), (layers.points_on_map - origin).tolist(), strict=True):
             lanes = " ".join(f"{ids[one]}_0" for one in arriving.get(node, ()))
             kind = "unregulated" if lanes and node in leaving else "dead_end"
             at = f'x="{place[0]!r}" y="{place[1]!r}"'
@@ -388,7 +390,7 @@ def _write_sumo(target: Path, layers: GraphTables) -> list[Path]:
     return [target]
 
 
-def _least(lines: Sequence[FloatArray], points: FloatArray) -> FloatArray:
+def _find_least(lines: Sequence[FloatArray], points: FloatArray) -> FloatArray:
     """Return the least x and y of a map; 0 if it is empty."""
     return np.concatenate([points, *lines]).min(axis=0) if len(points) else np.zeros(2)
 
@@ -401,18 +403,18 @@ def _group_by(keys: Iterable[int]) -> dict[int, list[int]]:
     return found
 
 
-def _location(layers: GraphTables, origin: FloatArray) -> str:
+def _write_location(layers: GraphTables, origin: FloatArray) -> str:
     """Return where the network is: its offset from the map units, and its bounds there and in degrees."""
-    bounds = np.array(_bounds([layers.points_on_map, *layers.drawn]) if len(layers.points) else [0.0] * 4)
+    bounds = np.array(_find_bounds([layers.points_on_map, *layers.drawn]) if len(layers.points) else [0.0] * 4)
     moved = bounds - np.tile(origin, 2)
-    original = _bounds([layers.points, *layers.lines]) if layers.in_degrees and len(layers.points) else bounds
+    original = _find_bounds([layers.points, *layers.lines]) if layers.in_degrees and len(layers.points) else bounds
     texts = [",".join(f"{one:.9f}" for one in several) for several in (0.0 - origin, moved, original)]
     names = ("netOffset", "convBoundary", "origBoundary")
     places = " ".join(f'{name}="{text}"' for name, text in zip(names, texts, strict=True))
-    return f'<location {places} projParameter="{_xml(_projection_of(layers.crs))}"/>\n'
+    return f'<location {places} projParameter="{_write_xml(_find_projection(layers.crs))}"/>\n'
 
 
-def _projection_of(crs: str | None) -> str:
+def _find_projection(crs: str | None) -> str:
     """Return the parameters of PROJ for a CRS; "!" for none, as SUMO writes it."""
     zone = re.fullmatch(r"(?i)epsg:32([67])(\d\d)", crs or "")
     if zone is None:
@@ -421,13 +423,13 @@ def _projection_of(crs: str | None) -> str:
     return f"+proj=utm +zone={int(zone[2])}{half} +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
 
 
-def _sumo_edge(row: Mapping[str, Scalar], line: FloatArray) -> str:
+def _write_sumo_edge(row: Mapping[str, Scalar], line: FloatArray) -> str:
     """Return an edge with its lane."""
     id = row["id"]
     kph = row.get("speed_kph")
     speed = kph / 3.6 if _is_number(kph) and 0 < kph <= float_info.max else _USUAL_SPEED
-    name = f' name="{_xml_name(str(row["name"]))}"' if isinstance(row.get("name"), str) else ""
-    kind = f' type="highway.{_xml_name(str(row["highway"]))}"' if isinstance(row.get("highway"), str) else ""
+    name = f' name="{_check_xml_name(str(row["name"]))}"' if isinstance(row.get("name"), str) else ""
+    kind = f' type="highway.{_check_xml_name(str(row["highway"]))}"' if isinstance(row.get("highway"), str) else ""
     shape = " ".join(f"{x!r},{y!r}" for x, y in line.tolist())
     lane = f'<lane id="{id}_0" index="0" speed="{speed!r}" length="{row["length"]!r}" shape="{shape}"/>'
     return f'<edge id="{id}" from="{row["source"]}" to="{row["target"]}" priority="-1"{name}{kind}>{lane}</edge>\n'
@@ -479,14 +481,14 @@ def _write_geopackage(target: Path, layers: GraphTables) -> list[Path]:
     lines = (
         head + struct.pack("<BII", 1, 2, len(line)) + np.ascontiguousarray(line).tobytes() for line in layers.lines
     )
-    bounds = _bounds([layers.points, *layers.lines])
+    bounds = _find_bounds([layers.points, *layers.lines])
     parts = [("nodes", "POINT", layers.nodes, points), ("edges", "LINESTRING", layers.edges, lines)]
     with closing(sqlite3.connect(":memory:")) as database:
         database.executescript(_SCHEMA)
         for name, kind, table, geometries in parts:
             if len(table) > _MOST_COLUMNS:
                 raise BadValue(f"A GeoPackage holds at most {_MOST_COLUMNS} attributes, not {len(table)}.")
-            typed = ", ".join(f"{_quoted(one)} {_SQL_TYPES[_graphml_type(table[one])]}" for one in table)
+            typed = ", ".join(f"{_quote_name(one)} {_SQL_TYPES[_find_graphml_type(table[one])]}" for one in table)
             database.execute(
                 f"CREATE TABLE {name} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom {kind}, {typed})"
             )
@@ -497,8 +499,8 @@ def _write_geopackage(target: Path, layers: GraphTables) -> list[Path]:
             )
             database.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 0, 0)", (name, kind, srs))
             marks = ", ".join("?" * (len(table) + 1))
-            names = ", ".join(["geom", *map(_quoted, table)])
-            cells = (map(_sql, row) for row in zip(*table.values(), strict=True))
+            names = ", ".join(["geom", *map(_quote_name, table)])
+            cells = (map(_convert_to_sql, row) for row in zip(*table.values(), strict=True))
             rows = ((geometry, *row) for geometry, row in zip(geometries, cells, strict=True))
             database.executemany(f"INSERT INTO {name} ({names}) VALUES ({marks})", rows)  # noqa: S608 - quoted
         database.commit()
@@ -506,18 +508,18 @@ def _write_geopackage(target: Path, layers: GraphTables) -> list[Path]:
     return [target]
 
 
-def _quoted(name: str) -> str:
+def _quote_name(name: str) -> str:
     clean = name.encode("utf-8", _ESCAPED).decode().replace("\0", "")
     return '"' + clean.replace('"', '""') + '"'
 
 
-def _sql(value: Scalar) -> Scalar:
+def _convert_to_sql(value: Scalar) -> Scalar:
     if isinstance(value, str):
         return value.encode("utf-8", _ESCAPED).decode()
     return str(as_json(value)) if type(value) is int and not -_LONG <= value < _LONG else value
 
 
-def _bounds(parts: list[FloatArray]) -> list[float | None]:
+def _find_bounds(parts: list[FloatArray]) -> list[float | None]:
     points = np.concatenate(parts)
     return [None] * 4 if not len(points) else np.concatenate((points.min(axis=0), points.max(axis=0))).tolist()
 
@@ -550,13 +552,13 @@ class Frames:
 
     @cached_property
     def _layers(self) -> GraphTables:
-        return layers_of(self._columns, None)
+        return make_layers(self._columns, None)
 
     def arrays(self, part: Literal["nodes", "edges"]) -> "dict[str, np.ndarray[Any, Any]]":
         """Return the nodes or the edges as a dict of arrays of equal length."""
         if part not in ("nodes", "edges"):
             raise BadType(f"The tables of a graph are 'nodes' and 'edges', not {part!r}.")
-        return table_of(self._layers.nodes if part == "nodes" else self._layers.edges)
+        return make_table(self._layers.nodes if part == "nodes" else self._layers.edges)
 
     def to_pandas(self) -> "tuple[pd.DataFrame, pd.DataFrame]":
         """Return nodes and edges as pandas data frames (MissingExtra: pandas is not installed)."""

@@ -48,12 +48,12 @@ class NamedFeature(NamedTuple):
         Raises:
             BadValue (ValueError): the streets meet at several junctions; the message names one node of each.
         """
-        clusters = _clusters(self.xy) if self.is_junction else [np.arange(len(self.xy))]
+        clusters = _find_clusters(self.xy) if self.is_junction else [np.arange(len(self.xy))]
         off = (np.hypot(*(self.xy[rows] - self.xy[rows].mean(axis=0)).T) for rows in clusters)
         middles = [rows.item(far.argmin()) for rows, far in zip(clusters, off, strict=True)]
         if len(middles) > 1:
             places = [f"node {self.nodes[row]} at ({self.xy[row, 0]:.0f}, {self.xy[row, 1]:.0f})" for row in middles]
-            raise BadValue(f"{self.name} is at {len(middles)} places: {_listed(places)}. Use one of these nodes.")
+            raise BadValue(f"{self.name} is at {len(middles)} places: {_join_names(places)}. Use one of these nodes.")
         return self.nodes[middles[0]]
 
 
@@ -84,13 +84,13 @@ class StreetNames:
             several = given if isinstance(given, list | tuple) else [given]
             for name in several:
                 if isinstance(name, str):
-                    key = folded[name] if name in folded else folded.setdefault(name, _folded(name))
+                    key = folded[name] if name in folded else folded.setdefault(name, _fold_name(name))
                     self._rows.setdefault(key, []).append(row)
                     self._spelling.setdefault(key, name)
 
     def __contains__(self, name: object) -> bool:
         """Return whether a street has this name."""
-        return isinstance(name, str) and _folded(name) in self._rows
+        return isinstance(name, str) and _fold_name(name) in self._rows
 
     def rows(self, name: str) -> IntArray:
         """Return the rows of the edges of a street, in insertion order.
@@ -101,7 +101,7 @@ class StreetNames:
         """
         if not self._rows:
             raise BadValue("No edge of this graph has a name. Streets of OpenStreetMap have the attribute 'name'.")
-        key = _folded(name)
+        key = _fold_name(name)
         if key not in self._rows:
             from difflib import get_close_matches  # imported here because few programs need it
 
@@ -112,7 +112,7 @@ class StreetNames:
 
     def spelling(self, name: str) -> str:
         """Return a name as the map spells it."""
-        return self._spelling[_folded(name)]
+        return self._spelling[_fold_name(name)]
 
     def of_rows(self, rows: Iterable[int]) -> list[str]:
         """Return the names of the streets of some edges."""
@@ -127,31 +127,31 @@ def find(columns: GraphColumns, streets: StreetNames, text: str) -> NamedFeature
         raise BadValue(f"The name of a street has at most {_LONG} characters, not {len(text)}.")
     if text in streets or "&" not in text:
         rows = streets.rows(text)
-        return _found(columns, streets.spelling(text), _nodes_of(columns, rows), rows, is_junction=False)
+        return _make_feature(columns, streets.spelling(text), _find_nodes(columns, rows), rows, is_junction=False)
     names = [part.strip() for part in text.split("&")]
-    sides = [_nodes_of(columns, streets.rows(name)) for name in names]
+    sides = [_find_nodes(columns, streets.rows(name)) for name in names]
     title = " & ".join(streets.spelling(name) for name in names)
     shared = sides[0]
     for side in sides[1:]:
         shared = np.intersect1d(shared, side)
     if not len(shared):
-        shared = _nearly_shared(columns, streets, names, sides)
+        shared = _find_nearly_shared(columns, streets, names, sides)
     is_at = np.zeros(len(columns.node_ids), np.bool_)
     is_at[shared] = True
     of_streets = np.unique(np.concatenate([streets.rows(name) for name in names]))
     rows = of_streets[is_at[columns.sources[of_streets]] | is_at[columns.targets[of_streets]]]
-    return _found(columns, title, shared, rows, is_junction=True)
+    return _make_feature(columns, title, shared, rows, is_junction=True)
 
 
 def inside(columns: GraphColumns, region: "Polygon", *, touching: bool) -> PolygonContents:
     """Return the nodes in a region, and the edges that lie in it completely or partly."""
     nodes = columns.node_ids[geometry.are_inside(region, columns.xy)]
     ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
-    rows = geometry.lines_inside(region, ends, columns.polylines, touching=touching)
+    rows = geometry.find_lines_inside(region, ends, columns.polylines, touching=touching)
     return PolygonContents(nodes.tolist(), columns.edge_ids[rows].tolist())
 
 
-def region_of(polygon: object, crs: str | None) -> "Polygon":
+def make_region(polygon: object, crs: str | None) -> "Polygon":
     """Return a polygon passed by a caller, in map units.
 
     Raises:
@@ -161,7 +161,7 @@ def region_of(polygon: object, crs: str | None) -> "Polygon":
     def from_lonlat(lonlat: FloatArray) -> FloatArray:
         return np.column_stack(positions.from_latlon(crs, lonlat[:, 1], lonlat[:, 0]))
 
-    return geometry.region_of(polygon, "The polygon", from_lonlat)
+    return geometry.make_region(polygon, "The polygon", from_lonlat)
 
 
 def bounds(columns: GraphColumns) -> tuple[float, float, float, float]:
@@ -177,22 +177,26 @@ def bounds(columns: GraphColumns) -> tuple[float, float, float, float]:
     return xmin, ymin, xmax, ymax
 
 
-def _folded(name: str) -> str:
+def _fold_name(name: str) -> str:
     """Return a name in lower case, without accents and extra spaces."""
     plain = unicodedata.normalize("NFKD", name.casefold())
     return " ".join("".join(one for one in plain if not unicodedata.combining(one)).split())
 
 
-def _found(columns: GraphColumns, name: str, nodes: IntArray, edges: IntArray, *, is_junction: bool) -> NamedFeature:
+def _make_feature(
+    columns: GraphColumns, name: str, nodes: IntArray, edges: IntArray, *, is_junction: bool
+) -> NamedFeature:
     ids = columns.node_ids[nodes].tolist(), columns.edge_ids[edges].tolist()
     return NamedFeature(name, *ids, columns.xy[nodes], is_junction)
 
 
-def _nodes_of(columns: GraphColumns, rows: IntArray) -> IntArray:
+def _find_nodes(columns: GraphColumns, rows: IntArray) -> IntArray:
     return np.unique(np.concatenate((columns.sources[rows], columns.targets[rows])))
 
 
-def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str], sides: list[IntArray]) -> IntArray:
+def _find_nearly_shared(
+    columns: GraphColumns, streets: StreetNames, names: list[str], sides: list[IntArray]
+) -> IntArray:
     """Return the two nearest nodes of two streets, if they are close enough to form one junction."""
     first, second = names[:2]
     if len(names) == 2:
@@ -216,10 +220,10 @@ def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str]
     is_at[sides[0]] = True
     rows = np.flatnonzero(is_at[columns.sources] | is_at[columns.targets])
     others = [name for name in streets.of_rows(rows.tolist()) if name != streets.spelling(first)]
-    raise BadValue(f"{hint} {streets.spelling(first)} meets {_listed(others) or 'no other street with a name'}.")
+    raise BadValue(f"{hint} {streets.spelling(first)} meets {_join_names(others) or 'no other street with a name'}.")
 
 
-def _clusters(xy: FloatArray) -> list[IntArray]:
+def _find_clusters(xy: FloatArray) -> list[IntArray]:
     """Group the rows of places: places that a chain of short steps connects are in one group."""
     left = np.arange(len(xy))
     clusters = []
@@ -236,6 +240,6 @@ def _clusters(xy: FloatArray) -> list[IntArray]:
     return clusters
 
 
-def _listed(names: list[Any]) -> str:
+def _join_names(names: list[Any]) -> str:
     rest = len(names) - _MOST_LISTED
     return ", ".join(map(str, names[:_MOST_LISTED])) + (f" and {rest} more" if rest > 0 else "")

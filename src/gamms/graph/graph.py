@@ -13,15 +13,15 @@ from gamms import kernels
 from gamms.arguments import as_bool, as_float, as_numbers, as_range
 from gamms.compat import Surface
 from gamms.core.agents import NodeNumbers
-from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
+from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refuse_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
 from gamms.graph.routes import CachedRoutes
 from gamms.graph.store import GraphStore, Neighborhoods
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode, edge_weights, split_mode
-from gamms.ir.projection import scale_fault, text_of
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode, find_edge_weights, split_mode
+from gamms.ir.projection import format_crs, scale_fault
 from gamms.ir.scenery import Scenery
-from gamms.readonly import ReadOnlyMapping, frozen
+from gamms.readonly import ReadOnlyMapping, freeze
 from gamms.text import shown
 from gamms.typing.graph_engine import (
     IGraph,
@@ -95,7 +95,7 @@ class Graph(Surface, Guarded, IGraph):
     def crs(self, crs: str | None) -> None:
         text = records.as_text(crs, "graph.crs")
         nodes = self._store.nodes
-        self._store.crs = None if text is None else text_of(text)
+        self._store.crs = None if text is None else format_crs(text)
         self._store.revision += 1
         if fault := scale_fault(text, nodes.array("xy")[nodes.living()]):
             logging.getLogger("gamms").warning(f"graph.crs: {fault}.")
@@ -156,9 +156,9 @@ class Graph(Surface, Guarded, IGraph):
         if phase.agent is not None or phase.player is not None:
             phase.refuse("call ctx.graph.graph.add_node")
         self._store.own()
-        id = records.as_id(records.required(node_data, "id", "A node"), "a node")
-        x = records.as_coordinate(records.required(node_data, "x", "A node"), "x", id)
-        y = records.as_coordinate(records.required(node_data, "y", "A node"), "y", id)
+        id = records.as_id(records.get_required(node_data, "id", "A node"), "a node")
+        x = records.as_coordinate(records.get_required(node_data, "x", "A node"), "x", id)
+        y = records.as_coordinate(records.get_required(node_data, "y", "A node"), "y", id)
         store = self._store
         nodes = self._store.nodes
         if nodes.index.row(id) >= 0:
@@ -177,8 +177,8 @@ class Graph(Surface, Guarded, IGraph):
         if phase.agent is not None or phase.player is not None:
             phase.refuse("call ctx.graph.graph.add_edge")
         self._store.own()
-        id = records.as_id(records.required(edge_data, "id", "An edge"), "an edge")
-        length = records.as_length(records.required(edge_data, "length", "An edge"), id)
+        id = records.as_id(records.get_required(edge_data, "id", "An edge"), "an edge")
+        length = records.as_length(records.get_required(edge_data, "length", "An edge"), id)
         source, target = self._end_rows(edge_data, id)
         store = self._store
         edges = self._store.edges
@@ -187,7 +187,7 @@ class Graph(Surface, Guarded, IGraph):
         polyline = None
         given = None
         if len(edge_data) > 4:
-            polyline = records.polyline_of(edge_data.get("linestring"), id, self._straight(source, target))
+            polyline = records.check_polyline(edge_data.get("linestring"), id, self._find_straight_line(source, target))
             given = records.extras(edge_data, records.EDGE_KEYS)
         row = edges.append(id, source, target, length)
         if polyline is not None:
@@ -212,11 +212,11 @@ class Graph(Surface, Guarded, IGraph):
         row = self._store.edges.find(records.as_id(edge_id, "an edge"))
         return self._store.indexes.edge_value(row)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def update_node(self, node_data: dict[str, Any]) -> None:
         """Change the given keys of a node."""
         self._store.own()
-        id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node", self._store)
+        id = records.as_id(records.get_required(node_data, "id", "An update of a node"), "a node", self._store)
         nodes = self._store.nodes
         row = self._store.nodes.find(id)
         x = nodes.xy[2 * row]
@@ -232,11 +232,11 @@ class Graph(Surface, Guarded, IGraph):
             self._store.indexes.node_moved(row)
         self._store.revision += 1
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def update_edge(self, edge_data: dict[str, Any]) -> None:
         """Change the given keys of an edge."""
         self._store.own()
-        id = records.as_id(records.required(edge_data, "id", "An update of an edge"), "an edge")
+        id = records.as_id(records.get_required(edge_data, "id", "An update of an edge"), "an edge")
         edges = self._store.edges
         row = self._store.edges.find(id)
         old_ends = (edges.sources[row], edges.targets[row])
@@ -250,7 +250,7 @@ class Graph(Surface, Guarded, IGraph):
         ends = self._end_rows(full, id)
         length = records.as_length(full["length"], id)
         given = records.extras(edge_data, records.EDGE_KEYS)
-        polyline = records.polyline_of(full.get("linestring"), id, self._straight(*ends))
+        polyline = records.check_polyline(full.get("linestring"), id, self._find_straight_line(*ends))
         edges.own()
         edges.lengths[row] = length
         edges.sources[row], edges.targets[row] = ends
@@ -262,12 +262,12 @@ class Graph(Surface, Guarded, IGraph):
         self._store.indexes.edge_changed(row, old_ends, ends)
         self._store.revision += 1
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def remove_node(self, node_id: int) -> None:
         """Remove a node and its edges."""
         self._store.remove_node(records.as_id(node_id, "a node", self._store))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def remove_edge(self, edge_id: int) -> None:
         """Remove an edge."""
         self._store.remove_edge(records.as_id(edge_id, "an edge"))
@@ -308,34 +308,34 @@ class Graph(Surface, Guarded, IGraph):
         row = nodes.find(records.as_id(node_id, "a node", self._store))
         x = nodes.xy[2 * row]
         y = nodes.xy[2 * row + 1]
-        rows = self._rows_near(x, y, radius)
+        rows = self._find_rows_near(x, y, radius)
         if as_range(fov, "fov") != 2.0 * pi:
             cos, sin = as_numbers(heading, "heading", "(cos, sin)")
             if (cos, sin) != (0.0, 0.0):
                 dx, dy = (nodes.array("xy")[rows] - (x, y)).T
                 rows = rows[kernels.in_cone(dx, dy, (cos, sin), fov)]
-        return self._among(rows)
+        return self._make_surroundings(rows)
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
         """Return the nodes within `radius` of (x, y), as arrays."""
         nodes = self._store.nodes
-        rows = self._rows_near(as_float(x, "x"), as_float(y, "y"), radius)
+        rows = self._find_rows_near(as_float(x, "x"), as_float(y, "y"), radius)
         return NodeColumns(nodes.array("ids")[rows], nodes.array("xy")[rows])
 
     def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
         """Return some nodes, and the edges with both ends among them, in insertion order."""
-        return self._among(np.unique(self._rows(node_ids)))
+        return self._make_surroundings(np.unique(self._find_rows(node_ids)))
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
         """Return the coordinates (nodes, 2) of several nodes."""
-        return self._store.nodes.array("xy")[self._rows(node_ids)]
+        return self._store.nodes.array("xy")[self._find_rows(node_ids)]
 
     def ground(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> NodeGround | None:
         """Return the ground at several nodes, from their attributes `z` and `underground`; None for a flat map."""
         ground = self._store.ground()
         if ground is None:
             return None
-        z, tunnels = ground[self._rows(node_ids)].T
+        z, tunnels = ground[self._find_rows(node_ids)].T
         return NodeGround(z, tunnels.astype(np.int64))
 
     def node_attributes(self, node_id: int) -> dict[str, Any]:
@@ -352,7 +352,7 @@ class Graph(Surface, Guarded, IGraph):
 
     def weights(self, weight: str | None = "length") -> FloatArray:
         """Return the weight of each edge, (edges,) in insertion order."""
-        return edge_weights(self._store.columns(), weight)
+        return find_edge_weights(self._store.columns(), weight)
 
     @property
     def routes(self) -> RouteQueries:
@@ -407,7 +407,7 @@ class Graph(Surface, Guarded, IGraph):
             return self._queries.distances_with_turns(source, target, weight, cutoff, turns)
         return self._routes.distances(source, target, weight, cutoff)
 
-    def _routes_now(self) -> CachedRoutes:
+    def _get_routes(self) -> CachedRoutes:
         return self._routes
 
     # -- coordinates --------------------------------------------------------------------------------------------
@@ -448,7 +448,7 @@ class Graph(Surface, Guarded, IGraph):
 
     # -- bulk operations ----------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_nodes(self, ids: "ArrayLike", x: "ArrayLike", y: "ArrayLike") -> None:
         """Add many nodes at once.
 
@@ -460,13 +460,13 @@ class Graph(Surface, Guarded, IGraph):
         Raises:
             DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed.
         """
-        new_ids = records.id_array(ids, "ids")
-        xy = np.column_stack([records.number_array(axis, len(new_ids), name) for axis, name in ((x, "x"), (y, "y"))])
+        new_ids = records.check_ids(ids, "ids")
+        xy = np.column_stack([records.check_numbers(axis, len(new_ids), name) for axis, name in ((x, "x"), (y, "y"))])
         self._store.own()
         self._store.nodes.extend(new_ids, xy=xy)
         self._store.rows_added()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_edges(
         self, ids: "ArrayLike", sources: "ArrayLike", targets: "ArrayLike", lengths: "ArrayLike | None" = None
     ) -> None:
@@ -482,7 +482,7 @@ class Graph(Surface, Guarded, IGraph):
             UnknownName, DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed.
         """
         self._store.own()
-        self._store.edges.extend(**records.checked_edges(self._store.nodes, ids, sources, targets, lengths))
+        self._store.edges.extend(**records.check_edges(self._store.nodes, ids, sources, targets, lengths))
         self._store.rows_added()
 
     def columns(self) -> GraphColumns:
@@ -492,17 +492,17 @@ class Graph(Surface, Guarded, IGraph):
             return columns
         shown = self._shown
         if shown is None or shown.revision != columns.revision:
-            parts = {field.name: frozen(getattr(columns, field.name)) for field in fields(columns)}
+            parts = {field.name: freeze(getattr(columns, field.name)) for field in fields(columns)}
             shown = GraphColumns(**parts)
             self._shown = shown
         return shown
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def clear(self) -> None:
         """Remove every node and edge."""
         self._store.clear()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> "Graph":  # noqa: N803 - published name
         """Add a networkx graph, or the map of a recording, to the current graph; on an error nothing is added."""
         if not isinstance(G, IGraphSource):
@@ -530,15 +530,15 @@ class Graph(Surface, Guarded, IGraph):
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _rows(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> IntArray:
-        return self._store.nodes.index.rows(records.id_array(node_ids, "node_ids", self._store), "node")
+    def _find_rows(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> IntArray:
+        return self._store.nodes.index.rows(records.check_ids(node_ids, "node_ids", self._store), "node")
 
-    def _rows_near(self, x: float, y: float, radius: float) -> IntArray:
+    def _find_rows_near(self, x: float, y: float, radius: float) -> IntArray:
         radius = as_range(radius, "The radius")
         store = self._store
         return store.nodes.living() if radius == inf else store.indexes.nodes_within(x, y, radius)
 
-    def _among(self, rows: IntArray) -> Surroundings:
+    def _make_surroundings(self, rows: IntArray) -> Surroundings:
         indexes = self._store.indexes
         nodes = {node[0]: node for node in indexes.node_values(rows)}
         return Surroundings(nodes, indexes.edge_values(indexes.edges_among(rows)))
@@ -556,6 +556,6 @@ class Graph(Surface, Guarded, IGraph):
             raise UnknownName(f"node at the end of edge {id}:", source if ends[0] < 0 else target)
         return ends
 
-    def _straight(self, source: int, target: int) -> tuple[float, float, float, float]:
+    def _find_straight_line(self, source: int, target: int) -> tuple[float, float, float, float]:
         xy = self._store.nodes.xy
         return (xy[2 * source], xy[2 * source + 1], xy[2 * target], xy[2 * target + 1])

@@ -73,10 +73,10 @@ class NodeGrid:
         """
         # NOTE: first in plain Python; NumPy takes ten times as long for so few nodes (benchmarks: flyers).
         for reach in _REACHES:
-            found, square = self._nearest_around(x, y, reach)
+            found, square = self._find_nearest_around(x, y, reach)
             if square == 0.0 or _LEAST**2 < square < min((reach - 0.1) * self._cells.size, _MOST) ** 2:
                 return found
-        return self._nearest_of(self._nodes.living(), x, y)
+        return self._find_nearest(self._nodes.living(), x, y)
 
     def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
         """Return the nearest row for each of several places, (places,); see `nearest`."""
@@ -87,13 +87,13 @@ class NodeGrid:
             parts = kernels.candidates_of_each(self._cells, x[open_], y[open_], d) if d < _MOST and len(open_) else None
             for begin, end, at, rows in parts or ():
                 places = open_[begin:end]
-                which, row = self._first_near(x[places], y[places], (at, rows), d * _SURE)
+                which, row = self._find_first_near(x[places], y[places], (at, rows), d * _SURE)
                 found[places[which]] = row
             open_ = np.flatnonzero(found < 0)
         found[open_] = [self.nearest(*place) for place in zip(x[open_].tolist(), y[open_].tolist(), strict=True)]
         return found
 
-    def _first_near(
+    def _find_first_near(
         self, x: FloatArray, y: FloatArray, pairs: tuple[IntArray, IntArray], d: float
     ) -> tuple[IntArray, IntArray]:
         """Return indices of places and their nearest living rows, if these are certainly closer than d.
@@ -122,7 +122,7 @@ class NodeGrid:
         is_sure = least < d * d
         return at[begins[is_sure]], row[is_sure]
 
-    def _nearest_around(self, x: float, y: float, reach: int) -> tuple[int, float]:
+    def _find_nearest_around(self, x: float, y: float, reach: int) -> tuple[int, float]:
         """Return the first living row at the least distance from (x, y) in the cells around it, and the square."""
         xy = self._nodes.xy
         alive = self._nodes.alive
@@ -139,7 +139,7 @@ class NodeGrid:
                 found = row
         return found, least
 
-    def _nearest_of(self, rows: IntArray, x: float, y: float) -> int:
+    def _find_nearest(self, rows: IntArray, x: float, y: float) -> int:
         """Return the row nearest to (x, y), the first of equals."""
         with np.errstate(over="ignore", under="ignore"):  # an infinite distance is a valid result
             dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
@@ -247,13 +247,13 @@ class RowValueCache:
         is_made[rows[rows < len(is_made)]] = False
 
 
-def node_values(nodes: NodeTable, rows: RowArray) -> list[Node]:
+def make_node_values(nodes: NodeTable, rows: RowArray) -> list[Node]:
     """Return the values of node rows."""
     xy = nodes.array("xy")[rows]
     return list(map(_node, zip(nodes.array("ids")[rows].tolist(), xy[:, 0].tolist(), xy[:, 1].tolist(), strict=True)))
 
 
-def edge_values(
+def make_edge_values(
     edges: EdgeTable, nodes: NodeTable, rows: RowArray, take_nodes: Callable[[RowArray], list[Node]]
 ) -> list[OSMEdge]:
     """Return the values of edge rows; use `take_nodes` for node rows."""
@@ -280,31 +280,31 @@ class Indexes:
         self._edges = edges
         self._grid: NodeGrid | None = None
         self._by_end: dict[str, Adjacency] = {}
-        self._node_values = RowValueCache(lambda rows: node_values(nodes, rows))
-        self._edge_values = RowValueCache(lambda rows: edge_values(edges, nodes, rows, self.node_values))
+        self._node_values = RowValueCache(lambda rows: make_node_values(nodes, rows))
+        self._edge_values = RowValueCache(lambda rows: make_edge_values(edges, nodes, rows, self.node_values))
 
     # -- queries ------------------------------------------------------------------------------------------------
 
     def nodes_within(self, x: float, y: float, d: float) -> IntArray:
         """Return the node rows with distance <= d to (x, y), ascending."""
         # A NumPy float32 would exclude nodes at distance d by rounding.
-        return self._node_grid().within(float(x), float(y), float(d))
+        return self._get_node_grid().within(float(x), float(y), float(d))
 
     def nearest(self, x: float, y: float) -> int:
         """Return the node row nearest to (x, y), the first of several; the graph must have a node."""
-        return self._node_grid().nearest(x, y)
+        return self._get_node_grid().nearest(x, y)
 
     def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
         """Return the nearest node row for each of several places, (places,); the graph must have a node."""
-        return self._node_grid().nearest_each(x, y)
+        return self._get_node_grid().nearest_each(x, y)
 
     def edges_at(self, nodes: IntArray) -> IntArray:
         """Return the edge rows with at least one end among the node rows, ascending."""
-        return np.union1d(self._adjacency("sources").at(nodes), self._adjacency("targets").at(nodes))
+        return np.union1d(self._get_adjacency("sources").at(nodes), self._get_adjacency("targets").at(nodes))
 
     def edges_among(self, nodes: IntArray) -> IntArray:
         """Return the rows of the edges with both ends among the node rows, in insertion order."""
-        rows = self._adjacency("sources").at(nodes)
+        rows = self._get_adjacency("sources").at(nodes)
         is_seen = np.zeros(self._nodes.count, np.bool_)
         is_seen[nodes] = True
         among: IntArray = rows[is_seen[self._edges.array("targets")[rows]]]
@@ -347,7 +347,7 @@ class Indexes:
         row = self._nodes.index.row(id)
         if row < 0:
             raise UnknownName("node", id, self._nodes.ids)
-        edges = self._adjacency("sources").at_one(row)
+        edges = self._get_adjacency("sources").at_one(row)
         ids = self._nodes.ids
         targets = self._edges.targets
         return [ids[targets[edge]] for edge in edges]
@@ -355,7 +355,7 @@ class Indexes:
     def targets_of_each(self, nodes: Sequence[int]) -> list[list[int]]:
         """Return the targets of the edges leaving each of several node rows, (nodes,) unique, as `targets`."""
         rows = np.array(nodes, np.int64)
-        edges = self._adjacency("sources").at(rows)
+        edges = self._get_adjacency("sources").at(rows)
         sources = self._edges.array("sources")[edges]
         by_source = np.argsort(sources, kind="stable")
         targets = self._edges.array("targets")[edges[by_source]]
@@ -405,13 +405,13 @@ class Indexes:
             adjacency.note_changed()
         self.forget(self._nodes.ids[ends[0]])
 
-    def _node_grid(self) -> NodeGrid:
+    def _get_node_grid(self) -> NodeGrid:
         if self._grid is None or self._grid.is_outdated:
             self._grid = NodeGrid(self._nodes)
             self.is_built = True
         return self._grid
 
-    def _adjacency(self, end: str) -> Adjacency:
+    def _get_adjacency(self, end: str) -> Adjacency:
         adjacency = self._by_end.get(end)
         if adjacency is None or adjacency.is_outdated:
             adjacency = Adjacency(self._edges, end, self._nodes.count)

@@ -16,14 +16,14 @@ import numpy as np
 
 from gamms.arguments import as_int, as_items, as_known, as_range, as_target
 from gamms.errors import BadValue, UnknownName, UnknownType
-from gamms.folders import whole_file
+from gamms.folders import open_whole_file
 from gamms.graph import positions
 from gamms.graph.graph import Graph
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_id
 from gamms.text import shown
 from gamms.typing.context import IContext
-from gamms.typing.on_edges import line_along
+from gamms.typing.on_edges import cut_line
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon, Polygon
@@ -63,7 +63,7 @@ class Isochrone(NamedTuple):
     @property
     def rings(self) -> list[list[FloatArray]]:
         """The rings (corners + 1, 2) of each polygon: the outer one counter-clockwise, then the holes clockwise."""
-        return [[ring[::-1] for ring in geometry.rings_of(one)] for one in geometry.polygons_in(self.polygon)]
+        return [[ring[::-1] for ring in geometry.list_rings(one)] for one in geometry.list_polygons(self.polygon)]
 
 
 class Isochrones(Sequence[Isochrone]):
@@ -113,7 +113,7 @@ class Isochrones(Sequence[Isochrone]):
             )
         features = []
         for one in self._found:
-            coordinates = [[self._to_degrees(ring) for ring in rings] for rings in one.rings]
+            coordinates = [[self._convert_to_degrees(ring) for ring in rings] for rings in one.rings]
             about = {"limit": one.limit, "weight": self.weight}
             shape = {"type": "MultiPolygon", "coordinates": coordinates}
             features.append({"type": "Feature", "properties": about, "geometry": shape})
@@ -132,7 +132,7 @@ class Isochrones(Sequence[Isochrone]):
         if target.suffix.lower() != ".geojson":
             raise UnknownType(f"Isochrones are written as .geojson, not as {target.suffix or target.name!r}.")
         text = json.dumps(self.to_geojson(), allow_nan=False)
-        with whole_file(target, through_links=True) as beside:
+        with open_whole_file(target, through_links=True) as beside:
             beside.write_text(text, encoding="utf-8")
         return target
 
@@ -146,11 +146,11 @@ class Isochrones(Sequence[Isochrone]):
         red, green, blue = data.get("color", _COLOR)[:3]
         for one in sorted(self._found, key=lambda one: -one.limit):
             for rings in one.rings:
-                ctx.visual.render_polygon(geometry.seamed(rings).tolist(), (red, green, blue, 60))
+                ctx.visual.render_polygon(geometry.seam_rings(rings).tolist(), (red, green, blue, 60))
                 for ring in rings:
                     ctx.visual.render_polygon(ring.tolist(), (red, green, blue, 200), width=1)
 
-    def _to_degrees(self, ring: FloatArray) -> list[list[float]]:
+    def _convert_to_degrees(self, ring: FloatArray) -> list[list[float]]:
         lat, lon = positions.to_latlon(self.crs, ring[:, 0], ring[:, 1])
         return np.column_stack((lon, lat)).round(_DECIMALS).tolist()  # type: ignore[no-any-return] # two levels of lists
 
@@ -179,18 +179,18 @@ def find_isochrones(
         )
     columns = graph.columns()
     weights = graph.routes.weights(weight)
-    starts = _starts_on(columns, source) if isinstance(source, Mapping) else []
+    starts = _find_starts(columns, source) if isinstance(source, Mapping) else []
     far = np.full(len(columns.node_ids), inf)
     if starts:
         for one in starts:
             left = (1.0 - one.share) * float(weights[one.row])
             _take_least(far, graph, int(columns.targets[one.row]), left, max(reach), weight)
-        at = _point_on(columns, starts[0].row, starts[0].share)
+        at = _find_point(columns, starts[0].row, starts[0].share)
     else:
         row = int(graph.routes.rows(as_node_id(source, "source", graph))[0])
         _take_least(far, graph, row, 0.0, max(reach), weight)
         at = columns.xy[row]
-    found = [_isochrone_of(columns, weights, far, starts, at, limit, radius) for limit in reach]
+    found = [_make_isochrone(columns, weights, far, starts, at, limit, radius) for limit in reach]
     return Isochrones(found, weight, columns.crs, attribution)
 
 
@@ -215,7 +215,7 @@ def refuse_closed_edge(whole: Graph, usable: Graph, source: Source, mode: object
         )
 
 
-def _starts_on(columns: GraphColumns, source: Mapping[str, Any]) -> list[_Start]:
+def _find_starts(columns: GraphColumns, source: Mapping[str, Any]) -> list[_Start]:
     """Return a place on an edge, and the same place on the edge of the opposite direction if there is one."""
     for key in source:
         as_known(key, "key of a place on an edge", ("edge", "share"))
@@ -245,7 +245,7 @@ def _take_least(far: FloatArray, graph: Graph, row: int, before: float, limit: f
     np.minimum.at(far, rows, before + np.fromiter(costs.values(), float, len(costs)))
 
 
-def _isochrone_of(
+def _make_isochrone(
     columns: GraphColumns,
     weights: FloatArray,
     far: FloatArray,
@@ -267,10 +267,10 @@ def _isochrone_of(
     """
     left = limit - far[columns.sources]
     rows = np.flatnonzero((left >= 0.0) & np.isfinite(weights))
-    reached = dict(zip(rows.tolist(), _shares(left[rows], weights[rows]).tolist(), strict=True))
+    reached = dict(zip(rows.tolist(), _compute_shares(left[rows], weights[rows]).tolist(), strict=True))
     spans = {row: [(0.0, share)] for row, share in reached.items() if share > 0.0}
     for one in starts:
-        more = float(_shares(np.array([limit]), weights[[one.row]])[0])
+        more = float(_compute_shares(np.array([limit]), weights[[one.row]])[0])
         last = min(1.0, one.share + more)
         before = reached.get(one.row, 0.0)
         if one.share <= before:
@@ -282,7 +282,7 @@ def _isochrone_of(
     ends = []
     for row in sorted(spans):
         for begin, end in spans[row]:
-            line = _line_on(columns, row, begin, end)
+            line = _cut_edge(columns, row, begin, end)
             parts.append(EdgePart(int(columns.edge_ids[row]), begin, end))
             lines.append(line)
             if end < 1.0:
@@ -291,27 +291,27 @@ def _isochrone_of(
     return Isochrone(limit, polygon, parts, lines, np.array(ends, float).reshape(-1, 2))
 
 
-def _shares(left: FloatArray, weights: FloatArray) -> FloatArray:
+def _compute_shares(left: FloatArray, weights: FloatArray) -> FloatArray:
     """Return the shares of edges that the rest of the limit pays for; all of an edge that costs nothing."""
     shares = np.ones(len(left))
     np.divide(left, weights, out=shares, where=weights > left)
     return shares
 
 
-def _line_on(columns: GraphColumns, row: int, begin: float, end: float) -> FloatArray:
+def _cut_edge(columns: GraphColumns, row: int, begin: float, end: float) -> FloatArray:
     """Return the part of an edge between two shares, (points, 2)."""
-    points = _points_of(columns, row)
+    points = _list_points(columns, row)
     if (begin, end) == (0.0, 1.0):
         return points
-    found: FloatArray = np.array([place[1:] for place in line_along(points.ravel().tolist(), begin, end)])
+    found: FloatArray = np.array([place[1:] for place in cut_line(points.ravel().tolist(), begin, end)])
     return found
 
 
-def _point_on(columns: GraphColumns, row: int, share: float) -> FloatArray:
-    place: FloatArray = _line_on(columns, row, share, share)[0]
+def _find_point(columns: GraphColumns, row: int, share: float) -> FloatArray:
+    place: FloatArray = _cut_edge(columns, row, share, share)[0]
     return place
 
 
-def _points_of(columns: GraphColumns, row: int) -> FloatArray:
+def _list_points(columns: GraphColumns, row: int) -> FloatArray:
     ends: IntArray = np.array([columns.sources[row], columns.targets[row]])
     return columns.polylines.get(row, columns.xy[ends])

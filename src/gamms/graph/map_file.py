@@ -22,17 +22,17 @@ from gamms.arguments import as_path, as_target, refuse_suffix
 from gamms.errors import BadFile, BadValue, GammsError, MissingFile, WriteConflict
 from gamms.folders import write_whole
 from gamms.graph import records
-from gamms.graph.obstacles import Obstacles, checked_face
+from gamms.graph.obstacles import Obstacles, check_face
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
-from gamms.ir.geometry import points_of
+from gamms.ir.geometry import read_points
 from gamms.ir.graph import ClosedEdges, CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.packing import Array
-from gamms.ir.scenery import Scenery, no_scenery
+from gamms.ir.scenery import Scenery, make_empty_scenery
 from gamms.limits import MemoryBudget
-from gamms.plain import Plain, is_plain, why_not_plain
+from gamms.plain import Plain, describe_flaw, is_plain
 from gamms.text import shown
 from gamms.typing.graph_engine import ObsFace
 from gamms.typing.map_storage import LeftOut
@@ -58,7 +58,7 @@ class SavedMap(NamedTuple):
     closed: ClosedEdges
 
 
-def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
+def select_savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
     """Return the columns without attributes that are not plain data, and the names of these attributes."""
     columns = contents.columns
     left_out = LeftOut()
@@ -81,7 +81,7 @@ def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
     return contents._replace(columns=columns, closed=closed), left_out
 
 
-def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
+def encode_attribute(value: Plain, kind: str, name: str) -> bytes:
     """Return an attribute value as bytes; equal values give equal bytes.
 
     Args:
@@ -92,7 +92,7 @@ def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
     Raises:
         BadValue: not a plain value.
     """
-    if flaw := why_not_plain(value):
+    if flaw := describe_flaw(value):
         raise BadValue(
             f"{kind} attribute {name!r} cannot be saved: {shown(value)} (it{flaw}). Only None, bool, int, float, str, "
             f"bytes, arrays of numbers, and list, tuple, set and dict of these can be saved; convert it, or remove the "
@@ -101,7 +101,7 @@ def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
     return packing.to_bytes(value, f"{kind} attribute {name!r}")
 
 
-def checked_columns(
+def check_columns(
     arrays: dict[str, Array],
     polylines: Polylines,
     attributes: tuple[_Attributes, _Attributes],
@@ -207,14 +207,14 @@ def load(path: str | os.PathLike[str]) -> SavedMap:
 
 
 @lru_cache(maxsize=4)
-def scenery_called(name: str | None) -> Scenery:
+def load_scenery(name: str | None) -> Scenery:
     """Return a base map included in GAMMS by name; an empty one for unknown names."""
     if name not in _SCENERIES:
-        return no_scenery()
+        return make_empty_scenery()
     contents = load(_SCENERIES[name])
     buildings = Obstacles()
     buildings.replace(contents.faces)
-    base = contents.scenery if isinstance(contents.scenery, Scenery) else no_scenery()
+    base = contents.scenery if isinstance(contents.scenery, Scenery) else make_empty_scenery()
     return replace(base, buildings=buildings.columns())
 
 
@@ -228,13 +228,13 @@ def encode(contents: SavedMap) -> bytes:
     state = {
         "crs": graph.crs,
         "attribution": contents.attribution,
-        **_scenery_state(contents.scenery),
-        **({"closed": _closed_of(contents.closed)} if contents.closed else {}),
-        **_arrays_of(contents),
-        "node_attributes": _columns_of(graph.node_attributes, "Node"),
-        "edge_attributes": _columns_of(graph.edge_attributes, "Edge"),
+        **_write_scenery(contents.scenery),
+        **({"closed": _list_closed(contents.closed)} if contents.closed else {}),
+        **_list_arrays(contents),
+        "node_attributes": _make_columns(graph.node_attributes, "Node"),
+        "edge_attributes": _make_columns(graph.edge_attributes, "Edge"),
     }
-    return framed(state, MAGIC, VERSION)
+    return frame_file(state, MAGIC, VERSION)
 
 
 def decode(data: bytes) -> SavedMap:
@@ -243,27 +243,27 @@ def decode(data: bytes) -> SavedMap:
     Raises:
         BadFile: see `load`.
     """
-    with reporting_damage():
-        state = unframed(data, MAGIC, VERSION)
-        arrays, others = ({name: _array_of(state, name) for name in names} for names in (_GRAPH, _OTHERS))
-        attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
+    with report_damage():
+        state = unframe_file(data, MAGIC, VERSION)
+        arrays, others = ({name: _read_array(state, name) for name in names} for names in (_GRAPH, _OTHERS))
+        attributes = _read_attributes(state["node_attributes"]), _read_attributes(state["edge_attributes"])
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
-        graph = checked_columns(arrays, _polylines_of(others), attributes, crs)
-        closed = {edge["id"]: edge for edge in map(_checked_edge, state.get("closed", ()))}
-        return SavedMap(graph, list(_faces_of(others)), attribution, _scenery_of(state), closed)
+        graph = check_columns(arrays, _read_polylines(others), attributes, crs)
+        closed = {edge["id"]: edge for edge in map(_check_edge, state.get("closed", ()))}
+        return SavedMap(graph, list(_read_faces(others)), attribution, _read_scenery(state), closed)
 
 
 # -- files of columns and plain values ----------------------------------------------------------------------------
 
 
-def framed(state: dict[str, Plain], magic: bytes, version: int) -> bytes:
+def frame_file(state: dict[str, Plain], magic: bytes, version: int) -> bytes:
     """Return a dict of arrays and plain values as the bytes of a file that begins with `magic`."""
     body = packing.pack(state, "A file")
     return _HEAD.pack(magic, version, len(body), zlib.crc32(body)) + body
 
 
-def unframed(data: bytes, magic: bytes, version: int) -> dict[str, Plain]:
-    """Return the contents of a file framed by `framed`.
+def unframe_file(data: bytes, magic: bytes, version: int) -> dict[str, Plain]:
+    """Return the contents of a file framed by `frame_file`.
 
     Raises:
         BadFile: the bytes are not such a file.
@@ -285,7 +285,7 @@ def unframed(data: bytes, magic: bytes, version: int) -> dict[str, Plain]:
 
 
 @contextmanager
-def reporting_damage() -> Iterator[None]:
+def report_damage() -> Iterator[None]:
     """Turn errors about the contents of a file into `BadFile`."""
     try:
         yield
@@ -298,10 +298,10 @@ def reporting_damage() -> Iterator[None]:
 # -- contents <-> columns ---------------------------------------------------------------------------------------
 
 
-def _arrays_of(contents: SavedMap) -> dict[str, Array]:
+def _list_arrays(contents: SavedMap) -> dict[str, Array]:
     graph = contents.columns
     faces = contents.faces
-    rows, sizes, points = _bends_of(graph.polylines)
+    rows, sizes, points = _list_bends(graph.polylines)
     return {
         **{name: getattr(graph, name) for name in _GRAPH},
         "bend_rows": rows,
@@ -313,7 +313,7 @@ def _arrays_of(contents: SavedMap) -> dict[str, Array]:
     }
 
 
-def _bends_of(polylines: Mapping[int, FloatArray]) -> tuple[IntArray, IntArray, FloatArray]:
+def _list_bends(polylines: Mapping[int, FloatArray]) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the edge rows, ascending, the number of points of each polyline, and the points of all polylines."""
     if isinstance(polylines, Polylines):
         _, taken = kernels.expand_ranges(polylines.starts, polylines.ends)
@@ -324,14 +324,14 @@ def _bends_of(polylines: Mapping[int, FloatArray]) -> tuple[IntArray, IntArray, 
     return np.array(rows, np.int64), np.array(sizes, np.int64), np.concatenate([np.zeros((0, 2)), *shapes])
 
 
-def _closed_of(closed: ClosedEdges) -> list[Plain]:
+def _list_closed(closed: ClosedEdges) -> list[Plain]:
     for edge in closed.values():
         for name, value in edge.items():
-            attribute_bytes(value, "Edge", name)
+            encode_attribute(value, "Edge", name)
     return [dict(edge) for edge in closed.values()]
 
 
-def _checked_edge(edge: Plain) -> dict[str, Any]:
+def _check_edge(edge: Plain) -> dict[str, Any]:
     """Check a closed edge as far as possible without the graph; `open_roads` checks the rest."""
     id = records.as_id(edge["id"], "an edge")
     line = edge.get("linestring")
@@ -339,11 +339,11 @@ def _checked_edge(edge: Plain) -> dict[str, Any]:
     for end in ("source", "target"):
         records.as_id(edge[end], "a node")
     if line is not None:
-        edge["linestring"] = points_of(line, f"The linestring of edge {id}")
+        edge["linestring"] = read_points(line, f"The linestring of edge {id}")
     return records.extras(edge, frozenset()) if type(edge) is dict else {}
 
 
-def _array_of(state: dict[str, Plain], name: str) -> Array:
+def _read_array(state: dict[str, Plain], name: str) -> Array:
     array = state[name]
     is_float = name in ("xy", "lengths", "bend_points", "face_corners", "points")
     if not isinstance(array, np.ndarray) or array.dtype != (np.float64 if is_float else np.int64):
@@ -351,19 +351,19 @@ def _array_of(state: dict[str, Plain], name: str) -> Array:
     return array
 
 
-def _columns_of(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> dict[str, list[Plain]]:
+def _make_columns(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> dict[str, list[Plain]]:
     """Return for each attribute the rows that have it, the index of the value of each row, and the distinct values."""
     columns: dict[str, list[Plain]] = {}
     for name, by_row in sorted(attributes.items()):
-        rows, codes, values = _coded(by_row)
-        keys = _keys_of(values, kind, name)
+        rows, codes, values = _code_values(by_row)
+        keys = _make_keys(values, kind, name)
         value_of = dict(zip(keys, values, strict=True))
         code_of = {key: code for code, key in enumerate(value_of)}
         columns[name] = [rows, np.array([code_of[key] for key in keys], np.int64)[codes], [*value_of.values()]]
     return columns
 
 
-def _coded(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]]:
+def _code_values(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]]:
     """Return the rows, ascending, the index of the value of each, and the distinct values by first appearance."""
     if isinstance(by_row, CodedValues):
         codes, firsts = kernels.first_seen(by_row.codes)
@@ -372,7 +372,7 @@ def _coded(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]
     return np.array(rows, np.int64), np.arange(len(rows)), [by_row[row] for row in rows]
 
 
-def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
+def _make_keys(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
     """Return keys that are equal if and only if the values have equal bytes."""
     # NOTE: a city has a million values of a few kinds, often one object for many edges (benchmarks: Files).
     kinds = set(map(type, values))
@@ -382,11 +382,11 @@ def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
     if len(kinds) == 1 and kinds <= _SIMPLE:
         return values
     objects = {id(value): value for value in values}
-    written = {key: attribute_bytes(value, kind, name) for key, value in objects.items()}
+    written = {key: encode_attribute(value, kind, name) for key, value in objects.items()}
     return [written[id(value)] for value in values]
 
 
-def _attributes_of(columns: Plain) -> _Attributes:
+def _read_attributes(columns: Plain) -> _Attributes:
     """Return attributes by name; rows with equal values share one object."""
     found: _Attributes = {}
     for name, (rows, codes, values) in columns.items():
@@ -400,7 +400,7 @@ def _attributes_of(columns: Plain) -> _Attributes:
     return found
 
 
-def _polylines_of(columns: dict[str, Array]) -> Polylines:
+def _read_polylines(columns: dict[str, Array]) -> Polylines:
     rows, sizes, points = (columns[name] for name in ("bend_rows", "bend_sizes", "bend_points"))
     if not rows.ndim == sizes.ndim == 1 or len(rows) != len(sizes) or not _are_ascending(rows):
         raise BadFile("the polylines are damaged")
@@ -417,24 +417,24 @@ def _are_ascending(rows: IntArray) -> bool:
     return bool((rows[1:] > rows[:-1]).all())
 
 
-def _faces_of(columns: dict[str, Array]) -> Iterable[ObsFace]:
+def _read_faces(columns: dict[str, Array]) -> Iterable[ObsFace]:
     corners = columns["face_corners"].reshape(-1, 4, 3).tolist()
     ids = columns["face_ids"].tolist()
     types = columns["face_types"].tolist()
     if len(set(ids)) < len(ids):
         raise BadFile("an obstacle face occurs twice")
     for id, type, (tr, tl, br, bl) in zip(ids, types, corners, strict=True):
-        yield checked_face(id, tr, tl, br, bl, type)
+        yield check_face(id, tr, tl, br, bl, type)
 
 
-def _scenery_state(scenery: str | Scenery | None) -> dict[str, Plain]:
+def _write_scenery(scenery: str | Scenery | None) -> dict[str, Plain]:
     """Return the base map as a file stores it: its name, or its columns."""
     if not isinstance(scenery, Scenery):
         return {} if scenery is None else {"scenery": scenery}
-    return {"base_map": base_map_of(scenery)}
+    return {"base_map": pack_base_map(scenery)}
 
 
-def base_map_of(scenery: Scenery) -> dict[str, Plain]:
+def pack_base_map(scenery: Scenery) -> dict[str, Plain]:
     """Return the columns of a base map, as stored in a file."""
     return {
         "kinds": scenery.kinds,
@@ -445,12 +445,12 @@ def base_map_of(scenery: Scenery) -> dict[str, Plain]:
     }
 
 
-def _scenery_of(state: dict[str, Plain]) -> str | Scenery | None:
+def _read_scenery(state: dict[str, Plain]) -> str | Scenery | None:
     columns = state.get("base_map")
     if columns is None:
         return records.as_text(state.get("scenery"), "scenery")
     kinds, sizes, points, types, corners = (
-        _array_of(columns, name) for name in ("kinds", "sizes", "points", "face_types", "face_corners")
+        _read_array(columns, name) for name in ("kinds", "sizes", "points", "face_types", "face_corners")
     )
     if len(sizes) and not 0 <= int(sizes.min()) <= int(sizes.max()) <= len(points):
         raise BadFile("the scenery is damaged")
@@ -508,7 +508,7 @@ class MapDatabase:
             BadFile: the contents of the file are damaged.
         """
         try:
-            row = self._row()
+            row = self._read_row()
             contents = decode(row["map"]) if row["saves"] else SavedMap(GraphStore().columns(), [], None, None, {})
             self._saves = row["saves"]
         except (GammsError, TypeError) as error:
@@ -526,7 +526,7 @@ class MapDatabase:
         """
         data = encode(contents)
         with self._store.transaction():
-            saves = self._row()["saves"]
+            saves = self._read_row()["saves"]
             if saves != self._saves:
                 raise WriteConflict(
                     f"Another program has saved to {self.path} since this context read it, and saving now would undo "
@@ -537,7 +537,7 @@ class MapDatabase:
             write(_MAP, {"id": _KEY, "saves": saves + 1, "map": data})
         self._saves += 1
 
-    def _row(self) -> Row:
+    def _read_row(self) -> Row:
         keys = list(self._store.query_keys(_MAP))  # in a truncated file, the key index may be missing
         if not keys:
             return {"id": _KEY, "saves": 0, "map": b""}

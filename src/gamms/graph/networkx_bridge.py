@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_int, as_positive, index_of, names_keywords
+from gamms.arguments import as_int, as_positive, convert_index, explain_call_errors
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
-from gamms.graph.export import plain_cell, shapes_of, wkt_of
+from gamms.graph.export import format_wkt, list_shapes, make_plain_cell
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import CONTAINERS, own
 from gamms.ir import geometry
 from gamms.ir.graph import LABEL, FloatArray, GraphColumns, IntArray
-from gamms.ir.projection import scale_fault, text_of
+from gamms.ir.projection import format_crs, scale_fault
 from gamms.limits import GarbagePause, refuse_above
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
@@ -77,7 +77,7 @@ def export(
     about = {"crs": columns.crs, "attribution": attribution}
     exported.graph.update({key: value for key, value in about.items() if value})
     nodes = [{"x": x, "y": y} for x, y in columns.xy.tolist()]
-    lines = list(map(wkt_of, shapes_of(columns))) if plain else _lines(columns)
+    lines = list(map(format_wkt, list_shapes(columns))) if plain else _make_lines(columns)
     edges: list[dict[str, Any]] = [
         {"id": id, "length": length, "linestring": line}
         for id, length, line in zip(columns.edge_ids.tolist(), columns.lengths.tolist(), lines, strict=True)
@@ -87,7 +87,7 @@ def export(
             for row, value in values.items():
                 if not plain:
                     rows[row][name] = own(value)
-                elif (cell := plain_cell(value)) is not None:
+                elif (cell := make_plain_cell(value)) is not None:
                     rows[row][name] = cell
     exported.add_nodes_from(zip(ids, nodes, strict=True))
     keys = [columns.edge_ids.tolist()] if is_multi else []
@@ -95,13 +95,13 @@ def export(
     return exported  # type: ignore[no-any-return] # one of two classes
 
 
-def _lines(columns: GraphColumns) -> "list[LineString]":
-    shapes = shapes_of(columns)
+def _make_lines(columns: GraphColumns) -> "list[LineString]":
+    shapes = list_shapes(columns)
     rows = np.repeat(np.arange(len(shapes)), [len(shape) for shape in shapes])
-    return geometry.line_strings(np.concatenate([np.zeros((0, 2)), *shapes]), rows)
+    return geometry.make_line_strings(np.concatenate([np.zeros((0, 2)), *shapes]), rows)
 
 
-@names_keywords
+@explain_call_errors
 def grid(rows: int, columns: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
     """Return a street grid; neighbors in a row or column are connected in both directions.
 
@@ -117,7 +117,7 @@ def grid(rows: int, columns: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
         BadValue (ValueError), BadType (TypeError): a number is invalid.
         TooLarge (BadValue): it would exceed the memory limit.
     """
-    _refuse_too_many(_side(rows, "rows"), _side(columns, "columns"), _NETWORKX_BYTES)
+    _refuse_too_many(_check_side(rows, "rows"), _check_side(columns, "columns"), _NETWORKX_BYTES)
     arrays, _ = Grid(rows, columns, spacing).as_columns()
     import networkx as nx
 
@@ -137,8 +137,8 @@ class Grid(IGraphSource):
     """
 
     def __init__(self, rows: int, columns: int, spacing: float = 10.0) -> None:
-        self._rows = _side(rows, "rows")
-        self._columns = _side(columns, "columns")
+        self._rows = _check_side(rows, "rows")
+        self._columns = _check_side(columns, "columns")
         self._step = as_positive(spacing, "spacing")
         _refuse_too_many(self._rows, self._columns, _NODE_BYTES)
 
@@ -175,7 +175,7 @@ def _refuse_too_many(rows: int, columns: int, node_bytes: int) -> None:
     refuse_above(rows * columns * node_bytes, f"A grid of {rows} x {columns} nodes")
 
 
-def _side(value: int, name: str) -> int:
+def _check_side(value: int, name: str) -> int:
     side = as_int(value, name)
     if side < 1:
         raise BadValue(f"{name} must be at least 1, not {side}.")
@@ -189,25 +189,25 @@ class _NetworkxImport:
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
             raise BadType(f"it must be a networkx graph, not {shown(G)}")
         crs, attribution = (G.graph.get(key) for key in ("crs", "attribution"))
-        self.crs = None if crs is None else records.as_text(text_of(crs), "its crs")
+        self.crs = None if crs is None else records.as_text(format_crs(crs), "its crs")
         self.attribution = None if attribution is None else records.as_text(str(attribution), "its attribution")
         self.node_data = [data for _, data in G.nodes(data=True)]
-        self.id_of = _ids_of_labels(store, list(G.nodes))
-        self.edges = list(G.edges(data=True)) if G.is_directed() else list(_both_directions(G))
+        self.id_of = _find_ids(store, list(G.nodes))
+        self.edges = list(G.edges(data=True)) if G.is_directed() else list(_list_both_directions(G))
         self.edge_data = [data for _, _, data in self.edges]
-        self.edge_ids = _edge_ids(store, [data.get("id") for data in self.edge_data])
+        self.edge_ids = _find_edge_ids(store, [data.get("id") for data in self.edge_data])
 
     def columns(self) -> GraphColumns:
         node_ids = np.fromiter(self.id_of.values(), np.int64, len(self.id_of))
-        xy = np.column_stack([self._axis(axis) for axis in ("x", "y")])
+        xy = np.column_stack([self._read_axis(axis) for axis in ("x", "y")])
         row_of = dict(zip(self.id_of, range(len(node_ids)), strict=True))
         ends = np.array([[row_of[u] for u, _, _ in self.edges], [row_of[v] for _, v, _ in self.edges]], np.int64)
         shapes = ((data.get("linestring"), data.get("geometry")) for data in self.edge_data)
         given = {i: b if a is None else a for i, (a, b) in enumerate(shapes) if a is not None or b is not None}
-        polylines = _bent_polylines(
-            geometry.polylines_of(given, lambda i: f"The linestring of edge {self.edge_ids[i]}"), xy[ends.T]
+        polylines = _select_bent(
+            geometry.read_polylines(given, lambda i: f"The linestring of edge {self.edge_ids[i]}"), xy[ends.T]
         )
-        node_attributes = _by_name(self.node_data, _NODE_COLUMNS)
+        node_attributes = _group_by_name(self.node_data, _NODE_COLUMNS)
         others = {row: label for row, label in enumerate(self.id_of) if _as_label_id(label) is None}
         if others:
             node_attributes.setdefault(LABEL, {}).update(others)
@@ -218,24 +218,24 @@ class _NetworkxImport:
             edge_ids=self.edge_ids,
             sources=ends[0],
             targets=ends[1],
-            lengths=self._lengths(polylines, np.hypot(*(xy[ends[1]] - xy[ends[0]]).T)),
+            lengths=self._find_lengths(polylines, np.hypot(*(xy[ends[1]] - xy[ends[0]]).T)),
             offsets=offsets,
             out_edges=out_edges,
             polylines=polylines,
             node_attributes=node_attributes,
-            edge_attributes=_by_name(self.edge_data, _EDGE_COLUMNS),
+            edge_attributes=_group_by_name(self.edge_data, _EDGE_COLUMNS),
             revision=0,
             crs=self.crs,
         )
 
-    def _axis(self, axis: str) -> FloatArray:
+    def _read_axis(self, axis: str) -> FloatArray:
         given = [data.get(axis, 0.0) for data in self.node_data]
         if set(map(type, given)) <= {float} and np.isfinite(numbers := np.array(given, np.float64)).all():
             return numbers
         ids = self.id_of.values()
         return np.array([records.as_coordinate(one, axis, id) for id, one in zip(ids, given, strict=True)], np.float64)
 
-    def _lengths(self, polylines: dict[int, FloatArray], straight: FloatArray) -> FloatArray:
+    def _find_lengths(self, polylines: dict[int, FloatArray], straight: FloatArray) -> FloatArray:
         """Return the length of every edge: as given, or the length of its polyline or of the straight line."""
         given = [data.get("length") for data in self.edge_data]
         if set(map(type, given)) <= {float}:
@@ -249,7 +249,7 @@ class _NetworkxImport:
         return np.array([records.as_length(length, id) for length, id in zip(given, ids, strict=True)], np.float64)
 
 
-def _bent_polylines(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
+def _select_bent(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
     """Return the polylines that differ from the straight line between the ends (edges, 2, 2) of their edge."""
     pairs = [i for i, shape in shapes.items() if len(shape) == 2]
     if pairs:
@@ -259,7 +259,7 @@ def _bent_polylines(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int
     return shapes
 
 
-def _ids_of_labels(store: GraphStore, labels: list[Hashable]) -> dict[Hashable, int]:
+def _find_ids(store: GraphStore, labels: list[Hashable]) -> dict[Hashable, int]:
     """Use integer labels as ids; give other labels the next free integers."""
     ids = {label: _as_label_id(label) for label in labels}
     if None not in ids.values():
@@ -273,13 +273,13 @@ def _as_label_id(label: Hashable) -> int | None:
     if type(label) is int:
         return label if -(2**63) <= label < 2**63 else None
     try:
-        id = index_of(label)
+        id = convert_index(label)
     except TypeError:
         return None
     return id if -(2**63) <= id < 2**63 else None
 
 
-def _both_directions(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]:  # noqa: N803 - networkx's name
+def _list_both_directions(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]:  # noqa: N803 - networkx's name
     """Yield each edge once per direction; the reverse edge has no id yet and the reversed shape."""
     for u, v, data in G.edges(data=True):
         yield u, v, data
@@ -287,11 +287,11 @@ def _both_directions(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, A
             back = {key: value for key, value in data.items() if key != "id"}
             for key in ("linestring", "geometry"):
                 if back.get(key) is not None:
-                    back[key] = geometry.points_of(back[key], f"The {key} of edge {shown(u)}-{shown(v)}")[::-1]
+                    back[key] = geometry.read_points(back[key], f"The {key} of edge {shown(u)}-{shown(v)}")[::-1]
             yield v, u, back
 
 
-def _edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
+def _find_edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
     ids = [None if id is None else records.as_id(id, "an edge") for id in given]
     if None not in ids:
         return np.array(ids, np.int64)
@@ -299,7 +299,7 @@ def _edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
     return np.array([next(free) if id is None else id for id in ids], np.int64)
 
 
-def _by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:
+def _group_by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:
     """Return the attributes of rows except `ours`, name -> row -> value."""
     columns: defaultdict[Any, dict[int, Any]] = defaultdict(dict)
     for row, data in enumerate(rows):

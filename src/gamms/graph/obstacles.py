@@ -14,12 +14,12 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, DuplicateId
 from gamms.graph import records
 from gamms.graph.records import is_everywhere
-from gamms.graph.tables import SharesTables, Table
+from gamms.graph.tables import Table, TableSharing
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown
 from gamms.typing.graph_values import Corner, ObsFace
-from gamms.typing.obstacles import Faces, face_columns
+from gamms.typing.obstacles import Faces, make_face_columns
 
 _AT_ONCE = 4096  # faces
 _FEW = 256  # number of faces below which they are scanned one by one
@@ -50,7 +50,7 @@ class _FaceTable(Table):
         self.grid: FaceGrid | None = None  # grid of the boxes, once there are many
 
 
-class Obstacles(SharesTables):
+class Obstacles(TableSharing):
     """The faces of one graph, in insertion order."""
 
     def __init__(self) -> None:
@@ -63,11 +63,11 @@ class Obstacles(SharesTables):
     def __iter__(self) -> Iterator[ObsFace]:
         columns = self.columns()
         listed = zip(columns.ids.tolist(), columns.corners.tolist(), columns.types.tolist(), strict=True)
-        return iter([_face(id, corners, type) for id, corners, type in listed])
+        return iter([_make_face(id, corners, type) for id, corners, type in listed])
 
     def columns(self) -> ObstacleColumns:
         """Return all faces as read-only arrays that never change."""
-        return _columns_of(self._written())
+        return _make_columns(self._flush_to_table())
 
     def add(self, face: ObsFace) -> None:
         """Add a face.
@@ -79,7 +79,7 @@ class Obstacles(SharesTables):
         self.add_corners(id, (*tr, *tl, *br, *bl), kind)
 
     def add_corners(self, id: int, corners: tuple[float, ...], kind: int) -> None:
-        """Add a face with these 12 coordinates; see `checked_corners`.
+        """Add a face with these 12 coordinates; see `check_corners`.
 
         Raises:
             DuplicateId (KeyError): the id is taken.
@@ -96,21 +96,21 @@ class Obstacles(SharesTables):
         Raises:
             DuplicateId (KeyError): an id is taken, or occurs twice among the new faces.
         """
-        self._own()
-        _write(self._written(), new)
+        self._copy_shared_table()
+        _write(self._flush_to_table(), new)
         self.revision += 1
 
     def get(self, face_id: int) -> ObsFace:
         """Return a face by id (KeyError)."""
-        table = self._written()
+        table = self._flush_to_table()
         row = table.find(records.as_id(face_id, "an obstacle face"))
         corners = table.array("corners")[row].reshape(4, 3).tolist()
-        return _face(int(table.ids[row]), corners, int(table.array("types")[row]))
+        return _make_face(int(table.ids[row]), corners, int(table.array("types")[row]))
 
     def remove(self, face_id: int) -> None:
         """Remove a face (KeyError)."""
-        self._own()
-        table = self._written()
+        self._copy_shared_table()
+        table = self._flush_to_table()
         row = table.find(records.as_id(face_id, "an obstacle face"))
         table.remove(row)
         table.array("boxes")[row] = np.nan
@@ -121,7 +121,7 @@ class Obstacles(SharesTables):
 
     def replace(self, faces: Iterable[ObsFace]) -> None:
         """Replace all faces by `faces`."""
-        self.put(face_columns(list(faces)))
+        self.put(make_face_columns(list(faces)))
 
     def put(self, columns: ObstacleColumns) -> None:
         """Replace all faces by the faces in these columns."""
@@ -130,10 +130,10 @@ class Obstacles(SharesTables):
 
     def near(self, d: float, x: float, y: float) -> Iterator[int]:
         """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
-        table = self._written()
+        table = self._flush_to_table()
         if is_everywhere(d, x, y):
             return table.iter_ids()
-        rows = self._between((x - d, y - d), (x + d, y + d))
+        rows = self._find_between((x - d, y - d), (x + d, y + d))
         rows.sort()
         low_x, low_y, _, high_x, high_y, _ = table.array("boxes")[rows].T
         hit = (low_x <= x + d) & (high_x >= x - d) & (low_y <= y + d) & (high_y >= y - d)
@@ -143,19 +143,19 @@ class Obstacles(SharesTables):
         """Return whether no face blocks the line from origin (3,) to each target (targets, 3)."""
         if not len(targets) or not len(self):
             return np.ones(len(targets), np.bool_)
-        return kernels.visible(self._corners_around(origin, targets), origin, targets)
+        return kernels.visible(self._find_corners_around(origin, targets), origin, targets)
 
     def visible_from_each(self, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
         """Return a mask (origins, targets) of the requested lines, of at least one, that no face blocks."""
         if not len(self):
             return is_asked
-        corners = self._corners_around(origins[0], np.concatenate((origins, targets)))
+        corners = self._find_corners_around(origins[0], np.concatenate((origins, targets)))
         return kernels.visible_from_each(corners, origins, targets, is_asked)
 
-    def _corners_around(self, origin: FloatArray, targets: FloatArray) -> FloatArray:
+    def _find_corners_around(self, origin: FloatArray, targets: FloatArray) -> FloatArray:
         """Return the corners (faces, 4, 3) of a superset of the faces that may block lines between these places."""
-        table = self._written()
-        rows = self._between(*surroundings(origin, targets))
+        table = self._flush_to_table()
+        rows = self._find_between(*find_surroundings(origin, targets))
         if table.dead:
             rows = rows[table.array("alive")[rows] != 0]
         corners: FloatArray = table.array("corners").take(rows, axis=0).reshape(-1, 4, 3)
@@ -167,7 +167,7 @@ class Obstacles(SharesTables):
         Raises:
             BadValue: the ids would exceed 64 bits.
         """
-        first = max(self._written().iter_ids(), default=-1) + 1
+        first = max(self._flush_to_table().iter_ids(), default=-1) + 1
         if first + count - 1 > _MOST:
             raise BadValue(f"There are no {count} ids after the greatest, {first - 1}. Give ids yourself.")
         return np.arange(first, first + count, dtype=np.int64) if count else np.zeros(0, np.int64)
@@ -181,10 +181,10 @@ class Obstacles(SharesTables):
         self._new: dict[int, int] = {}
         self._new_corners = bytearray()
 
-    def _written(self) -> _FaceTable:
+    def _flush_to_table(self) -> _FaceTable:
         """Move faces that were added one by one to the table, and return the table."""
         if self._new:
-            self._own()
+            self._copy_shared_table()
             count = len(self._new)
             ids = np.fromiter(self._new, np.int64, count)
             types = np.fromiter(self._new.values(), np.int64, count)
@@ -194,7 +194,7 @@ class Obstacles(SharesTables):
             _write(self._faces, ObstacleColumns(ids, corners, types))
         return self._faces
 
-    def _between(self, low: tuple[float, float], high: tuple[float, float]) -> IntArray:
+    def _find_between(self, low: tuple[float, float], high: tuple[float, float]) -> IntArray:
         """Return the rows, unordered, of a superset of the faces whose box meets a rectangle, maybe dead ones too."""
         table = self._faces
         if table.count > _FEW:
@@ -219,19 +219,19 @@ class Obstacles(SharesTables):
     def share(self, other: "Obstacles") -> None:
         """Replace all faces by the faces of another context; both share the table until one of them changes."""
         self._reset()
-        self._faces = other._written()
+        self._faces = other._flush_to_table()
         self.share_with(other)
         self.revision = max(self.revision + 1, other.revision)
 
-    def _own(self) -> None:
+    def _copy_shared_table(self) -> None:
         """Stop sharing the table; called before every change."""
         if self.stop_sharing():
             shared = self._faces
             self._faces = _FaceTable()
-            _write(self._faces, _columns_of(shared))
+            _write(self._faces, _make_columns(shared))
 
 
-def _columns_of(table: _FaceTable) -> ObstacleColumns:
+def _make_columns(table: _FaceTable) -> ObstacleColumns:
     rows = table.living()
     arrays = table.array("ids")[rows], table.array("corners")[rows].reshape(-1, 4, 3), table.array("types")[rows]
     for array in arrays:
@@ -283,7 +283,7 @@ class FaceGrid:
         return np.concatenate((self._rows[found], self._others, np.arange(self._count, count)))
 
 
-def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Corner2D]:
+def find_surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Corner2D]:
     """Return the corners of a rectangle that contains all faces that may block lines from `origin` to `targets`."""
     low = np.minimum(targets.min(axis=0), origin)
     high = np.maximum(targets.max(axis=0), origin)
@@ -294,7 +294,7 @@ def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Cor
     return (low_x - margin, low_y - margin), (high_x + margin, high_y + margin)
 
 
-def checked_face(
+def check_face(
     face_id: int, tr: Sequence[float], tl: Sequence[float], br: Sequence[float], bl: Sequence[float], type: int
 ) -> ObsFace:
     """Check one face passed by a caller, and return it.
@@ -303,16 +303,16 @@ def checked_face(
         BadType: an id or type is not an integer, or a coordinate is not a number.
         BadValue: a corner is not three finite numbers.
     """
-    id, numbers, kind = checked_corners(face_id, tr, tl, br, bl, type)
+    id, numbers, kind = check_corners(face_id, tr, tl, br, bl, type)
     return ObsFace(id, numbers[:3], numbers[3:6], numbers[6:9], numbers[9:], kind)  # type: ignore[arg-type] # of three
 
 
-def checked_corners(
+def check_corners(
     face_id: int, tr: Sequence[float], tl: Sequence[float], br: Sequence[float], bl: Sequence[float], type: int
 ) -> tuple[int, tuple[float, ...], int]:
     """Check one face passed by a caller, and return its id, the 12 coordinates of its corners, and its type.
 
-    Raises: as `checked_face`.
+    Raises: as `check_face`.
     """
     id = records.as_id(face_id, "an obstacle face")
     # NOTE: most faces have four tuples of three floats; one check for all of them halves the time (w1, faces one
@@ -322,49 +322,49 @@ def checked_corners(
         are_three = len(tr) == len(tl) == len(br) == len(bl) == 3
         if are_three and {*map(_type_of, numbers)} == _FLOATS and isfinite(sum(numbers)) and abs(type) <= _MOST:
             return id, numbers, type
-    corners = [_corner(*one, id) for one in ((tr, "tr"), (tl, "tl"), (br, "br"), (bl, "bl"))]
+    corners = [_check_corner(*one, id) for one in ((tr, "tr"), (tl, "tl"), (br, "br"), (bl, "bl"))]
     return id, (*chain(*corners),), as_int(type, f"The type of obstacle face {id}")
 
 
-def checked_faces(faces: Faces, ids: ArrayLike | None, types: ArrayLike, obstacles: Obstacles) -> ObstacleColumns:
+def check_faces(faces: Faces, ids: ArrayLike | None, types: ArrayLike, obstacles: Obstacles) -> ObstacleColumns:
     """Check faces passed to `add_obstacles`; faces without ids are numbered after the greatest id.
 
     Raises:
-        BadType, BadValue: see `checked_face`; or the shapes of the arrays do not fit.
+        BadType, BadValue: see `check_face`; or the shapes of the arrays do not fit.
     """
     if not isinstance(faces, np.ndarray):
-        given = _iterator(faces)
+        given = _make_iterator(faces)
         first = list(islice(given, 1))
         if first and isinstance(first[0], Mapping):
-            return _columns_of_records(chain(first, given), ids, types)
+            return _read_columns(chain(first, given), ids, types)
         faces = [*first, *given]
-    corners = _corner_array(faces)
+    corners = _make_corner_array(faces)
     count = len(corners)
-    checked_ids = obstacles.free_ids(count) if ids is None else records.id_array(ids, "ids")
+    checked_ids = obstacles.free_ids(count) if ids is None else records.check_ids(ids, "ids")
     if len(checked_ids) != count:
         raise BadValue(f"ids must have shape ({count},) like the faces, not ({len(checked_ids)},).")
-    return ObstacleColumns(checked_ids, corners, _type_array(types, count))
+    return ObstacleColumns(checked_ids, corners, _make_type_array(types, count))
 
 
-def _columns_of_records(given: Iterator[Any], ids: object, types: object) -> ObstacleColumns:
+def _read_columns(given: Iterator[Any], ids: object, types: object) -> ObstacleColumns:
     if ids is not None or not (isinstance(types, int) and types == 0):
         raise BadValue("Records of faces have their own face_id and type: leave out ids and types.")
     parts = []
     # In batches, because a generator may make more dicts than fit in memory.
     while batch := list(islice(given, _AT_ONCE)):
-        parts.append(face_columns([_face_of_record(record) for record in batch]))
+        parts.append(make_face_columns([_read_face(record) for record in batch]))
     return ObstacleColumns(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _face_of_record(record: Mapping[str, Any]) -> ObsFace:
-    face = [records.required(record, key, "An obstacle face") for key in _KEYS]
+def _read_face(record: Mapping[str, Any]) -> ObsFace:
+    face = [records.get_required(record, key, "An obstacle face") for key in _KEYS]
     for key in record if len(record) > len(_KEYS) else ():
         if key not in _KEYS:
             raise BadValue(f"An obstacle face has no {shown(key)}, only {', '.join(_KEYS)}.")
-    return checked_face(*face)
+    return check_face(*face)
 
 
-def _iterator(faces: Faces) -> Iterator[Any]:
+def _make_iterator(faces: Faces) -> Iterator[Any]:
     try:
         return iter(cast("Iterable[Any]", faces))
     except TypeError:
@@ -373,7 +373,7 @@ def _iterator(faces: Faces) -> Iterator[Any]:
         ) from None
 
 
-def _corner_array(faces: Sequence[Any] | FloatArray) -> FloatArray:
+def _make_corner_array(faces: Sequence[Any] | FloatArray) -> FloatArray:
     wanted = "faces must be an array (faces, 4, 3): the corners tr, tl, br, bl of each, as x, y, z"
     try:
         array = np.asarray(faces) if len(faces) else np.zeros((0, 4, 3))
@@ -391,21 +391,21 @@ def _corner_array(faces: Sequence[Any] | FloatArray) -> FloatArray:
     return array.astype(np.float64)
 
 
-def _type_array(types: ArrayLike, count: int) -> IntArray:
+def _make_type_array(types: ArrayLike, count: int) -> IntArray:
     if np.ndim(types) == 0:
         return np.full(count, as_int(types, "types"), np.int64)
-    array = records.id_array(types, "types")
+    array = records.check_ids(types, "types")
     if len(array) != count:
         raise BadValue(f"types must have shape ({count},) like the faces, not ({len(array)},).")
     return array
 
 
-def _face(id: int, corners: list[list[float]], type: int) -> ObsFace:
+def _make_face(id: int, corners: list[list[float]], type: int) -> ObsFace:
     tr, tl, br, bl = corners
     return ObsFace(id, (*tr,), (*tl,), (*br,), (*bl,), type)  # type: ignore[arg-type] # three numbers each
 
 
-def _corner(value: Sequence[float], name: str, id: int) -> Corner:
+def _check_corner(value: Sequence[float], name: str, id: int) -> Corner:
     where = f"Corner {name} of obstacle face {id}"
     try:
         numbers = tuple(value)

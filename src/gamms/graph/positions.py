@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int, as_range, index_of
+from gamms.arguments import as_float, as_int, as_range, convert_index
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.store import GraphStore
@@ -36,7 +36,7 @@ def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]
     if is_one and within is None and latlon[0] is None and latlon[1] is None:
         return store.nodes.ids[nearest(x, y)]  # NOTE: flying agents ask this every turn (benchmarks: flyers)
     limit = None if within is None else as_range(within, "within")
-    places = places_of(store.crs, xy, latlon)
+    places = convert_places(store.crs, xy, latlon)
     rows = store.indexes.nearest_each(*places.reshape(-1, 2).T)
     known = store.nodes.array("xy")
     if limit is not None:
@@ -57,15 +57,15 @@ def place(
     leaving: IGraph | None = None,
 ) -> list[int]:
     """Return the ids of `n` different random nodes; `leaving`: a graph with these nodes in which edges leave each."""
-    demand = _PlacementRequest(_count(n), as_range(apart, "apart"), _disc(store, near, radius))
-    stream = _generator(rng)
-    candidates = _candidates(store, demand)
+    demand = _PlacementRequest(_count(n), as_range(apart, "apart"), _find_disc(store, near, radius))
+    stream = _make_generator(rng)
+    candidates = _find_candidates(store, demand)
     if leaving is not None:
         leads_to = leaving.neighborhoods
         candidates = candidates[[len(leads_to[store.nodes.ids[row]]) > 1 for row in candidates.tolist()]]
     best: list[int] = []
     for _ in range(_TRIES if demand.apart > 0.0 and len(candidates) >= demand.n else 1):
-        drawn = _drawn(store, candidates[stream.permutation(len(candidates))], demand)
+        drawn = _draw_rows(store, candidates[stream.permutation(len(candidates))], demand)
         if len(drawn) == demand.n:
             ids = store.nodes.ids
             return [ids[row] for row in drawn]
@@ -75,19 +75,19 @@ def place(
 
 def to_latlon(crs: str | None, x: Numbers, y: Numbers) -> tuple[Any, Any]:
     """Return latitude and longitude in degrees: floats for numbers, arrays for arrays."""
-    known = _known(crs, "graph.to_latlon(x, y)")
+    known = _check_crs(crs, "graph.to_latlon(x, y)")
     xy = pairs(x, y, ("x", "y"))
     lonlat = projection.project_back_and_forth(xy.reshape(-1, 2), known, projection.WGS84).reshape(xy.shape)
-    return _column(lonlat, 1), _column(lonlat, 0)
+    return _get_column(lonlat, 1), _get_column(lonlat, 0)
 
 
 def from_latlon(crs: str | None, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
     """Return map units x and y: floats for numbers, arrays for arrays."""
-    xy = _projected(crs, lat, lon, "graph.from_latlon(lat=, lon=)")
-    return _column(xy, 0), _column(xy, 1)
+    xy = _project(crs, lat, lon, "graph.from_latlon(lat=, lon=)")
+    return _get_column(xy, 0), _get_column(xy, 1)
 
 
-def places_of(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> FloatArray:
+def convert_places(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> FloatArray:
     """Return places (2,) or (places, 2) in map units, given as x and y or as latitude and longitude.
 
     Raises:
@@ -97,7 +97,7 @@ def places_of(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> 
     if all(is_xy) and not any(is_latlon):
         return pairs(*xy, ("x", "y"))
     if all(is_latlon) and not any(is_xy):
-        return _projected(crs, *latlon, "graph.nearest_node(lat=, lon=)")
+        return _project(crs, *latlon, "graph.nearest_node(lat=, lon=)")
     raise BadType("Give a place as nearest_node(x, y) or as nearest_node(lat=…, lon=…).")
 
 
@@ -142,7 +142,7 @@ def pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray
         BadType: the values are not numbers.
         BadValue: the shapes differ, or a number is not finite.
     """
-    arrays = [_numbers(value, name) for value, name in zip((first, second), names, strict=True)]
+    arrays = [_check_numbers(value, name) for value, name in zip((first, second), names, strict=True)]
     if arrays[0].shape != arrays[1].shape or arrays[0].ndim > 1:
         raise BadValue(
             f"{names[0]} and {names[1]} must be two numbers or two arrays of one length, not of the shapes "
@@ -151,8 +151,8 @@ def pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray
     return np.stack(arrays, axis=-1)
 
 
-def _projected(crs: str | None, lat: Numbers, lon: Numbers, call: str) -> FloatArray:
-    known = _known(crs, call)
+def _project(crs: str | None, lat: Numbers, lon: Numbers, call: str) -> FloatArray:
+    known = _check_crs(crs, call)
     lonlat = pairs(lon, lat, ("lon", "lat"))
     for name, most, values in (("lat", _MOST_LAT, lonlat[..., 1]), ("lon", _MOST_LON, lonlat[..., 0])):
         wrong = values[np.abs(values) > most]
@@ -161,7 +161,7 @@ def _projected(crs: str | None, lat: Numbers, lon: Numbers, call: str) -> FloatA
     return projection.project_back_and_forth(lonlat.reshape(-1, 2), projection.WGS84, known).reshape(lonlat.shape)
 
 
-def _known(crs: str | None, call: str) -> str:
+def _check_crs(crs: str | None, call: str) -> str:
     if crs is None:
         raise BadValue(
             f"{call} needs to know what x and y mean: set graph.crs to the coordinate reference system of the map, "
@@ -170,7 +170,7 @@ def _known(crs: str | None, call: str) -> str:
     return crs
 
 
-def _numbers(values: Numbers, name: str) -> FloatArray:
+def _check_numbers(values: Numbers, name: str) -> FloatArray:
     try:
         array = np.asarray(values)
     except ValueError as error:
@@ -186,7 +186,7 @@ def _numbers(values: Numbers, name: str) -> FloatArray:
     return array
 
 
-def _column(pairs: FloatArray, which: int) -> Any:
+def _get_column(pairs: FloatArray, which: int) -> Any:
     return float(pairs[which]) if pairs.ndim == 1 else pairs[:, which].copy()
 
 
@@ -210,13 +210,13 @@ class _PlacementRequest(NamedTuple):
         return f"{words}; {' or '.join(ways_out)}."
 
 
-def _candidates(store: GraphStore, demand: _PlacementRequest) -> IntArray:
+def _find_candidates(store: GraphStore, demand: _PlacementRequest) -> IntArray:
     if demand.disc is None or demand.disc[2] == np.inf:
         return store.nodes.living()
     return store.indexes.nodes_within(*demand.disc)
 
 
-def _drawn(store: GraphStore, rows: IntArray, demand: _PlacementRequest) -> list[int]:
+def _draw_rows(store: GraphStore, rows: IntArray, demand: _PlacementRequest) -> list[int]:
     """Return the first rows, as many as requested, that are far enough from all rows chosen before."""
     if demand.apart == 0.0:
         drawn: list[int] = rows[: demand.n].tolist()
@@ -229,11 +229,11 @@ def _drawn(store: GraphStore, rows: IntArray, demand: _PlacementRequest) -> list
             break
         if not is_blocked[row]:
             drawn.append(row)
-            is_blocked[_closer_than(store, xy, row, demand.apart)] = True
+            is_blocked[_find_closer(store, xy, row, demand.apart)] = True
     return drawn
 
 
-def _closer_than(store: GraphStore, xy: FloatArray, row: int, apart: float) -> IntArray:
+def _find_closer(store: GraphStore, xy: FloatArray, row: int, apart: float) -> IntArray:
     x, y = xy[row].tolist()
     around = store.nodes.living() if apart == np.inf else store.indexes.nodes_within(x, y, apart)
     with np.errstate(over="ignore"):  # an infinite distance is a valid result
@@ -248,7 +248,7 @@ def _count(n: object) -> int:
     return count
 
 
-def _disc(
+def _find_disc(
     store: GraphStore, near: int | tuple[float, float] | None, radius: float | None
 ) -> tuple[float, float, float] | None:
     if (near is None) != (radius is None):
@@ -257,15 +257,15 @@ def _disc(
     if near is None:
         return None
     try:
-        row = store.nodes.find(records.as_id(index_of(near), "a node"))
+        row = store.nodes.find(records.as_id(convert_index(near), "a node"))
         x = store.nodes.xy[2 * row]
         y = store.nodes.xy[2 * row + 1]
     except TypeError:
-        x, y = _point(store, near)
+        x, y = _find_point(store, near)
     return x, y, as_range(radius, "radius")
 
 
-def _point(store: GraphStore, near: int | tuple[float, float]) -> tuple[float, float]:
+def _find_point(store: GraphStore, near: int | tuple[float, float]) -> tuple[float, float]:
     try:
         x, y = near  # type: ignore[misc] # the except is the check
     except (TypeError, ValueError):
@@ -274,7 +274,7 @@ def _point(store: GraphStore, near: int | tuple[float, float]) -> tuple[float, f
     return as_float(x, "x of near"), as_float(y, "y of near")
 
 
-def _generator(rng: "Generator | int | None") -> "Generator":
+def _make_generator(rng: "Generator | int | None") -> "Generator":
     from numpy.random import Generator
 
     if isinstance(rng, Generator):

@@ -11,7 +11,7 @@ from gamms import arguments
 from gamms.arguments import as_array, as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.graph.tables import NodeTable, own
-from gamms.ir.geometry import points_of
+from gamms.ir.geometry import read_points
 from gamms.ir.graph import FloatArray, IntArray, as_node_id, label_hint
 from gamms.text import shown
 
@@ -19,7 +19,7 @@ NODE_KEYS = frozenset(("id", "x", "y"))
 EDGE_KEYS = frozenset(("id", "source", "target", "length", "linestring"))
 
 
-def required(record: Mapping[str, Any], key: str, kind: str) -> Any:
+def get_required(record: Mapping[str, Any], key: str, kind: str) -> Any:
     """Return `record[key]`.
 
     Raises:
@@ -60,7 +60,7 @@ def as_length(value: object, id: int) -> float:
     return length
 
 
-def polyline_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | None:
+def check_polyline(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | None:
     """Return the polyline (points, 2) of an edge; None if it is the straight line between `ends` (x0, y0, x1, y1).
 
     Raises:
@@ -68,7 +68,7 @@ def polyline_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArra
     """
     if linestring is None:
         return None
-    points = points_of(linestring, f"The linestring of edge {id}")
+    points = read_points(linestring, f"The linestring of edge {id}")
     return None if len(points) == 2 and tuple(points.ravel().tolist()) == tuple(ends) else points
 
 
@@ -88,7 +88,7 @@ def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
     return given
 
 
-def id_array(values: ArrayLike, name: str, store: object = None) -> IntArray:
+def check_ids(values: ArrayLike, name: str, store: object = None) -> IntArray:
     """Return ids as an array (ids,).
 
     Args:
@@ -113,7 +113,7 @@ def id_array(values: ArrayLike, name: str, store: object = None) -> IntArray:
     return array.astype(np.int64)
 
 
-def number_array(values: ArrayLike, count: int, name: str) -> FloatArray:
+def check_numbers(values: ArrayLike, count: int, name: str) -> FloatArray:
     """Return numbers as an array (count,) of finite floats.
 
     Raises:
@@ -154,7 +154,7 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
     return is_all
 
 
-def checked_edges(
+def check_edges(
     nodes: NodeTable, ids: ArrayLike, sources: ArrayLike, targets: ArrayLike, lengths: ArrayLike | None
 ) -> dict[str, Any]:
     """Return checked ids, node rows of both ends, and lengths, (edges,) each.
@@ -163,8 +163,8 @@ def checked_edges(
         UnknownName (KeyError): an end is not a node.
         BadValue, BadType: a value is invalid.
     """
-    ids = id_array(ids, "ids")
-    ends = [id_array(end, name) for end, name in ((sources, "sources"), (targets, "targets"))]
+    ids = check_ids(ids, "ids")
+    ends = [check_ids(end, name) for end, name in ((sources, "sources"), (targets, "targets"))]
     for name, end in zip(("sources", "targets"), ends, strict=True):
         if len(end) != len(ids):
             raise BadValue(f"{name} must have shape ({len(ids)},) like the ids, not {end.shape}.")
@@ -172,7 +172,7 @@ def checked_edges(
     if lengths is None:
         xy = nodes.array("xy")
         lengths = np.hypot(*(xy[target_rows] - xy[source_rows]).T)
-    lengths = number_array(lengths, len(ids), "lengths")
+    lengths = check_numbers(lengths, len(ids), "lengths")
     if len(lengths) and float(lengths.min()) < 0.0:
         raise BadValue(f"lengths must not be negative; the least is {float(lengths.min())}.")
     return {"ids": ids, "sources": source_rows, "targets": target_rows, "lengths": lengths}

@@ -21,7 +21,7 @@ from gamms.ir.graph import (
     apply_mode,
     check_mode,
     check_weight,
-    edge_weights,
+    find_edge_weights,
     find_usable_edges,
     select_edges,
 )
@@ -91,7 +91,7 @@ class CachedRoutes(Routes):
 
     def weights(self, weight: str | None) -> FloatArray:
         """Return the weight of each edge, (edges,)."""
-        return edge_weights(self._store.columns(), weight)
+        return find_edge_weights(self._store.columns(), weight)
 
     def rows(self, nodes: NodeIds, name: str) -> IntArray:
         """Return the rows of one or several nodes (KeyError)."""
@@ -99,7 +99,7 @@ class CachedRoutes(Routes):
         if not isinstance(nodes, Iterable):
             return np.array([self.row(nodes)])
         ids = nodes if isinstance(nodes, np.ndarray | str) else list(nodes)
-        return self._store.nodes.index.rows(records.id_array(ids, name, self._store), "node")
+        return self._store.nodes.index.rows(records.check_ids(ids, name, self._store), "node")
 
     def row(self, node_id: int) -> int:
         """Return the row of a node (KeyError)."""
@@ -107,20 +107,20 @@ class CachedRoutes(Routes):
 
     def next_rows(self, row: int, end: int, weight: str | None) -> Mapping[int, int] | memoryview:
         """Return a mapping row -> next row on the path to row `end`, for the whole graph or for this path only."""
-        goal = self._goal(row, end, weight)
+        goal = self._find_goal(row, end, weight)
         return super().next_rows(row, end, weight) if goal is None else goal.steps
 
     def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
         """Return the distance from a row to row `end`; may be infinite if it is greater than `within`."""
-        goal = self._goal(row, end, weight, within)
+        goal = self._find_goal(row, end, weight, within)
         return super().distance_between(row, end, weight) if goal is None else goal.distances.get(row, inf)
 
     def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
         """Return the distances (rows,) from rows to row `end`; with `is_nearest`, all but the least may be infinite."""
         if not self._has_table(end, weight):
             search = self.search(weight)
-            goal = self._known(end, weight)
-            far, visited = search.far(np.array([end]), rows, most=self._left(goal), is_nearest=is_nearest)
+            goal = self._get_known_goals(end, weight)
+            far, visited = search.far(np.array([end]), rows, most=self._count_left(goal), is_nearest=is_nearest)
             if goal.has_visited(visited):
                 return far
         return np.asarray(self.distances_to(end, weight))[rows]
@@ -129,15 +129,15 @@ class CachedRoutes(Routes):
         check_weight(weight)
         return self.cache.revision == self._store.revision and (weight, self.ids().item(end)) in self.cache.entries
 
-    def _goal(self, row: int, end: int, weight: str | None, within: float = inf) -> GoalDistances | None:
+    def _find_goal(self, row: int, end: int, weight: str | None, within: float = inf) -> GoalDistances | None:
         """Return the known distances to a goal, searched as far as this row; None if a table is cheaper."""
         if self._has_table(end, weight):
             return None
         search = self.search(weight)
-        goal = self._known(end, weight)
+        goal = self._get_known_goals(end, weight)
         if row in goal.distances:
             return goal
-        path = search.path(row, end, self._left(goal), kernels.widened(within))
+        path = search.path(row, end, self._count_left(goal), kernels.widened(within))
         if not goal.has_visited(path.visited):
             return None
         goal.steps.update(pairwise(path.rows))
@@ -148,13 +148,13 @@ class CachedRoutes(Routes):
         self._steps_kept += len(path.rows) + 1
         return goal
 
-    def _known(self, end: int, weight: str | None) -> GoalDistances:
+    def _get_known_goals(self, end: int, weight: str | None) -> GoalDistances:
         if (weight, end) not in self._goals:
             self._goals[weight, end] = GoalDistances()
             self._steps_kept += 1
         return self._goals[weight, end]
 
-    def _left(self, goal: GoalDistances) -> int:
+    def _count_left(self, goal: GoalDistances) -> int:
         """Return how many more nodes searches for a goal may visit before a table is cheaper."""
         return len(self.ids()) - goal.visited
 

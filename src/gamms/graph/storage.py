@@ -74,7 +74,7 @@ class MapStorage(Guarded, IMapStorage):
         self._place_stream: Generator | None = None
         self._restored: dict[int, int] = {}  # revision of a snapshot -> equal revision after it was restored
         self._restored_obstacles: dict[int, int] = {}  # likewise
-        self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_now` and `_packed_map`
+        self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_make_key` and `_list_packed_map`
         self._last_snapshot: tuple[tuple[Any, ...], MapSnapshot] | None = None  # (key of its inputs, snapshot)
 
     def contents(self) -> "SavedMap":
@@ -93,18 +93,18 @@ class MapStorage(Guarded, IMapStorage):
         """Return graph, obstacles, CRS and attributes as the bytes that `save` writes; cached until the map changes."""
         from gamms.graph import map_file
 
-        packed = self._packed_map()
+        packed = self._list_packed_map()
         if not packed:
             packed.append(map_file.encode(self.contents()))
         return packed[0]
 
-    def _packed_map(self) -> list[bytes]:
+    def _list_packed_map(self) -> list[bytes]:
         """Return a list with the packed current map, or an empty list if it has not been packed."""
-        if self._packed[0] != (now := self._now()):
+        if self._packed[0] != (now := self._make_key()):
             self._packed = now, []
         return self._packed[1]
 
-    def _now(self) -> tuple[int, int]:
+    def _make_key(self) -> tuple[int, int]:
         """Return a key that changes with every change of the map."""
         return self._store.revision, self._obstacles.revision
 
@@ -115,7 +115,7 @@ class MapStorage(Guarded, IMapStorage):
         except BadValue:
             from gamms.graph import map_file
 
-            contents, left_out = map_file.savable(self.contents())
+            contents, left_out = map_file.select_savable(self.contents())
             return map_file.encode(contents), left_out
 
     def unpack(self, data: bytes) -> None:
@@ -130,9 +130,9 @@ class MapStorage(Guarded, IMapStorage):
         """Return the present graph and obstacles, for `restore` and `copy_from`."""
         store = self._store
         stream = self._place_stream
-        packed = self._packed_map()
+        packed = self._list_packed_map()
         of = (
-            *self._now(),
+            *self._make_key(),
             id(store.closed),
             store.modes,
             store.attribution,
@@ -171,7 +171,7 @@ class MapStorage(Guarded, IMapStorage):
         if obstacles.revision not in known:
             obstacles.share(before.tables()[1])
             self._restored_obstacles = {before.obstacle_revision: obstacles.revision}
-        self._packed = self._now(), before.packed
+        self._packed = self._make_key(), before.packed
         self._place_stream = None
         if before.place_state is not None:
             self.place_stream().bit_generator.state = before.place_state
@@ -182,7 +182,7 @@ class MapStorage(Guarded, IMapStorage):
         self._store.share(store)
         self._obstacles.share(obstacles)
         self.visibility_rows = snapshot.visibility_rows
-        self._packed = self._now(), snapshot.packed
+        self._packed = self._make_key(), snapshot.packed
 
     def note_mode(self, mode: str) -> None:
         """Let a mode of agents be known, although no edge may have its attribute any more."""

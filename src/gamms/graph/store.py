@@ -17,8 +17,8 @@ from gamms.core.agents import NodeNumbers, number_nodes
 from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
-from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, SharesTables, joined, kept
-from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given, read_only
+from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, TableSharing, join_rows, kept
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, make_edge_arguments, read_only
 from gamms.ir.scenery import Scenery
 
 _ENTRY_BYTES = 512  # bytes per cache entry in addition to the arrays, estimated
@@ -57,7 +57,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         return made
 
 
-class GraphStore(SharesTables):
+class GraphStore(TableSharing):
     """The data of a graph, for `Graph` and for modules that fill or read it; callers check the arguments.
 
     Attributes:
@@ -112,19 +112,19 @@ class GraphStore(SharesTables):
     @property
     def node_numbers(self) -> NodeNumbers:
         """Numbers of the nodes, the rows of the map as it was loaded; they stay until another one replaces it."""
-        return self._numbers.get("nodes") or self._number("nodes")
+        return self._numbers.get("nodes") or self._number_table("nodes")
 
     @property
     def edge_numbers(self) -> NodeNumbers:
         """Numbers of the edges, as of the nodes."""
-        return self._numbers.get("edges") or self._number("edges")
+        return self._numbers.get("edges") or self._number_table("edges")
 
     def columns(self) -> GraphColumns:
         """Return the graph as columns that never change; attribute values are not copied."""
         known = self._columns
         if known is None or known.revision != self.revision:
             self._compact(fully=True)
-            known = self._frozen()
+            known = self._freeze()
             self._columns = known
         return known
 
@@ -171,7 +171,7 @@ class GraphStore(SharesTables):
         nodes.add_attributes(first, columns.node_attributes)
         ends = {"sources": columns.sources + first, "targets": columns.targets + first}
         first = edges.extend(columns.edge_ids, lengths=columns.lengths, **ends)
-        edges.polylines = joined(edges.polylines, first, columns.polylines)
+        edges.polylines = join_rows(edges.polylines, first, columns.polylines)
         edges.add_attributes(first, columns.edge_attributes)
         self.crs = columns.crs or self.crs
         self.attribution = attribution or self.attribution
@@ -214,7 +214,7 @@ class GraphStore(SharesTables):
             row = edges.find(id)
             ends = (node_ids[edges.sources[row]], node_ids[edges.targets[row]])
             line = edges.polylines.get(row)
-            closed[id] = edge_as_given(id, ends, edges.lengths[row], line, edges.attributes_of(row))
+            closed[id] = make_edge_arguments(id, ends, edges.lengths[row], line, edges.attributes_of(row))
             self._drop_edge(row)
         self.closed = closed
         self.revision += 1
@@ -287,7 +287,7 @@ class GraphStore(SharesTables):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the graph; its indexes are rebuilt on loading."""
-        return _rebuilt, (self.columns(), self.attribution, self.scenery, self.closed, self.modes)
+        return _rebuild_store, (self.columns(), self.attribution, self.scenery, self.closed, self.modes)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "GraphStore":
         """Copy the graph, for simulations by a strategy."""
@@ -297,7 +297,7 @@ class GraphStore(SharesTables):
         copied.modes = self.modes
         return copied
 
-    def _number(self, table: str) -> NodeNumbers:
+    def _number_table(self, table: str) -> NodeNumbers:
         # NOTE: in one step, because forks that share a map may ask for its numbers in several threads.
         return self._numbers.setdefault(table, number_nodes(getattr(self, table).array("ids").data))
 
@@ -321,7 +321,7 @@ class GraphStore(SharesTables):
             edges.compact()
             self._discard_indexes()
 
-    def _frozen(self) -> GraphColumns:
+    def _freeze(self) -> GraphColumns:
         """Return the tables, which must not have dead rows, as columns."""
         nodes = self.nodes
         edges = self.edges
@@ -343,7 +343,7 @@ class GraphStore(SharesTables):
         )
 
 
-def _rebuilt(
+def _rebuild_store(
     columns: GraphColumns,
     attribution: str | None,
     scenery: str | Scenery | None,
@@ -401,15 +401,15 @@ class Cache:
         self.bytes = 0
 
     def _add(self, key: Hashable, made: "tuple[np.ndarray[Any, Any] | memoryview, ...]") -> None:
-        size = _bytes(made)
+        size = _count_bytes(made)
         if size > self._most_bytes:
             return
         while self.bytes + size > self._most_bytes:
             _, oldest = self.entries.popitem(last=False)
-            self.bytes -= _bytes(oldest)
+            self.bytes -= _count_bytes(oldest)
         self.entries[key] = made
         self.bytes += size
 
 
-def _bytes(arrays: "tuple[np.ndarray[Any, Any] | memoryview, ...]") -> int:
+def _count_bytes(arrays: "tuple[np.ndarray[Any, Any] | memoryview, ...]") -> int:
     return _ENTRY_BYTES + sum(array.nbytes for array in arrays)

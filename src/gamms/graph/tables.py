@@ -50,7 +50,7 @@ class RowIndex:
             # peers).
             if not len(rows) or int(rows.view(np.uint64).max()) < self._run:
                 return rows
-        rows = self._look_up(ids)
+        rows = self._find_rows(ids)
         missing = np.flatnonzero(rows < 0)
         if len(missing):
             raise UnknownName(kind, int(ids[missing[0]]))
@@ -97,11 +97,11 @@ class RowIndex:
             if len(unique) < len(ids):
                 raise DuplicateId(kind, int(unique[counts > 1][0]))
         if self._run or self._others:
-            taken = np.flatnonzero(self._look_up(ids) >= 0)
+            taken = np.flatnonzero(self._find_rows(ids) >= 0)
             if len(taken):
                 raise DuplicateId(kind, int(ids[taken[0]]))
 
-    def _look_up(self, ids: IntArray) -> IntArray:
+    def _find_rows(self, ids: IntArray) -> IntArray:
         """Return the rows (ids,) of many ids, -1 for unknown ids."""
         rows = ids - self._first
         rows[(rows < 0) | (rows >= self._run)] = -1
@@ -228,14 +228,14 @@ class Table:
     def set_attributes(self, row: int, given: dict[str, Any]) -> None:
         """Change some attributes of one row."""
         for name, value in given.items():
-            values = writable_dict(self.attributes.get(name, {}))
+            values = make_writable(self.attributes.get(name, {}))
             self.attributes[name] = values
             values[row] = value
 
     def add_attributes(self, first: int, given: Mapping[str, Mapping[int, Any]]) -> None:
         """Add attributes by row; row 0 of `given` is row `first` of the table."""
         for name, values in given.items():
-            self.attributes[name] = joined(self.attributes.get(name, {}), first, values)
+            self.attributes[name] = join_rows(self.attributes.get(name, {}), first, values)
 
     def compact(self) -> IntArray:
         """Drop the dead rows; return the new row (rows,) of each old row, -1 for a dead row."""
@@ -251,7 +251,7 @@ class Table:
         self._resize(max(_START, len(alive)))
         self.index = RowIndex()
         self.index.extend(ids, 0, self.kind)
-        left = {name: renumbered(values, moved) for name, values in self.attributes.items()}
+        left = {name: renumber_rows(values, moved) for name, values in self.attributes.items()}
         self.attributes = {name: values for name, values in left.items() if values}
         return moved
 
@@ -323,14 +323,14 @@ class EdgeTable(Table):
 
     def bend(self, row: int, polyline: FloatArray) -> None:
         """Set the polyline of an edge."""
-        polylines = writable_dict(self.polylines)
+        polylines = make_writable(self.polylines)
         self.polylines = polylines
         polylines[row] = polyline
 
     def straighten(self, row: int) -> None:
         """Remove the polyline of an edge, if it has one."""
         if row in self.polylines:
-            polylines = writable_dict(self.polylines)
+            polylines = make_writable(self.polylines)
             self.polylines = polylines
             del polylines[row]
 
@@ -344,7 +344,7 @@ class EdgeTable(Table):
     def compact(self) -> IntArray:
         """Drop the dead rows; return the new row (rows,) of each old row, -1 for a dead row."""
         moved = super().compact()
-        self.polylines = renumbered(self.polylines, moved)
+        self.polylines = renumber_rows(self.polylines, moved)
         return moved
 
     def rename_ends(self, moved: IntArray) -> None:
@@ -356,21 +356,21 @@ class EdgeTable(Table):
             column[:] = np.maximum(moved[column], 0)
 
 
-def writable_dict(values: Mapping[int, T]) -> dict[int, T]:
+def make_writable(values: Mapping[int, T]) -> dict[int, T]:
     """Return values by row as a dict that may be written to; shared columns are copied."""
     return values if isinstance(values, dict) else dict(values.items())
 
 
-def joined(values: Mapping[int, T], first: int, given: Mapping[int, T]) -> Mapping[int, T]:
+def join_rows(values: Mapping[int, T], first: int, given: Mapping[int, T]) -> Mapping[int, T]:
     """Join two mappings of values by row; rows of the second are counted from `first`."""
     if not (values or first) and isinstance(given, RowMapping):
         return given
-    added = writable_dict(values)
+    added = make_writable(values)
     added.update({first + row: value for row, value in given.items()} if first else given.items())
     return added
 
 
-def renumbered(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
+def renumber_rows(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
     """Renumber values by row: `moved` (rows,) has the new row, or -1 for rows that are dropped."""
     if not isinstance(values, RowMapping):
         rows = moved.tolist()
@@ -421,10 +421,10 @@ _COPIES: dict[type, Callable[[Any, int], Any]] = {
 CONTAINERS = frozenset(_COPIES)  # values of other classes are returned as they are by `own`
 
 
-class SharesTables:
+class TableSharing:
     """An object whose tables others like it may share; it copies them before it changes them."""
 
-    _sharers: "WeakSet[SharesTables] | None" = None  # this object, and all others that share its tables
+    _sharers: "WeakSet[TableSharing] | None" = None  # this object, and all others that share its tables
 
     def share_with(self, other: Self) -> None:
         """Note that this object has the tables of another."""

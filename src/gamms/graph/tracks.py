@@ -23,7 +23,7 @@ from gamms import kernels
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue, MissingFile, UnknownType
 from gamms.ir.geometry import NearLines
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_shortest_edges
 from gamms.limits import refuse_above
 from gamms.text import from_cell, shown
 from gamms.typing.graph_engine import IGraph
@@ -136,7 +136,7 @@ def join_matches(pieces: Sequence[tuple[str, MatchedPoints]]) -> TrackMatch:
     off = [one for _, piece in pieces for one in piece.off]
     return TrackMatch(
         agent=", ".join(dict.fromkeys(name for name, _ in pieces)),
-        paths=[_trimmed_path(part) for part in parts],
+        paths=[_trim_path(part) for part in parts],
         edges=edges,
         places=np.concatenate([np.empty((0, 2)), *(piece.places for _, piece in pieces)]),
         outliers=[at for at, edge in enumerate(edges) if edge is None],
@@ -147,7 +147,7 @@ def join_matches(pieces: Sequence[tuple[str, MatchedPoints]]) -> TrackMatch:
     )
 
 
-def _trimmed_path(part: TrackPart) -> list[int]:
+def _trim_path(part: TrackPart) -> list[int]:
     """Return the nodes of a part, without a first or last node that is not the nearer end of its edge."""
     first = int(part.along[0] > part.node_at[1] / 2.0)
     last = len(part.nodes) - int(part.along[-1] < (part.node_at[-1] + part.node_at[-2]) / 2.0)
@@ -167,7 +167,7 @@ class _RoadIndex:
         self.targets = columns.targets
         self.node_ids = columns.node_ids.tolist()
         self.edge_ids = columns.edge_ids.tolist()
-        self.shortest = shortest_edges(columns)
+        self.shortest = find_shortest_edges(columns)
         pairs = zip(columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist(), strict=True)
         self.lengths = np.array([self.shortest[pair] for pair in pairs])  # (edges,) the shortest of parallel ones
         self.search = kernels.Search(routes.arcs(), columns.node_ids)
@@ -226,15 +226,15 @@ class TrackMatcher:
 
     def match(self, points: TrackPoints) -> MatchedPoints:
         """Return the route through points that are one segment."""
-        kept = self._distant_points(points.xy)
+        kept = self._find_distant_points(points.xy)
         until = [*kept[1:], len(points.xy)]  # the next point that is not skipped
         candidates = [
             some
             for at in range(0, len(kept), _POINTS_AT_ONCE)
-            for some in self._candidates(points, kept[at : at + _POINTS_AT_ONCE])
+            for some in self._find_candidates(points, kept[at : at + _POINTS_AT_ONCE])
         ]
         near = [at for at, some in enumerate(candidates) if len(some.edges)]
-        runs = self._likeliest_runs(points.xy[[kept[at] for at in near]], [candidates[at] for at in near])
+        runs = self._find_likeliest_runs(points.xy[[kept[at] for at in near]], [candidates[at] for at in near])
         edges: list[int | None] = [None] * len(points.xy)
         places = np.full((len(points.xy), 2), nan)
         parts = []
@@ -246,10 +246,10 @@ class TrackMatcher:
                 edges[row:stop] = [self._roads.edge_ids[one.edge]] * (stop - row)
                 places[row:stop] = one.xy
                 off.append(one.off)
-            parts.append(self._part(run, rows, stops))
+            parts.append(self._make_part(run, rows, stops))
         return MatchedPoints(parts, edges, places, off)
 
-    def _distant_points(self, xy: FloatArray) -> list[int]:
+    def _find_distant_points(self, xy: FloatArray) -> list[int]:
         """Return the last point and all that are farther from the last kept one than measurement errors explain."""
         kept: list[int] = []
         least = _NEAREST_SIGMAS * self._noise_m
@@ -261,7 +261,7 @@ class TrackMatcher:
                 before = (x, y)
         return kept
 
-    def _candidates(self, points: TrackPoints, rows: list[int]) -> list[_Candidates]:
+    def _find_candidates(self, points: TrackPoints, rows: list[int]) -> list[_Candidates]:
         """Return the edges near points: those that are hardly farther than the nearest one."""
         xy = points.xy[rows]
         finite = np.flatnonzero(np.isfinite(xy).all(axis=1))
@@ -278,7 +278,7 @@ class TrackMatcher:
         spans = [slice(begin, end) for begin, end in pairwise(ends)]
         return [_Candidates(lines[span], offsets[span], off[span], places[span]) for span in spans]
 
-    def _likeliest_runs(self, xy: FloatArray, candidates: list[_Candidates]) -> list[list[_Position]]:
+    def _find_likeliest_runs(self, xy: FloatArray, candidates: list[_Candidates]) -> list[list[_Position]]:
         """Return the likeliest positions of points, by Viterbi, for each part."""
         if not candidates:
             return []
@@ -297,7 +297,7 @@ class TrackMatcher:
                 if before > 1 and best.max() <= earlier.min():
                     continue  # leaving points out makes nothing cheaper
                 straight = hypot(*(xy[at] - xy[at - before]).tolist())
-                ways = self._road_distances(candidates[at - before], some, straight + _LONGEST_DETOUR_M)
+                ways = self._find_road_distances(candidates[at - before], some, straight + _LONGEST_DETOUR_M)
                 is_end = np.full(ways.shape, at == len(candidates) - 1) | (states[at - before].begins[:, None] > 0)
                 chords = np.hypot(*(candidates[at - before].xy[:, None] - some.xy).transpose(2, 0, 1))
                 ways[is_end] = np.maximum(ways - chords, 0.0)[is_end]  # or points at the ends would be drawn inward
@@ -324,12 +324,12 @@ class TrackMatcher:
             _Candidates(np.array([end.edge]), np.array([end.offset]), np.array([end.off]), end.xy[None])
             for end in (before, after)
         )
-        ways = self._road_distances(start, some, within)[0] + self._road_distances(some, end, within)[:, 0]
+        ways = self._find_road_distances(start, some, within)[0] + self._find_road_distances(some, end, within)[:, 0]
         is_on_route = ways <= ways[some.edges == one.edge] + _ROUNDING
         best = int(np.where(is_on_route, some.off, inf).argmin())
-        return _position_of(one.point, some, best)
+        return _make_position(one.point, some, best)
 
-    def _road_distances(self, before: _Candidates, after: _Candidates, within: float) -> FloatArray:
+    def _find_road_distances(self, before: _Candidates, after: _Candidates, within: float) -> FloatArray:
         """Return road distances (before, after) between candidates; infinity for those beyond a distance."""
         starts, start_of = np.unique(self._roads.targets[before.edges], return_inverse=True)
         goals, goal_of = np.unique(self._roads.sources[after.edges], return_inverse=True)
@@ -343,7 +343,7 @@ class TrackMatcher:
         found: FloatArray = np.where(stays, np.maximum(0.0, ahead), ways)
         return found
 
-    def _part(self, run: list[_Position], rows: list[int], stops: list[int]) -> TrackPart:
+    def _make_part(self, run: list[_Position], rows: list[int], stops: list[int]) -> TrackPart:
         """Return the part through positions.
 
         Args:
@@ -373,7 +373,7 @@ class TrackMatcher:
         return TrackPart(nodes, np.array(node_at), points, np.array(along))
 
 
-def _position_of(point: int, some: _Candidates, at: int) -> _Position:
+def _make_position(point: int, some: _Candidates, at: int) -> _Position:
     return _Position(point, int(some.edges[at]), float(some.offsets[at]), float(some.off[at]), some.xy[at])
 
 
@@ -499,7 +499,7 @@ def read_csv(file: Path) -> list[_MeasuredPoints]:
         with file.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.reader(stream)
             header = next(reader, [])
-            at = _columns_of(header)
+            at = _find_columns(header)
             in_degrees = not {"x", "y"} <= at.keys()
             keys = ("lat", "lon") if in_degrees else ("x", "y")
             for row in filter(None, islice(reader, _MOST_POINTS)):
@@ -509,7 +509,7 @@ def read_csv(file: Path) -> list[_MeasuredPoints]:
                 place = float(row[at[keys[0]]]), float(row[at[keys[1]]])
                 if in_degrees:
                     _check_degrees(*place)
-                rows.setdefault(name, []).append((_time_of(row[at["time"]]) if "time" in at else nan, *place))
+                rows.setdefault(name, []).append((_parse_time(row[at["time"]]) if "time" in at else nan, *place))
             is_too_long = next(reader, None) is not None
     except (csv.Error, ValueError) as error:
         raise BadFile(
@@ -520,7 +520,7 @@ def read_csv(file: Path) -> list[_MeasuredPoints]:
     return [_MeasuredPoints(name, np.array(one, np.float64), in_degrees) for name, one in rows.items()]
 
 
-def _columns_of(header: list[str]) -> dict[str, int]:
+def _find_columns(header: list[str]) -> dict[str, int]:
     names = [name.strip().lower() for name in header]
     at: dict[str, int] = {}
     for key, known in _COLUMNS.items():
@@ -544,11 +544,11 @@ def _check_degrees(lat: float, lon: float) -> None:
             raise ValueError(f"{name} must lie between -{most:g} and {most:g} degrees, not {value}")
 
 
-def _time_of(text: str) -> float:
+def _parse_time(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        return seconds_of(text.strip())
+        return parse_seconds(text.strip())
 
 
 def read_gpx(file: Path) -> list[_MeasuredPoints]:
@@ -615,7 +615,7 @@ class _GpxReader:
     def _end(self, _: str) -> None:
         if self._open.pop() == "time" and self._open[-1:] and self._open[-1] in _POINTS:
             with suppress(ValueError):  # a point with an invalid time is kept
-                self.parts[-1][1][-1][0] = seconds_of("".join(self._time).strip())
+                self.parts[-1][1][-1][0] = parse_seconds("".join(self._time).strip())
         self._time = []
 
     def _read(self, text: str) -> None:
@@ -629,7 +629,7 @@ class _GpxReader:
         raise ValueError("it declares a document type, which GPX does not allow")
 
 
-def seconds_of(text: str) -> float:
+def parse_seconds(text: str) -> float:
     """Return a time like 2025-06-15T15:06:40Z as seconds since 1970; a time without a zone is UTC.
 
     Raises:

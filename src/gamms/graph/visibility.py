@@ -48,9 +48,9 @@ class MapFingerprint:
     def __init__(self, store: GraphStore, obstacles: Obstacles) -> None:
         self.store = store
         self._obstacles = obstacles
-        self._revisions = self._revisions_now()
+        self._revisions = self._get_revisions()
         self._is_current = True
-        self.node_ids, self.xy, *ground = _nodes_of(store)
+        self.node_ids, self.xy, *ground = _list_nodes(store)
         self.ground = ground[0] if ground else np.zeros((len(self.xy), 2))  # (nodes, 2) height, tunnel
         self.corners: FloatArray = obstacles.columns().corners  # (faces, 4, 3)
         self._nodes = _digest(self.node_ids, self.xy, *ground)
@@ -59,9 +59,9 @@ class MapFingerprint:
     @property
     def is_current(self) -> bool:
         """Whether the nodes and faces are unchanged."""
-        now = self._revisions_now()
+        now = self._get_revisions()
         if now != self._revisions:
-            is_same = _digest(*_nodes_of(self.store)) == self._nodes
+            is_same = _digest(*_list_nodes(self.store)) == self._nodes
             if is_same and now[1] != self._revisions[1]:
                 is_same = _digest(self._obstacles.columns().corners) == self._faces
             self._revisions = now
@@ -73,11 +73,11 @@ class MapFingerprint:
         parts = b"gamms sight 2", self._nodes, self._faces, pack("<dd", radius, observer_height)
         return sha256(b"".join(parts)).digest()
 
-    def _revisions_now(self) -> tuple[int, int]:
+    def _get_revisions(self) -> tuple[int, int]:
         return self.store.revision, self._obstacles.revision
 
 
-def _nodes_of(store: GraphStore) -> "tuple[np.ndarray[tuple[int, ...], np.dtype[Any]], ...]":
+def _list_nodes(store: GraphStore) -> "tuple[np.ndarray[tuple[int, ...], np.dtype[Any]], ...]":
     """Return ids (nodes,) and coordinates (nodes, 2), in insertion order, and the ground unless it is flat."""
     rows = store.nodes.living()
     ground = store.ground()
@@ -144,25 +144,25 @@ class Visibility(Shareable, IVisibility):
 
     def sees(self, observer: int, target: int) -> bool:
         """Return whether a node within the radius of another is visible from there."""
-        seen = self._seen(self._row(observer))
-        row = self._row(target)
+        seen = self._find_visible(self._find_row(observer))
+        row = self._find_row(target)
         place = int(seen.searchsorted(row))
         return place < len(seen) and int(seen[place]) == row
 
     def mask(self, observer_id: int, ids: Iterable[int]) -> BoolArray:
         """Return whether each of some nodes (nodes,) is within the radius of a node and visible from it."""
         is_seen = np.zeros(len(self._ids), np.bool_)
-        is_seen[self._seen(self._row(observer_id))] = True
+        is_seen[self._find_visible(self._find_row(observer_id))] = True
         asked = ids if isinstance(ids, np.ndarray) else list(ids)
-        return is_seen[self._index.rows(records.id_array(asked, "ids", self._fingerprint.store), "node")]
+        return is_seen[self._index.rows(records.check_ids(asked, "ids", self._fingerprint.store), "node")]
 
     def from_node(self, node_id: int) -> IntArray:
         """Return the ids of the nodes that are visible from a node, itself included."""
-        return self._ids[self._seen(self._row(node_id))]
+        return self._ids[self._find_visible(self._find_row(node_id))]
 
     def watchers(self, node_id: int) -> IntArray:
         """Return the ids of the nodes from which a node is visible, itself included."""
-        row = self._row(node_id)
+        row = self._find_row(node_id)
         if self._by_target is None:
             offsets, order = kernels.group_rows(self._rows.astype(np.int64), len(self))
             observers: RowArray = np.repeat(np.arange(len(self), dtype=np.int32), self.seen.counts)
@@ -180,7 +180,7 @@ class Visibility(Shareable, IVisibility):
 
     def nearest_hidden(self, node_id: int, watchers: NodeIds, weight: str | None = "length") -> int | None:
         """Return the id of the nearest node, by path, that is hidden from all watchers."""
-        row = self._row(node_id)
+        row = self._find_row(node_id)
         is_covered = self._is_covered(watchers)
         if not is_covered[row]:
             return int(self._ids[row])
@@ -192,14 +192,14 @@ class Visibility(Shareable, IVisibility):
 
     # -- rows ---------------------------------------------------------------------------------------------------
 
-    def _row(self, node_id: int) -> int:
+    def _find_row(self, node_id: int) -> int:
         self._refuse_outdated()
         row = self._index.row(records.as_id(node_id, "a node", self._fingerprint.store))
         if row < 0:
             raise UnknownName("node", node_id)
         return row
 
-    def _seen(self, row: int) -> RowArray:
+    def _find_visible(self, row: int) -> RowArray:
         return self._rows[self._offsets[row] : self._offsets[row + 1]]
 
     def _is_covered(self, node_ids: NodeIds) -> BoolArray:
@@ -208,7 +208,7 @@ class Visibility(Shareable, IVisibility):
         ids = np.array([records.as_id(id, "a node", self._fingerprint.store) for id in asked], np.int64)
         is_covered = np.zeros(len(self), np.bool_)
         for row in self._index.rows(ids, "node").tolist():
-            is_covered[self._seen(row)] = True
+            is_covered[self._find_visible(row)] = True
         return is_covered
 
     def _refuse_outdated(self) -> None:
@@ -257,18 +257,20 @@ class VisibilityTables:
             return table
         fingerprint = MapFingerprint(self._store, self._obstacles)
         key = fingerprint.key(reach, height)
-        place = self._place(path, key)
+        place = self._open_place(path, key)
         kept = self._read(place, key, len(fingerprint.node_ids))
         if table is None:
             task = VisibilityTask(fingerprint.xy, fingerprint.corners, reach, height, fingerprint.ground)
-            seen = self._storage.visibility_rows.get(0, key, lambda: kept or _made(task, workers, is_shown=progress))
+            seen = self._storage.visibility_rows.get(
+                0, key, lambda: kept or _make_rows(task, workers, is_shown=progress)
+            )
             table = Visibility(fingerprint, self._routes, reach, height, seen)
             self._tables[reach, height] = table
         if place is not None and kept is None:
             self._write(place, encode(table.seen, key, reach, height))
         return table
 
-    def _place(self, path: TablePath, key: bytes) -> "_TableFile | None":
+    def _open_place(self, path: TablePath, key: bytes) -> "_TableFile | None":
         name = key.hex()[:32] + _SUFFIX
         if path is False:
             return None
@@ -318,7 +320,7 @@ class _TableFile(NamedTuple):
     is_ours: bool = True  # False: the file is of another kind and must not be overwritten
 
 
-def _made(task: VisibilityTask, workers: int | None, *, is_shown: bool) -> VisibilityRows:
+def _make_rows(task: VisibilityTask, workers: int | None, *, is_shown: bool) -> VisibilityRows:
     with shown(0.0) if is_shown else nullcontext(lambda _: None) as show:
         seen = compute_visibility(task, workers, show)
     for array in seen:
@@ -332,7 +334,7 @@ def _made(task: VisibilityTask, workers: int | None, *, is_shown: bool) -> Visib
 def encode(seen: VisibilityRows, key: bytes, radius: float, observer_height: float) -> bytes:
     """Return a table as the bytes of a file."""
     state = {"key": key, "radius": radius, "observer_height": observer_height, **seen._asdict()}
-    return map_file.framed(state, _MAGIC, _VERSION)
+    return map_file.frame_file(state, _MAGIC, _VERSION)
 
 
 def decode(data: bytes, key: bytes, nodes: int) -> VisibilityRows | None:
@@ -341,8 +343,8 @@ def decode(data: bytes, key: bytes, nodes: int) -> VisibilityRows | None:
     Raises:
         BadFile (ValueError): the file is damaged, foreign or too new.
     """
-    with map_file.reporting_damage():
-        state = map_file.unframed(data, _MAGIC, _VERSION)
+    with map_file.report_damage():
+        state = map_file.unframe_file(data, _MAGIC, _VERSION)
         if state["key"] != key:
             return None
         counts, rows = seen = VisibilityRows(state["counts"], state["rows"])

@@ -65,14 +65,14 @@ class SightLines:
         self._grid = NodeGrid(nodes)
         self._obstacles = Obstacles()
         self._obstacles.add_many(ObstacleColumns(np.arange(faces), task.corners, np.zeros(faces, np.int64)))
-        self.groups = _groups(task.xy, task.radius)
+        self.groups = _group_rows(task.xy, task.radius)
 
     def seen(self, first: int, last: int) -> VisibilityRows:
         """Return the nodes that the observers of one or more groups see, in the order of the groups."""
-        found = list(chain.from_iterable(self._rows(rows) for rows in self.groups[first:last]))
+        found = list(chain.from_iterable(self._list_visible_rows(rows) for rows in self.groups[first:last]))
         return VisibilityRows(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
 
-    def _rows(self, observers: IntArray) -> Iterator[RowArray]:
+    def _list_visible_rows(self, observers: IntArray) -> Iterator[RowArray]:
         """Yield the visible rows of each of some nearby observers."""
         x, y = self._points[observers, :2].T
         middle = float(x.mean()), float(y.mean())
@@ -90,7 +90,7 @@ class SightLines:
                 yield near[is_seen].astype(np.int32)
 
 
-def _groups(xy: FloatArray, radius: float) -> list[IntArray]:
+def _group_rows(xy: FloatArray, radius: float) -> list[IntArray]:
     """Group the rows by squares that are a fraction of the radius wide."""
     with np.errstate(over="ignore", invalid="ignore"):
         away = xy - xy.min(axis=0)
@@ -115,16 +115,16 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
     if not nodes:
         return _NOTHING
     if workers is None:
-        from gamms.workers import cores
+        from gamms.workers import count_cores
 
-        workers = 1 if nodes < _FEW else cores()
+        workers = 1 if nodes < _FEW else count_cores()
     sights = SightLines(task)
     count = len(sights.groups)
     size = _AT_ONCE if workers == 1 else max(_AT_ONCE, min(_SHARE, -(-count // (2 * workers))))
     spans = [(first, min(first + size, count)) for first in range(0, count, size)]
     parts = []
     done = 0
-    found = (sights.seen(*span) for span in spans) if workers == 1 else _seen_by_processes(task, spans, workers)
+    found = (sights.seen(*span) for span in spans) if workers == 1 else _find_visible_by_processes(task, spans, workers)
     with closing(found):
         for part in found:
             parts.append(part)
@@ -137,22 +137,24 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
     return VisibilityRows(counts[by_row], rows[places])
 
 
-def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) -> Generator[VisibilityRows, None, None]:
+def _find_visible_by_processes(
+    task: VisibilityTask, spans: list[Span], workers: int
+) -> Generator[VisibilityRows, None, None]:
     """Return the visible nodes of each span; if a worker process fails, this process does its work."""
-    from gamms.workers import WorkerDied, WorkerPool, result_of
+    from gamms.workers import WorkerDied, WorkerPool, wait_for_result
 
     pool = WorkerPool(workers)
     try:
-        for span, future in [(span, pool.submit(seen_by, task, span)) for span in spans]:
+        for span, future in [(span, pool.submit(find_visible, task, span)) for span in spans]:
             try:
-                found = result_of(future)
+                found = wait_for_result(future)
             except (OSError, WorkerDied, GammsError):
-                found = seen_by(task, span)
+                found = find_visible(task, span)
             yield found
     finally:
         pool.shutdown()
 
 
-def seen_by(task: VisibilityTask, span: Span) -> VisibilityRows:
+def find_visible(task: VisibilityTask, span: Span) -> VisibilityRows:
     """Return the nodes that the given observers see."""
     return SightLines(task).seen(*span)

@@ -20,7 +20,7 @@ from gamms.core.agents import AgentColumns, MoveColumns, NodeNumbers
 from gamms.core.block import INT64, Block
 from gamms.core.flight import Flights
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
+from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copy_column, drop
 from gamms.ir.graph import FloatArray, IntArray, NodeFinder
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.progress import Motion, Progress
@@ -67,7 +67,7 @@ class AgentBlock(AgentColumns):
         heading: `(cos, sin)` if it was set; None if it follows from the last move, and for flying agents.
         flights: the positions, previous positions and rotations of flying agents.
         speed: map units per step for flying agents; on the ground the limit of the turn engine, NaN for one edge. See
-            `speed_of`.
+            `get_speed`.
         has_int_speed: whether the speed was set to an integer, and is read as one.
         alive: whether the agent takes part.
         games: the block of one game with the number columns of agents, teams and the game.
@@ -111,7 +111,7 @@ class AgentBlock(AgentColumns):
     def __init__(
         self, graph: NodeFinder | None = None, journal: Journal = PLAIN, numbers: NodeNumbers | None = None
     ) -> None:
-        self.numbers = _numbers_of(graph, "node_numbers") if numbers is None else numbers
+        self.numbers = _find_numbers(graph, "node_numbers") if numbers is None else numbers
         self._edge_numbers = None
         for name in _LISTS:
             setattr(self, name, [])
@@ -154,7 +154,7 @@ class AgentBlock(AgentColumns):
             columns[name] = list(column) if of.kind is None else np.array(column, of.kind).reshape(-1, *of.shape)
         return columns
 
-    def _numbers_in_air(self, name: str, row: int) -> memoryview[float]:
+    def _get_numbers_in_air(self, name: str, row: int) -> memoryview[float]:
         """Return the numbers of an agent in a column of flying agents; none if it does not fly."""
         at = bisect_left(self.flyers, row)
         flies = self.flyers[at : at + 1] == [row]
@@ -174,7 +174,7 @@ class AgentBlock(AgentColumns):
     def edge_numbers(self) -> NodeNumbers:
         """The numbers of the edges: those of the graph, if it has any."""
         if self._edge_numbers is None:
-            self._edge_numbers = _numbers_of(self.graph, "edge_numbers")
+            self._edge_numbers = _find_numbers(self.graph, "edge_numbers")
         return self._edge_numbers
 
     def __len__(self) -> int:
@@ -322,7 +322,7 @@ class AgentBlock(AgentColumns):
         if self.graph is None:
             self.graph = graph
             if not self.names:
-                self.numbers = _numbers_of(graph, "node_numbers")
+                self.numbers = _find_numbers(graph, "node_numbers")
                 self._edge_numbers = None
 
     def succeed(self, block: AgentBlock) -> None:
@@ -390,7 +390,7 @@ class AgentBlock(AgentColumns):
             self._write_progress(row, value)
             return
         if column in _IN_AIR:
-            numbers = self._numbers_in_air(column, row)
+            numbers = self._get_numbers_in_air(column, row)
             numbers[:] = array("d", (nan,) * len(numbers) if value is None else value[: len(numbers)])
             return
         if column == "speed":
@@ -606,7 +606,7 @@ class AgentBlock(AgentColumns):
         self._note_all()
 
 
-def _numbers_of(graph: NodeFinder | None, name: str) -> NodeNumbers:
+def _find_numbers(graph: NodeFinder | None, name: str) -> NodeNumbers:
     """Return the numbers of the nodes or edges of a graph, its attribute of this name; new ones if it has none."""
     found: NodeNumbers | None = getattr(graph, name, None)
     return NodeNumbers() if found is None else found
@@ -617,17 +617,17 @@ def read_vector(block: AgentBlock, name: str, row: int) -> tuple[float, ...] | N
     if name not in _IN_AIR:
         found: tuple[float, ...] | None = getattr(block, name)[row]
         return found
-    numbers = block._numbers_in_air(name, row)
+    numbers = block._get_numbers_in_air(name, row)
     return None if not numbers or isnan(numbers[0]) else tuple(numbers)
 
 
-def speed_of(block: AgentBlock, row: int) -> float | None:
+def get_speed(block: AgentBlock, row: int) -> float | None:
     """Return the speed of an agent, as an integer if it was set to one; None: it has none."""
     return read_speed(block.speed[row], block.has_int_speed[row])
 
 
-def speeds_of(games: Block) -> list[float | None]:
-    """Return the speeds of all agents; see `speed_of`."""
+def list_speeds(games: Block) -> list[float | None]:
+    """Return the speeds of all agents; see `get_speed`."""
     return [*map(read_speed, games.row("speed"), games.row("has_int_speed"))]
 
 
@@ -654,10 +654,10 @@ def as_ids(nodes: Sequence[int]) -> memoryview[int]:
     return np.ascontiguousarray(nodes, np.int64).data
 
 
-def moves_of(starts: Sequence[int], ends: Sequence[int]) -> MoveColumns:
+def make_moves(starts: Sequence[int], ends: Sequence[int]) -> MoveColumns:
     """Return moves in the form of the core: without copies if the arrays are writable 64-bit integers."""
     columns = [as_ids(one) for one in (starts, ends)]
-    first, last = [copied_column(one) if one.readonly else one for one in columns]
+    first, last = [copy_column(one) if one.readonly else one for one in columns]
     return MoveColumns(first, last)
 
 

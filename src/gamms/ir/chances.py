@@ -23,7 +23,7 @@ def as_chances(given: object, name: str, *, or_function: bool = False) -> FloatA
         BadType, BadValue: the value is neither.
     """
     pairs: object = [(0.0, given)] if isinstance(given, Real) else given
-    points = _points_of(cast("Iterable[tuple[float, float]]", pairs), given, name, or_function=or_function)
+    points = _check_points(cast("Iterable[tuple[float, float]]", pairs), given, name, or_function=or_function)
     if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
         raise BadValue(f"{name} must have probabilities from 0 to 1, not {shown(given)}.")
     if (np.diff(points[:, 0]) <= 0.0).any():
@@ -31,12 +31,12 @@ def as_chances(given: object, name: str, *, or_function: bool = False) -> FloatA
     return points
 
 
-def chances_at(distances: FloatArray, points: FloatArray) -> FloatArray:
+def interpolate_chances(distances: FloatArray, points: FloatArray) -> FloatArray:
     """Return probabilities at distances (distances,), by linear interpolation between the points."""
     return np.interp(distances, points[:, 0], points[:, 1])
 
 
-def chances_given(function: Callable[[FloatArray], object], distances: FloatArray, name: str) -> FloatArray:
+def compute_chances(function: Callable[[FloatArray], object], distances: FloatArray, name: str) -> FloatArray:
     """Return the probabilities from a caller's function at distances (distances,).
 
     Raises:
@@ -50,7 +50,7 @@ def chances_given(function: Callable[[FloatArray], object], distances: FloatArra
     return chances
 
 
-def _points_of(pairs: Iterable[tuple[float, float]], given: object, name: str, *, or_function: bool) -> FloatArray:
+def _check_points(pairs: Iterable[tuple[float, float]], given: object, name: str, *, or_function: bool) -> FloatArray:
     try:
         points = np.array([(float(distance), float(chance)) for distance, chance in pairs])
     except (TypeError, ValueError, OverflowError):

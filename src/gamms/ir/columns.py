@@ -240,12 +240,12 @@ class AgentSetChange:
         left = without(column, self.gone)
         if not self._places:
             return left
-        return _joined(left, [(i, i, (value,)) for i, value in zip(self._places, values, strict=True)])
+        return _replace_ranges(left, [(i, i, (value,)) for i, value in zip(self._places, values, strict=True)])
 
 
 def without(column: Sequence[Any], gone: Iterable[int]) -> list[Any]:
     """Return a list without the items at ascending positions."""
-    return _joined(column, [(i, i + 1, ()) for i in gone])
+    return _replace_ranges(column, [(i, i + 1, ()) for i in gone])
 
 
 def drop(column: list[Any], gone: Sequence[int]) -> None:
@@ -258,7 +258,7 @@ def drop(column: list[Any], gone: Sequence[int]) -> None:
         del column[i]
 
 
-def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...]]]) -> list[Any]:
+def _replace_ranges(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...]]]) -> list[Any]:
     """Return a list in which each cut, a range of positions, is replaced by other values."""
     joined: list[Any] = []
     at = 0
@@ -270,7 +270,7 @@ def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...
     return joined
 
 
-def copied_column(column: Any) -> Any:
+def copy_column(column: Any) -> Any:
     """Return a copy of a list, or of a view of an array."""
     return column.copy() if type(column) is list else np.array(column, np.int64).data
 
@@ -329,7 +329,7 @@ class Selection:
         """Return the values of a column in these rows as a list."""
         pick = self._pick
         if pick is None:
-            pick = _picker(self.rows)
+            pick = _make_picker(self.rows)
             self._pick = pick
         return [*pick(column)]
 
@@ -363,7 +363,7 @@ class Selection:
         return numbers if self._is_ascending else numbers.take(self._order)
 
 
-def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
+def _make_picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
     """Return a function that picks the items at these positions of a list."""
     if places == list(range(len(places))):
         return itemgetter(slice(len(places)))
@@ -373,23 +373,23 @@ def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
 # -- tables and logs of games --------------------------------------------------------------------------------------
 
 
-def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
+def select_rows(table: Table, which: BoolArray | IntArray) -> Table:
     """Return rows of a named tuple of columns, selected by a mask or by indices."""
     rows = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.int64, copy=False)
-    return type(table)(*(_chosen(column, rows) for column in table))
+    return type(table)(*(_select_rows(column, rows) for column in table))
 
 
-def _chosen(column: Any, rows: IntArray) -> Any:
+def _select_rows(column: Any, rows: IntArray) -> Any:
     if isinstance(column, list):
         return [column[row] for row in rows.tolist()]
     if isinstance(column, Mapping):
-        return {name: _chosen(one, rows) for name, one in column.items()}
+        return {name: _select_rows(one, rows) for name, one in column.items()}
     if hasattr(column, "_fields"):
-        return some_rows(column, rows)
+        return select_rows(column, rows)
     return column[rows] if isinstance(column, np.ndarray) else column
 
 
-def joined_rows(tables: Sequence[Table]) -> Table:
+def join_rows(tables: Sequence[Table]) -> Table:
     """Return the concatenated rows of several tables; there is at least one."""
     return type(tables[0])(*map(_join_column, zip(*tables, strict=True))) if len(tables) > 1 else tables[0]
 
@@ -403,7 +403,7 @@ def _join_column(columns: Sequence[Any]) -> Any:
     return np.concatenate(columns) if isinstance(first, np.ndarray) else first
 
 
-def places_of(numbers: IntArray, most: int) -> IntArray:
+def find_places(numbers: IntArray, most: int) -> IntArray:
     """Return the index of each number below a limit in an array, (most,); -1: the number is not in it."""
     found = np.full(most, -1)
     found[numbers] = np.arange(len(numbers))
@@ -441,7 +441,7 @@ class GameLog(ABC, Generic[P]):
     def of(self, game: int) -> list[dict[str, Any]]:
         """Return the log entries of a game, in order."""
         for noted in self._pending:
-            for number, entry in self._entries(noted):
+            for number, entry in self._list_entries(noted):
                 self._of_game[number].append(entry)
         self._pending.clear()
         return self._of_game[game]
@@ -482,5 +482,5 @@ class GameLog(ABC, Generic[P]):
             self._of_game[game] += entries
 
     @abstractmethod
-    def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
+    def _list_entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
         """Return pairs of game number and log entry; the entries of a game are in order."""

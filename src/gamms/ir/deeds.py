@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.columns import Column, GameLog, joined_rows, places_of, some_rows
+from gamms.ir.columns import Column, GameLog, find_places, join_rows, select_rows
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 
@@ -34,12 +34,12 @@ class ArrayDeeds(NamedTuple):
 
     def those(self, which: BoolArray | IntArray) -> ArrayDeeds:
         """Return deeds selected by a mask or by indices."""
-        return some_rows(self, which)
+        return select_rows(self, which)
 
 
-def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
+def join_deeds(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
     """Return the concatenated deeds of one kind; there is at least one part."""
-    whole = joined_rows(parts)
+    whole = join_rows(parts)
     return whole.those(np.lexsort((whole.agents, whole.at)))
 
 
@@ -76,10 +76,10 @@ class DeedNumbering(NamedTuple):
 
     def fields(self, deeds: ArrayDeeds) -> list[dict[str, Any]]:
         """Return the fields of each deed as plain values, without omitted ones."""
-        columns = [(key, self._plain(column, self.kinds[deeds.kind][key])) for key, column in deeds.values.items()]
+        columns = [(key, self._make_plain(column, self.kinds[deeds.kind][key])) for key, column in deeds.values.items()]
         return [{key: column[i] for key, column in columns if column[i] is not None} for i in range(len(deeds.at))]
 
-    def _plain(self, column: Column, kind: str) -> list[Any]:
+    def _make_plain(self, column: Column, kind: str) -> list[Any]:
         """Return the values of a field as plain values; None if it is omitted."""
         each: list[Any] = column.tolist()
         if kind not in ("agent", "node"):
@@ -162,7 +162,7 @@ class DeedsInArrays(NamedTuple):
         """Return the deeds that are not refused; see `DeedLog.refuse`."""
         each = zip(self.deeds.at.tolist(), self.deeds.agents.tolist(), strict=True)
         kind = self.deeds.kind
-        return self._those(np.array([not _is_refused(*one, kind, refused) for one in each], np.bool_))
+        return self._select_deeds(np.array([not _is_refused(*one, kind, refused) for one in each], np.bool_))
 
     def without_kinds(self, kinds: Collection[str]) -> DeedsInArrays | None:
         """Return the deeds of other kinds; None: all are of these."""
@@ -170,9 +170,9 @@ class DeedsInArrays(NamedTuple):
 
     def without_games(self, games: IntArray) -> DeedsInArrays:
         """Return the deeds of other games."""
-        return self._those(~np.isin(self.deeds.at, games))
+        return self._select_deeds(~np.isin(self.deeds.at, games))
 
-    def _those(self, which: BoolArray) -> DeedsInArrays:
+    def _select_deeds(self, which: BoolArray) -> DeedsInArrays:
         return self._replace(deeds=self.deeds.those(which), turns=self.turns[which])
 
     def of_kind(self, kind: str, number: IntArray, turn: IntArray, _: AsArrays) -> ArrayDeeds | None:
@@ -243,7 +243,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         if self._refused or lasting:
             before = self.last[: len(self.last) - len(self._now)]
             self._now = [one.without(self._refused) for one in self._now]
-            for row in _rows_of(self._now) if lasting else ():
+            for row in _list_rows(self._now) if lasting else ():
                 if row[4] in lasting:
                     self._begun.setdefault(row[0], []).append(row)
             others = [one.without_kinds(lasting) for one in self._now] if lasting else self._now
@@ -276,7 +276,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
             as_arrays: returns deeds of plain functions as arrays.
             is_moving: whether the agents of the last part of the turn are about to move; then only their deeds count.
         """
-        number = places_of(games, self._num_games)
+        number = find_places(games, self._num_games)
         tables = self._now if is_moving else self.last
         found = [one.of_kind(kind, number, turn, as_arrays) for one in tables]
         return [one for one in found if one is not None]
@@ -287,7 +287,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         if self._read is not tables:
             self._read = tables
             self._rows = {}
-            for row in _rows_of(tables):
+            for row in _list_rows(tables):
                 self._rows.setdefault(row[0], []).append(row)
         return [row for row in self._rows.get(game, ()) if row[5] == turn]
 
@@ -295,14 +295,14 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         """Return the deeds of a game in its last turn, as those of a game that is alone."""
         if self._num_games == 1:
             return self.last
-        return [PlainDeeds(0, _rows_alone(game, self.last))]
+        return [PlainDeeds(0, _list_rows_alone(game, self.last))]
 
     def copy_part(self, game: int, target: DeedLog) -> None:
         """Let the log of a single game go on in the part of the turn that a game is in, after `do`."""
-        now = {id(one): PlainDeeds(0, _rows_alone(game, [one.without(self._refused)])) for one in self._now}
+        now = {id(one): PlainDeeds(0, _list_rows_alone(game, [one.without(self._refused)])) for one in self._now}
         target._now = [*now.values()]
-        target.last = [now.get(id(one)) or PlainDeeds(0, _rows_alone(game, [one])) for one in self.last]
-        target._begun = {0: _in_game(0, self._begun.get(game, []))}
+        target.last = [now.get(id(one)) or PlainDeeds(0, _list_rows_alone(game, [one])) for one in self.last]
+        target._begun = {0: _renumber_game(0, self._begun.get(game, []))}
 
     def copy_wanted(self, game: int, target: DeedLog, part: int, slots: Mapping[int, int]) -> None:
         """Let the log of a single game go on before `do`, in a part of the turn in which agents are under way.
@@ -314,8 +314,8 @@ class DeedLog(GameLog[list[DoneDeeds]]):
             slots: the number of each agent there.
         """
         earlier = self.last[: len(self.last) - len(self._now)]
-        target.last = [PlainDeeds(0, _rows_alone(game, [one])) for one in earlier]
-        rows = _rows_alone(game, [one.without(self._refused) for one in self._now])
+        target.last = [PlainDeeds(0, _list_rows_alone(game, [one])) for one in earlier]
+        rows = _list_rows_alone(game, [one.without(self._refused) for one in self._now])
         there = [(row[0], slots[row[1]], *row[2:]) for row in rows if row[1] in slots]
         target.want(PlainDeeds(part, sorted(there, key=itemgetter(1, 2))))
 
@@ -335,9 +335,9 @@ class DeedLog(GameLog[list[DoneDeeds]]):
             last: the deeds of a game that is alone, see `last_of`.
         """
         super().begin(games, entries)
-        rows = _rows_of(last)
+        rows = _list_rows(last)
         if rows:
-            self.last = [*self.last, *(PlainDeeds(0, _in_game(game, rows)) for game in games.tolist())]
+            self.last = [*self.last, *(PlainDeeds(0, _renumber_game(game, rows)) for game in games.tolist())]
 
     def forget(self, games: IntArray) -> None:
         """Remove the deeds of games."""
@@ -360,24 +360,24 @@ class DeedLog(GameLog[list[DoneDeeds]]):
 
         return undo
 
-    def _entries(self, noted: list[DoneDeeds]) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _list_entries(self, noted: list[DoneDeeds]) -> Iterator[tuple[int, dict[str, Any]]]:
         rows = noted[0].rows()
         if len(noted) > 1:
-            rows = sorted(_rows_of(noted), key=itemgetter(0, 1, 2))
+            rows = sorted(_list_rows(noted), key=itemgetter(0, 1, 2))
         for game, _, _, name, kind, turn, node, fields in rows:
             yield game, {"turn": turn, "agent": name, "deed": kind, "at": node, **fields}
 
 
-def _rows_of(tables: Iterable[DoneDeeds]) -> list[DeedRow]:
+def _list_rows(tables: Iterable[DoneDeeds]) -> list[DeedRow]:
     """Return the deeds of several tables."""
     return [row for one in tables for row in one.rows()]
 
 
-def _rows_alone(game: int, tables: Iterable[DoneDeeds]) -> list[DeedRow]:
+def _list_rows_alone(game: int, tables: Iterable[DoneDeeds]) -> list[DeedRow]:
     """Return the deeds of a game as those of a game that is alone."""
-    return _in_game(0, [row for row in _rows_of(tables) if row[0] == game])
+    return _renumber_game(0, [row for row in _list_rows(tables) if row[0] == game])
 
 
-def _in_game(game: int, rows: Iterable[DeedRow]) -> list[DeedRow]:
+def _renumber_game(game: int, rows: Iterable[DeedRow]) -> list[DeedRow]:
     """Return deeds as those of a game with this number."""
     return [(game, *row[1:]) for row in rows]

@@ -113,14 +113,14 @@ class DrawCommands:
         """
         if not isinstance(columns, dict):
             raise BadType(f"A recorded drawing is a dict of columns, not a {type(columns).__name__}.")
-        found = {name: _column(columns, name, *form) for name, form in _FORMS.items()}
+        found = {name: _read_column(columns, name, *form) for name, form in _FORMS.items()}
         kind = found["kind"]
         counts = found.pop("counts")
         points = found["points"]
         text = columns.get("text") or [""] * len(counts)
         if not isinstance(text, list) or not all(isinstance(one, str) for one in text):
             raise BadType("The texts of a recorded drawing must be a list of str.")
-        owners = _owners_in(columns, len(counts))
+        owners = _read_owners(columns, len(counts))
         if {len(text), *(len(column) for name, column in found.items() if name != "points")} != {len(counts)}:
             raise BadValue("The columns of a recorded drawing have different lengths.")
         _check_kinds(kind, found["space"], counts, len(points))
@@ -134,7 +134,7 @@ class DrawCommands:
         return cls(layer=np.zeros(len(kind), np.int64), offsets=offsets, text=tuple(text), owners=owners, **found)
 
 
-def _owners_in(columns: dict[str, Any], count: int) -> dict[int, Owner]:
+def _read_owners(columns: dict[str, Any], count: int) -> dict[int, Owner]:
     """Return row -> owner of the commands of a recorded drawing.
 
     Raises:
@@ -169,7 +169,7 @@ _POINTS_OF = {  # fewest and most points of recorded commands, by kind
 }
 
 
-def _column(
+def _read_column(
     columns: dict[str, Any], name: str, kinds: str, row: tuple[int, ...], dtype: type
 ) -> "np.ndarray[Any, Any]":
     """Return a column of a recorded drawing."""

@@ -100,12 +100,12 @@ class Mover(NamedTuple):
     before: int
 
 
-def _numbers(form: str, *, or_none: bool = False) -> Callable[[object, str], tuple[float, ...] | None]:
+def _make_number_check(form: str, *, or_none: bool = False) -> Callable[[object, str], tuple[float, ...] | None]:
     """Return a check for tuples of numbers with the fields of `form`."""
     return lambda value, name: None if or_none and value is None else tuple(as_numbers(value, name, form))
 
 
-def _speed(value: object, name: str) -> Any:
+def _check_speed(value: object, name: str) -> Any:
     if value is not None:
         as_range(value, name)
     return value
@@ -118,12 +118,12 @@ _FIELDS = {  # fields with these names; other fields hold any plain value
     **dict.fromkeys(("number", "numbers"), Field(Role.NUMBER)),
     **dict.fromkeys(("node", "previous", "edge_source", "edge_target"), Field(Role.NODE)),
     **dict.fromkeys(("name", "sensor_id", "kind"), Field(check=as_name)),
-    "orientation": Field(check=_numbers("(cos, sin)", or_none=True)),
-    "position": Field(check=_numbers("(x, y, z)")),
-    "quat": Field(check=_numbers("(w, x, y, z)")),
+    "orientation": Field(check=_make_number_check("(cos, sin)", or_none=True)),
+    "position": Field(check=_make_number_check("(x, y, z)")),
+    "quat": Field(check=_make_number_check("(w, x, y, z)")),
     "team": Field(check=as_key),
     "alive": Field(check=as_bool),
-    "speed": Field(check=_speed),
+    "speed": Field(check=_check_speed),
     **{column.event.key: Field(check=column.checked) for column in NUMBERS if column.event is not None},
 }
 EVENTS: dict[int, EventKind] = {}
@@ -133,7 +133,7 @@ _Apply = Callable[[State, Any], None]
 _Records = Callable[[Any, Mover | None], Iterator[Record]]
 
 
-def _fields_of(spec: str) -> dict[str, Field]:
+def _parse_fields(spec: str) -> dict[str, Field]:
     """Return fields by name, from a spec like "name:AGENT ?state": with a role, or optional."""
     fields = {}
     for part in spec.split():
@@ -143,7 +143,7 @@ def _fields_of(spec: str) -> dict[str, Field]:
     return fields
 
 
-def _event(
+def _add_event(
     code: int,
     name: str,
     audience: Audience,
@@ -153,20 +153,20 @@ def _event(
 ) -> int:
     """Add a kind, and return its code. A spec that begins with a number field means that the data are a tuple."""
     is_tuple = fields.startswith("number ")
-    EVENTS[code] = EventKind(code, name, _fields_of(fields), audience, apply or _nothing, records, is_tuple)
+    EVENTS[code] = EventKind(code, name, _parse_fields(fields), audience, apply or _keep_state, records, is_tuple)
     return code
 
 
 def _record(code: int, name: str, audience: Audience, fields: str = "", apply: _Apply | None = None) -> int:
     """Add a kind that is also a record of format version 2."""
-    return _event(code, name, audience, fields, apply, lambda data, _: iter([(code, data)]))
+    return _add_event(code, name, audience, fields, apply, lambda data, _: iter([(code, data)]))
 
 
-def _nothing(_state: State, _data: Plain) -> None:
+def _keep_state(_state: State, _data: Plain) -> None:
     """Leave the state as it is."""
 
 
-def _sets(column: str, key: str) -> _Apply:
+def _make_setter(column: str, key: str) -> _Apply:
     """Return a function that sets one column of one agent from a field."""
     field = _FIELDS.get(key, Field())
 
@@ -177,7 +177,7 @@ def _sets(column: str, key: str) -> _Apply:
     return apply
 
 
-def _puts(name: str) -> _Apply:
+def _make_game_setter(name: str) -> _Apply:
     """Return a function that sets a field of the game from its captured value, stored under its name."""
 
     def apply(state: State, data: Mapping[str, Plain]) -> None:
@@ -189,7 +189,7 @@ def _puts(name: str) -> _Apply:
 # -- agents -----------------------------------------------------------------------------------------------------
 
 
-def _creation_records(data: Mapping[str, Plain], _: Mover | None) -> Iterator[Record]:
+def _list_creation_records(data: Mapping[str, Plain], _: Mover | None) -> Iterator[Record]:
     """Yield the creation, and further records for 1.0.0, which knows other keywords."""
     yield AGENT_CREATE, {"name": data["name"], "kwargs": data["kwargs"]}
     name = {"agent_name": data["name"]}
@@ -216,18 +216,18 @@ def _move_records(data: Sequence[int], mover: Mover | None) -> Iterator[Record]:
     yield AGENT_CURRENT_NODE, {"agent_name": mover.name, "node_id": data[1]}
 
 
-def _flight_records(data: tuple[int, int, float, float, float], mover: Mover | None) -> Iterator[Record]:
+def _list_flight_records(data: tuple[int, int, float, float, float], mover: Mover | None) -> Iterator[Record]:
     assert mover is not None  # noqa: S101 - as above
     yield AERIAL_AGENT_POSITION, {"agent_name": mover.name, "position": list(data[2:])}
     yield AGENT_PREV_NODE, {"agent_name": mover.name, "node_id": mover.before}
 
 
-def _turn_records(data: tuple[int, float, float, float, float], mover: Mover | None) -> Iterator[Record]:
+def _list_turn_records(data: tuple[int, float, float, float, float], mover: Mover | None) -> Iterator[Record]:
     assert mover is not None  # noqa: S101 - as above
     yield AERIAL_AGENT_QUATERNION, {"agent_name": mover.name, "quat": list(data[1:])}
 
 
-def _position_records(data: Mapping[str, Plain], mover: Mover | None) -> Iterator[Record]:
+def _list_position_records(data: Mapping[str, Plain], mover: Mover | None) -> Iterator[Record]:
     yield AERIAL_AGENT_POSITION, {"agent_name": data["agent_name"], "position": data["position"]}
     if mover is not None:
         yield AGENT_PREV_NODE, {"agent_name": data["agent_name"], "node_id": mover.before}
@@ -246,7 +246,7 @@ def _fly(state: State, data: tuple[int, int, float, float, float]) -> None:
     state.agents.fly(state.agents.row_of(number), node, tuple(position))
 
 
-def _turn(state: State, data: tuple[int, float, float, float, float]) -> None:
+def _apply_turn(state: State, data: tuple[int, float, float, float, float]) -> None:
     number, *quat = data
     state.agents.turn(state.agents.row_of(number), tuple(quat))
 
@@ -266,19 +266,19 @@ def _deregister(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.unequip(state.agents.row(data["agent_name"]), data["name"])
 
 
-def _progress(state: State, data: Mapping[str, Plain]) -> None:
+def _apply_progress(state: State, data: Mapping[str, Plain]) -> None:
     columns = {name: data[name] for name in ON_EDGES if name in data}
     state.agents.progress(data["numbers"], columns)
 
 
-def _attribute(state: State, data: Mapping[str, Plain]) -> None:
+def _apply_attribute(state: State, data: Mapping[str, Plain]) -> None:
     numbers = np.asarray(data["numbers"], np.int64).tolist()
     values = data.get("values")
     values = values.tolist() if isinstance(values, np.ndarray) else values
     state.agents.attribute(numbers, as_name(data["name"], "name"), values)
 
 
-def _above(state: State, data: Mapping[str, Plain]) -> None:
+def _apply_above(state: State, data: Mapping[str, Plain]) -> None:
     for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
         row = state.agents.row(name)
         state.agents.set(row, "node", node)
@@ -291,8 +291,8 @@ _SENSED = Audience.SENSED
 _WITNESSED = Audience.WITNESSED
 _HOST = Audience.HOST
 
-AGENT_CREATE = _event(
-    0x01000000, "AGENT_CREATE", _HOST, "name:AGENT kwargs ?state ?strategy", _create, _creation_records
+AGENT_CREATE = _add_event(
+    0x01000000, "AGENT_CREATE", _HOST, "name:AGENT kwargs ?state ?strategy", _create, _list_creation_records
 )
 AGENT_DELETE = _record(
     0x01000001, "AGENT_DELETE", _HOST, "name:AGENT", lambda state, data: state.agents.remove(data["name"])
@@ -301,29 +301,35 @@ AGENT_SENSOR_REGISTER = _record(0x01100002, "AGENT_SENSOR_REGISTER", _TEAM, "age
 AGENT_SENSOR_DEREGISTER = _record(
     0x01100003, "AGENT_SENSOR_DEREGISTER", _TEAM, "agent_name name sensor_id", _deregister
 )
-AERIAL_AGENT_POSITION = _event(
-    0x01100005, "AERIAL_AGENT_POSITION", _SENSED, "agent_name position ?node", _fly_by_name, _position_records
+AERIAL_AGENT_POSITION = _add_event(
+    0x01100005, "AERIAL_AGENT_POSITION", _SENSED, "agent_name position ?node", _fly_by_name, _list_position_records
 )
 AERIAL_AGENT_QUATERNION = _record(
-    0x01100006, "AERIAL_AGENT_QUATERNION", _SENSED, "agent_name quat", _sets("quat", "quat")
+    0x01100006, "AERIAL_AGENT_QUATERNION", _SENSED, "agent_name quat", _make_setter("quat", "quat")
 )
-AGENT_STRATEGY = _event(0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strategy", _sets("strategies", "strategy"))
-AGENT_PROGRESS = _event(
+AGENT_STRATEGY = _add_event(
+    0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strategy", _make_setter("strategies", "strategy")
+)
+AGENT_PROGRESS = _add_event(
     0x01100014,
     "AGENT_PROGRESS",
     _SENSED,
     "numbers edge_source:EACH edge_target:EACH edge_share:EACH ?edge_id:EACH ?edge_motion:EACH",
-    _progress,
+    _apply_progress,
 )
-AGENT_ATTRIBUTE = _event(0x01100016, "AGENT_ATTRIBUTE", _TEAM, "numbers name ?values:EACH", _attribute)
-AERIAL_AGENT_FLIGHT = _event(0x01100020, "AERIAL_AGENT_FLIGHT", _SENSED, "number node x y z", _fly, _flight_records)
-AERIAL_AGENT_TURN = _event(0x01100021, "AERIAL_AGENT_TURN", _SENSED, "number w x y z", _turn, _turn_records)
-FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node:EACH previous:EACH", _above)
+AGENT_ATTRIBUTE = _add_event(0x01100016, "AGENT_ATTRIBUTE", _TEAM, "numbers name ?values:EACH", _apply_attribute)
+AERIAL_AGENT_FLIGHT = _add_event(
+    0x01100020, "AERIAL_AGENT_FLIGHT", _SENSED, "number node x y z", _fly, _list_flight_records
+)
+AERIAL_AGENT_TURN = _add_event(
+    0x01100021, "AERIAL_AGENT_TURN", _SENSED, "number w x y z", _apply_turn, _list_turn_records
+)
+FLYERS_ABOVE = _add_event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node:EACH previous:EACH", _apply_above)
 # Never written as an event: integers in a log, and a separate column in a file.
-MOVES = _event(0x01100040, "MOVES", _SENSED, "number node", _move, _move_records)
+MOVES = _add_event(0x01100040, "MOVES", _SENSED, "number node", _move, _move_records)
 
 for _column, (_code, _name, _audience, _key, _is_record) in CHANGE_EVENTS.items():
-    (_record if _is_record else _event)(_code, _name, _audience, f"agent_name {_key}", _sets(_column, _key))
+    (_record if _is_record else _add_event)(_code, _name, _audience, f"agent_name {_key}", _make_setter(_column, _key))
 AGENT_CURRENT_NODE = CHANGE_EVENTS["node"].code
 AGENT_PREV_NODE = CHANGE_EVENTS["previous"].code
 AGENT_ORIENTATION = CHANGE_EVENTS["heading"].code
@@ -377,13 +383,13 @@ def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
     return deepcopy(as_message(found) if log == "messages" else found)
 
 
-def _logged(code: int, name: str, audience: Audience, fields: str, log: str) -> int:
+def _add_logged_event(code: int, name: str, audience: Audience, fields: str, log: str) -> int:
     """Add a kind that appends an entry to a log."""
     LOGGED[code] = log
-    return _event(code, name, audience, fields, lambda state, data: state.append(log, as_entry(log, data)))
+    return _add_event(code, name, audience, fields, lambda state, data: state.append(log, as_entry(log, data)))
 
 
-def _over(state: State, data: Mapping[str, Plain]) -> None:
+def _apply_over(state: State, data: Mapping[str, Plain]) -> None:
     state.game.over = as_over(data or None)
 
 
@@ -402,7 +408,7 @@ def _publish_privately(state: State, data: Mapping[str, Plain]) -> None:
             facts.update((name, published(name, facts[name])) for name in changes.get("set", ()))
 
 
-def _delay(state: State, data: Mapping[str, Plain]) -> None:
+def _apply_delay(state: State, data: Mapping[str, Plain]) -> None:
     for sensor, owner, changes in data["looks"]:
         looks = state.game.delayed_looks.setdefault((sensor, owner), {})
         change(looks, changes)
@@ -414,68 +420,74 @@ def _count(state: State, data: Mapping[str, Plain]) -> None:
 
 
 for _field, (_code, _name, _audience, _key, _) in FIELD_EVENTS.items():
-    _event(_code, _name, _audience, f"{_key}:BY_AGENT" if FIELDS[_field].axis == "agent" else _key, _puts(_field))
+    _add_event(
+        _code,
+        _name,
+        _audience,
+        f"{_key}:BY_AGENT" if FIELDS[_field].axis == "agent" else _key,
+        _make_game_setter(_field),
+    )
 GAME_SCORES = FIELD_EVENTS["scores"].code
 GAME_BLOCKED = FIELD_EVENTS["blocked"].code
 GAME_NAMED_EDGES = FIELD_EVENTS["named_edges"].code
 GAME_DRIVEN = FIELD_EVENTS["driven"].code
 GAME_COLLECTED = FIELD_EVENTS["collected"].code
-GAME_DATA = _event(
+GAME_DATA = _add_event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
 DECISIONS = ("choice", "llm")
 """Kinds of emitted events about decisions of an agent: visible only to its own team."""
 
-GAME_EVENT = _logged(0x04000002, "GAME_EVENT", _WITNESSED, "kind", "events")
-GAME_OVER = _event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _over)
-GAME_TURN = _event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts:BY_AGENT", _count)
-GAME_MEMORY = _event(0x04000005, "GAME_MEMORY", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _remember)
-GAME_FACTS = _event(
+GAME_EVENT = _add_logged_event(0x04000002, "GAME_EVENT", _WITNESSED, "kind", "events")
+GAME_OVER = _add_event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _apply_over)
+GAME_TURN = _add_event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts:BY_AGENT", _count)
+GAME_MEMORY = _add_event(0x04000005, "GAME_MEMORY", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _remember)
+GAME_FACTS = _add_event(
     0x04000006, "GAME_FACTS", _ALL, "set removed", lambda state, data: state.publish(data["set"], data["removed"])
 )
-GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
-GAME_PRIVATE_FACTS = _event(
+GAME_CHANCE = _add_event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
+GAME_PRIVATE_FACTS = _add_event(
     0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _publish_privately
 )
-GAME_DEED = _logged(0x04000008, "GAME_DEED", _WITNESSED, "agent:AGENT deed at:NODE", "deeds")
-GAME_MESSAGE = _logged(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
-USER_EVENT = _event(0x05000000, "USER_EVENT", _WITNESSED, "kind")
+GAME_DEED = _add_logged_event(0x04000008, "GAME_DEED", _WITNESSED, "agent:AGENT deed at:NODE", "deeds")
+GAME_MESSAGE = _add_logged_event(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
+USER_EVENT = _add_event(0x05000000, "USER_EVENT", _WITNESSED, "kind")
 
 TERMINATE = _record(0x00000000, "TERMINATE", _ALL)
 SIMULATE = _record(0x00000001, "SIMULATE", _ALL, "", lambda state, _: state.end_turn())
-SNAPSHOT = _event(0x00000010, "SNAPSHOT", _HOST, "names numbers node", lambda state, data: state.restore(data))
-UNFINISHED = _event(0x00000011, "UNFINISHED", _ALL)
-WORLD = _event(0x03000000, "WORLD", _ALL, "world", lambda state, data: state.replace_world(data["world"]))
-VISUALS = _event(0x03000010, "VISUALS", _HOST, "artists", lambda state, data: state.show(data))
-VISUAL_COMMANDS = _event(
+SNAPSHOT = _add_event(0x00000010, "SNAPSHOT", _HOST, "names numbers node", lambda state, data: state.restore(data))
+UNFINISHED = _add_event(0x00000011, "UNFINISHED", _ALL)
+WORLD = _add_event(0x03000000, "WORLD", _ALL, "world", lambda state, data: state.replace_world(data["world"]))
+VISUALS = _add_event(0x03000010, "VISUALS", _HOST, "artists", lambda state, data: state.show(data))
+VISUAL_COMMANDS = _add_event(
     0x03000011, "VISUAL_COMMANDS", _HOST, "artist layer visible", lambda state, data: state.draw(data)
 )
-SENSORS = _event(
+SENSORS = _add_event(
     0x06000000,
     "SENSORS",
     _HOST,
     "sensor_kinds ?removed",
     lambda state, data: state.change_sensors(data["sensor_kinds"], data.get("removed", ())),
 )
-SENSED = _event(0x06000001, "SENSED", _TEAM, "agents:NUMBER ids")
-DELAYED_LOOKS = _event(0x06000002, "DELAYED_LOOKS", _HOST, "looks", _delay)
+SENSED = _add_event(0x06000001, "SENSED", _TEAM, "agents:NUMBER ids")
+DELAYED_LOOKS = _add_event(0x06000002, "DELAYED_LOOKS", _HOST, "looks", _apply_delay)
 
 
-def _component(code: int, name: str, fields: str) -> int:
+def _add_component_event(code: int, name: str, fields: str) -> int:
     """Add a kind that changes components."""
     return _record(code, name, _ALL, fields, lambda state, data: state.change_component(code, data))
 
 
-COMPONENT_REGISTER = _component(0x02000000, "COMPONENT_REGISTER", "key struct")
-COMPONENT_CREATE = _component(0x02000001, "COMPONENT_CREATE", "name type")
-COMPONENT_UPDATE = _component(0x02000002, "COMPONENT_UPDATE", "name key value")
-COMPONENT_DELETE = _component(0x02000003, "COMPONENT_DELETE", "name")
-COMPONENT_UNREGISTER = _component(0x02000004, "COMPONENT_UNREGISTER", "key")
+COMPONENT_REGISTER = _add_component_event(0x02000000, "COMPONENT_REGISTER", "key struct")
+COMPONENT_CREATE = _add_component_event(0x02000001, "COMPONENT_CREATE", "name type")
+COMPONENT_UPDATE = _add_component_event(0x02000002, "COMPONENT_UPDATE", "name key value")
+COMPONENT_DELETE = _add_component_event(0x02000003, "COMPONENT_DELETE", "name")
+COMPONENT_UNREGISTER = _add_component_event(0x02000004, "COMPONENT_UNREGISTER", "key")
 COMPONENTS = frozenset([COMPONENT_REGISTER, COMPONENT_CREATE, COMPONENT_UPDATE, COMPONENT_DELETE, COMPONENT_UNREGISTER])
 """The kinds that change components."""
 
 
-def events_of(log: Log) -> Iterator[tuple[int, Any]]:
+def list_events(log: Log) -> Iterator[tuple[int, Any]]:
     """Yield the events of a log; consecutive moves are one event, `(MOVES, [number, node, number, node, …])`."""
     types = list(map(type, log))
     begin = 0
@@ -490,9 +502,9 @@ def events_of(log: Log) -> Iterator[tuple[int, Any]]:
         yield MOVES, log[begin:]
 
 
-def steps_of(log: Log) -> Iterator[tuple[int, Any]]:
+def list_steps(log: Log) -> Iterator[tuple[int, Any]]:
     """Yield the events of a log, with each move separately."""
-    for kind, data in events_of(log):
+    for kind, data in list_events(log):
         if kind == MOVES:
             moves = data if isinstance(data, list) else data.tolist()
             for step in zip(moves[::2], moves[1::2], strict=True):
@@ -510,7 +522,7 @@ def records_of(kind: int, data: Plain, mover: Mover | None = None) -> Iterator[R
         yield from known.records(data, mover)
 
 
-def renumbered(kind: int, data: Plain, number_of: Callable[[int], int]) -> Any:
+def renumber_event(kind: int, data: Plain, number_of: Callable[[int], int]) -> Any:
     """Return the data of an event with other agent numbers.
 
     Args:

@@ -26,7 +26,7 @@ from gamms.core.copies import (
 from gamms.errors import BadType, BadValue
 from gamms.ir.deeds import DeedLog, DoneDeeds
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
-from gamms.plain import Plain, plain_subset, refuse_misfit, to_plain, whole
+from gamms.plain import Plain, refuse_misfit, select_plain, to_plain, whole
 from gamms.readonly import published
 from gamms.text import as_text, shown
 
@@ -139,23 +139,23 @@ class BlockedAgents(MutableMapping[str, str]):
         self.stopped: list[tuple[Sequence[str], Sequence[int], Sequence[object]]] = []
 
     def __getitem__(self, name: str) -> str:
-        return self._written()[name]
+        return self._write_names()[name]
 
     def __setitem__(self, name: str, why: str) -> None:
-        self._written()[name] = why
+        self._write_names()[name] = why
 
     def __delitem__(self, name: str) -> None:
-        del self._written()[name]
+        del self._write_names()[name]
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return the reason of an agent, or the default."""
-        return self._written().get(name, default)  # NOTE: without an exception, for each agent (benchmarks: turns)
+        return self._write_names().get(name, default)  # NOTE: without an exception, for each agent (benchmarks: turns)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._written())
+        return iter(self._write_names())
 
     def __len__(self) -> int:
-        return len(self._written())
+        return len(self._write_names())
 
     def __bool__(self) -> bool:
         """Return whether any agent was blocked, without writing out conflicts."""
@@ -163,7 +163,7 @@ class BlockedAgents(MutableMapping[str, str]):
 
     def add(self, name: str, why: str) -> str:
         """Add a reason to those known already; return the complete reason."""
-        known = self._written() if self.stopped else self.known
+        known = self._write_names() if self.stopped else self.known
         all_known = f"{known[name]}; {why}" if name in known else why
         known[name] = all_known
         return all_known
@@ -195,35 +195,35 @@ class BlockedAgents(MutableMapping[str, str]):
         twin.stopped = [*self.stopped]
         return twin
 
-    def _written(self) -> dict[str, str]:
+    def _write_names(self) -> dict[str, str]:
         if self.stopped:
             stopped = self.stopped
             self.stopped = []
             for names, agents, places in stopped:
                 for i, end in zip(agents, places, strict=True):
-                    self.add(names[i], in_conflict(end))
+                    self.add(names[i], describe_conflict(end))
         return self.known
 
 
-def in_conflict(end: object) -> str:
+def describe_conflict(end: object) -> str:
     """Return the reason of an agent that a conflict has stopped on its way to a node or edge."""
     where = f"node {end}" if isinstance(end, int) else str(end)
     return f"in conflict with other agents on the way to {where}"
 
 
-def _same(value: object, _: Memo | None) -> object:
+def _return_value(value: object, _: Memo | None) -> object:
     return value
 
 
-def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
-    return [(to_plain(name), plain_subset(memory)) for name, memory in memories.items() if memory]
+def _capture_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
+    return [(to_plain(name), select_plain(memory)) for name, memory in memories.items() if memory]
 
 
-def _private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
+def _restore_private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
     return {to: {name: published(name, value) for name, value in facts.items()} for to, facts in each}
 
 
-_FACTS = (copied_each, _captured_each, _private_facts)
+_FACTS = (copied_each, _capture_each, _restore_private_facts)
 
 
 def as_scores(scores: Plain) -> Scores:
@@ -404,14 +404,14 @@ class GameState:
         axis="game",
         event=ChangeEvent(0x04000000, "GAME_SCORES", Audience.ALL, "scores"),
     )
-    data: dict[str, Any] = game_field(dict, copied, refill=refill, captured=plain_subset)
+    data: dict[str, Any] = game_field(dict, copied, refill=refill, captured=select_plain)
     over: dict[str, Any] | None = game_field(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
-    turn: int = game_field(int, _same, captured=to_plain, restored=as_turn, axis="game")
+    turn: int = game_field(int, _return_value, captured=to_plain, restored=as_turn, axis="game")
     events: list[dict[str, Any]] = game_field(list)
     errors: list[dict[str, Any]] = game_field(list)
     deed_log: DeedLog = game_field(DeedLog)
     row: int = game_field(int)
-    under_way: Any = game_field(NoneType, _same)
+    under_way: Any = game_field(NoneType, _return_value)
     unlogged: Any = game_field(NoneType, is_own=True)
     messages: list[dict[str, Any]] = game_field(list)
     blocked: BlockedAgents = game_field(
@@ -425,7 +425,7 @@ class GameState:
     )
     named_edges: dict[str, tuple[int, int]] = game_field(
         dict,
-        _same,
+        _return_value,
         captured=to_plain,
         restored=as_named_edges,
         is_seldom=True,
@@ -443,7 +443,7 @@ class GameState:
     )
     collected: dict[str, CollectedNumbers] = game_field(
         dict,
-        _same,
+        _return_value,
         captured=to_plain,
         restored=as_collected,
         is_seldom=True,
@@ -456,14 +456,14 @@ class GameState:
         dict,
         copied_filled,
         refill=refill_each,
-        captured=lambda memories: dict(sorted(_captured_each(memories))),
+        captured=lambda memories: dict(sorted(_capture_each(memories))),
         restored=lambda memories: copied_each(deepcopy(memories)),
         axis="agent",
     )
     team_memories: dict[Any, dict[Any, Any]] = game_field(
         dict,
         copied,
-        captured=_captured_each,
+        captured=_capture_each,
         restored=lambda each: dict(deepcopy(list(each))),
         axis="team",
     )
@@ -476,14 +476,14 @@ class GameState:
     )
     counts: dict[str, dict[str, int]] = game_field(dict, copied_each, refill=refill_counts, axis="agent")
     timings: dict[str, float] = game_field(lambda: dict.fromkeys(PHASES, 0.0), copied_dict, refill=refill)
-    moves: Any = game_field(NoneType, _same, is_own=True)
+    moves: Any = game_field(NoneType, _return_value, is_own=True)
     departed: dict[str, tuple[Any, int]] = game_field(dict, copied_dict)
-    last_turn: int | None = game_field(NoneType, _same, axis="game")
+    last_turn: int | None = game_field(NoneType, _return_value, axis="game")
     began: dict[str, Any] = game_field(dict, copied_dict, is_own=True)
-    start: Any = game_field(NoneType, _same, is_own=True)
-    drawn: Any = game_field(NoneType, _same, is_own=True)
-    parts_played: int | None = game_field(NoneType, _same)
-    has_begun: bool = game_field(bool, _same, is_own=True)
+    start: Any = game_field(NoneType, _return_value, is_own=True)
+    drawn: Any = game_field(NoneType, _return_value, is_own=True)
+    parts_played: int | None = game_field(NoneType, _return_value)
+    has_begun: bool = game_field(bool, _return_value, is_own=True)
     stream_version: int = game_field(int)
     marked: Sequence[int] = game_field(lambda: (0,) * len(LOGS))
 
@@ -613,11 +613,11 @@ SAVED = [*COPY_OF]
 _saved_of = attrgetter(*SAVED)
 _logs_of = attrgetter(*LOGS)
 _MAKERS: dict[str, Any] = {one.name: one.default_factory for one in fields(GameState)}
-_SHARED = [(i, name) for i, name in enumerate(SAVED) if COPY_OF[name] is _same]
-_COPIED = [(i, COPY_OF[name]) for i, name in enumerate(SAVED) if COPY_OF[name] is not _same]
+_SHARED = [(i, name) for i, name in enumerate(SAVED) if COPY_OF[name] is _return_value]
+_COPIED = [(i, COPY_OF[name]) for i, name in enumerate(SAVED) if COPY_OF[name] is not _return_value]
 _REPLACED = [(i, SAVED[i], copy, _MAKERS[SAVED[i]]) for i, copy in _COPIED if FIELDS[SAVED[i]].refill is None]
 _REFILLED = [  # filling a dict of dicts copies them
-    (i, SAVED[i], _same if copy in (copied_dict, copied_each) else copy, fill)
+    (i, SAVED[i], _return_value if copy in (copied_dict, copied_each) else copy, fill)
     for i, copy in _COPIED
     if (fill := FIELDS[SAVED[i]].refill) is not None
 ]
@@ -627,7 +627,7 @@ ALL_PLAYED = "all turns are played"
 _REASONS = {"max_turns": ALL_PLAYED}
 
 
-def reason_in_words(reason: object) -> str:
+def describe_reason(reason: object) -> str:
     """Return why a game ended as words: those of a rule, or the words for the reason of a game that no rule ended."""
     words = as_text(reason)
     return _REASONS.get(words, words)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
 
 
-def line_string(points: FloatArray | Sequence[Sequence[float]]) -> "LineString":
+def make_line_string(points: FloatArray | Sequence[Sequence[float]]) -> "LineString":
     """Return a shapely LineString through `points` of shape (points, 2)."""
     import shapely
 
@@ -29,7 +29,7 @@ def polygon(points: FloatArray | Sequence[Sequence[float]]) -> "Polygon":
     return shapely.Polygon(points)
 
 
-def union_of(outlines: Sequence[FloatArray]) -> "list[Polygon]":
+def unite(outlines: Sequence[FloatArray]) -> "list[Polygon]":
     """Return the union of polygons with outlines (corners, 2), as shapely Polygons."""
     import shapely
 
@@ -50,7 +50,7 @@ def buffer_lines(lines: Sequence[FloatArray], center: FloatArray, width: float) 
     return shapely.union_all([shapely.Point(*center).buffer(width), *shapely.buffer(strings, width)])
 
 
-def polygons_in(area: "Polygon | MultiPolygon") -> "list[Polygon]":
+def list_polygons(area: "Polygon | MultiPolygon") -> "list[Polygon]":
     """Return the polygons of an area."""
     import shapely
 
@@ -65,14 +65,14 @@ def are_within(points: FloatArray, corners: FloatArray) -> "np.ndarray[Any, np.d
     return found
 
 
-def rings_of(polygon: "Polygon") -> list[FloatArray]:
+def list_rings(polygon: "Polygon") -> list[FloatArray]:
     """Return the rings of a Polygon, each (corners + 1, 2): the outer ring, then its holes in opposite direction."""
     import shapely
 
     return [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.normalize(polygon))]
 
 
-def hull_of(points: FloatArray) -> FloatArray:
+def find_hull(points: FloatArray) -> FloatArray:
     """Return the corners (corners, 2) of the convex hull of points (points, 2), counter-clockwise."""
     import shapely
 
@@ -81,7 +81,7 @@ def hull_of(points: FloatArray) -> FloatArray:
     return corners
 
 
-def seamed(rings: Sequence[FloatArray]) -> FloatArray:
+def seam_rings(rings: Sequence[FloatArray]) -> FloatArray:
     """Return one line (points, 2) along closed rings, the outer one first, with a short seam to each other one."""
     outer, *holes = rings
     line = outer
@@ -92,7 +92,7 @@ def seamed(rings: Sequence[FloatArray]) -> FloatArray:
     return line[:-1]
 
 
-def straight_parts(
+def find_straight_parts(
     points: FloatArray, offsets: IntArray, groups: IntArray, tolerance: float
 ) -> tuple[IntArray, FloatArray]:
     """Return the straight parts of lines, joined where two lines of a group meet.
@@ -117,21 +117,21 @@ def straight_parts(
     return owner[line[first]], np.stack([corners[first], corners[first + 1]], axis=1)
 
 
-def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]") -> "list[LineString]":
+def make_line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]") -> "list[LineString]":
     """Return many LineStrings at once: `points[i]` of shape (points, 2) belongs to line `lines[i]` (ascending)."""
     import shapely
 
     return list(shapely.linestrings(points, indices=lines))
 
 
-def points_of(shape: object, name: str) -> FloatArray:
+def read_points(shape: object, name: str) -> FloatArray:
     """Return the points (points, 2) of a LineString, of its well-known text, or of a sequence of coordinates.
 
     Raises:
         BadValue: fewer than two points, or points that are not finite pairs of numbers.
     """
     try:
-        shape = _line_of_text(shape) if isinstance(shape, str) else shape
+        shape = _parse_line(shape) if isinstance(shape, str) else shape
         coordinates: Any = getattr(shape, "coords", shape)  # raises for a shape with several parts
         given = np.array([tuple(point)[:2] for point in coordinates])
         if given.dtype.kind in "USb":
@@ -146,18 +146,18 @@ def points_of(shape: object, name: str) -> FloatArray:
     return read_only(points)
 
 
-def _line_of_text(text: str) -> "LineString":
+def _parse_line(text: str) -> "LineString":
     import shapely
 
     try:
-        with np.errstate(invalid="ignore"):  # `points_of` reports coordinates that are not finite
+        with np.errstate(invalid="ignore"):  # `read_points` reports coordinates that are not finite
             return shapely.from_wkt(text)
     except shapely.errors.ShapelyError as error:
         raise ValueError(f"it is not well-known text ({error})") from None
 
 
-def polylines_of(shapes: Mapping[int, object], name_of: Callable[[int], str]) -> dict[int, FloatArray]:
-    """Return the points (points, 2) of many LineStrings or sequences of coordinates, by row; see `points_of`."""
+def read_polylines(shapes: Mapping[int, object], name_of: Callable[[int], str]) -> dict[int, FloatArray]:
+    """Return the points (points, 2) of many LineStrings or sequences of coordinates, by row; see `read_points`."""
     found: dict[int, FloatArray] = {}
     if any(hasattr(type(shape), "coords") for shape in shapes.values()):  # otherwise shapely need not be loaded
         import shapely
@@ -166,13 +166,13 @@ def polylines_of(shapes: Mapping[int, object], name_of: Callable[[int], str]) ->
         points, owners = shapely.get_coordinates(list(lines.values()), return_index=True)
         points.setflags(write=False)
         bounds = np.searchsorted(owners, np.arange(len(lines) + 1)).tolist()
-        # otherwise `points_of` reports the invalid one
+        # otherwise `read_points` reports the invalid one
         if np.isfinite(points).all() and min(np.diff(bounds), default=2) > 1:
             found = {row: points[a:b] for row, a, b in zip(lines, bounds[:-1], bounds[1:], strict=True)}
-    return {row: found[row] if row in found else points_of(shape, name_of(row)) for row, shape in shapes.items()}
+    return {row: found[row] if row in found else read_points(shape, name_of(row)) for row, shape in shapes.items()}
 
 
-def nearest_lines(
+def find_nearest_lines(
     points: FloatArray, starts: FloatArray, ends: FloatArray
 ) -> "tuple[np.ndarray[Any, np.dtype[np.int64]], FloatArray]":
     """Return the nearest of some line segments (lines, 2) for each of `points` (points, 2), and its distance."""
@@ -183,7 +183,7 @@ def nearest_lines(
     return lines, distances
 
 
-def distances_to(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
+def measure_distances(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
     """Return the distance of each of `points` (points, 2) to the line segment of the same row."""
     along = ends - starts
     to = points - starts
@@ -192,7 +192,7 @@ def distances_to(points: FloatArray, starts: FloatArray, ends: FloatArray) -> Fl
     return np.asarray(np.hypot(*(to - share[:, None] * along).T))
 
 
-def lines_near(
+def find_lines_near(
     points: FloatArray, starts: FloatArray, ends: FloatArray, distance: float
 ) -> "tuple[np.ndarray[Any, np.dtype[np.int64]], np.ndarray[Any, np.dtype[np.int64]]]":
     """Return pairs of rows of points (points, 2) and line segments (lines, 2) that are within a distance."""
@@ -267,7 +267,7 @@ class NearLines:
         return shares, found
 
 
-def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, float]:
+def find_nearest_point(points: FloatArray, place: tuple[float, float]) -> tuple[float, float]:
     """Return the point of a polyline (points, 2) nearest to a place.
 
     Returns:
@@ -284,7 +284,7 @@ def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, f
     return (gone / whole if whole else 0.0), float(off[at])
 
 
-def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], FloatArray]) -> "Polygon":
+def make_region(shape: object, name: str, from_lonlat: Callable[[FloatArray], FloatArray]) -> "Polygon":
     """Return one or several polygons, prepared for many queries.
 
     Args:
@@ -300,12 +300,12 @@ def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], Floa
 
     region: Any
     if isinstance(shape, Mapping):
-        parts = [shapely.Polygon(*_rings(one, name, from_lonlat)) for one in _polygons(shape, name)]
+        parts = [shapely.Polygon(*_read_rings(one, name, from_lonlat)) for one in _parse_polygons(shape, name)]
         region = shapely.union_all(parts) if all(part.is_valid for part in parts) else shapely.MultiPolygon(parts)
     elif isinstance(shape, (shapely.Polygon, shapely.MultiPolygon)):
         region = shape
     else:
-        region = shapely.Polygon(_ring(shape, name))
+        region = shapely.Polygon(_read_ring(shape, name))
     if not region.is_valid or region.is_empty or not np.isfinite(region.bounds).all():
         why = "it is empty" if region.is_empty else shapely.is_valid_reason(region)
         raise BadValue(f"{name} is no area: {why}.")
@@ -313,14 +313,14 @@ def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], Floa
     return region
 
 
-def _polygons(shape: Mapping[Any, Any], name: str) -> list[Any]:
+def _parse_polygons(shape: Mapping[Any, Any], name: str) -> list[Any]:
     """Return the coordinates of the polygons in a GeoJSON object."""
     if shape.get("type") == "FeatureCollection" and isinstance(shape.get("features"), list):
-        return list(chain.from_iterable(_polygons_of_feature(part, name) for part in shape["features"]))
-    return _polygons_of_feature(shape, name)
+        return list(chain.from_iterable(_parse_feature_polygons(part, name) for part in shape["features"]))
+    return _parse_feature_polygons(shape, name)
 
 
-def _polygons_of_feature(shape: Any, name: str) -> list[Any]:
+def _parse_feature_polygons(shape: Any, name: str) -> list[Any]:
     geometry = shape.get("geometry") if isinstance(shape, Mapping) and shape.get("type") == "Feature" else shape
     kind, coordinates = (
         geometry.get(key) if isinstance(geometry, Mapping) else None for key in ("type", "coordinates")
@@ -332,17 +332,17 @@ def _polygons_of_feature(shape: Any, name: str) -> list[Any]:
     raise BadValue(f"{name} must be a Polygon or a MultiPolygon of GeoJSON, or features of them, not {shown(shape)}.")
 
 
-def _rings(
+def _read_rings(
     polygon: Any, name: str, from_lonlat: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
     if not isinstance(polygon, (list, tuple)) or not polygon:
         raise BadValue(f"{name} has a polygon without an outline: {shown(polygon)}.")
-    outline, *holes = (from_lonlat(_ring(ring, name)) for ring in polygon)
+    outline, *holes = (from_lonlat(_read_ring(ring, name)) for ring in polygon)
     return outline, holes
 
 
-def _ring(ring: object, name: str) -> FloatArray:
-    points = points_of(ring, name)
+def _read_ring(ring: object, name: str) -> FloatArray:
+    points = read_points(ring, name)
     if len(points) < 3:
         raise BadValue(f"{name} needs at least three (x, y) points, not {shown(ring)}.")
     return points
@@ -378,7 +378,7 @@ class Box(NamedTuple):
         return shapely.MultiPolygon(parts)
 
 
-def box_of(sides: Sequence[object], names: Sequence[str], name: str = "") -> Box:
+def check_box(sides: Sequence[object], names: Sequence[str], name: str = "") -> Box:
     """Return a box of four checked sides: west, south, east, north.
 
     Args:
@@ -403,23 +403,23 @@ def box_of(sides: Sequence[object], names: Sequence[str], name: str = "") -> Box
     return box
 
 
-def area_of(clip: object, name: str) -> "Polygon | MultiPolygon":
-    """Return a caller's area in degrees: a box (west, south, east, north), or what `region_of` takes.
+def make_area(clip: object, name: str) -> "Polygon | MultiPolygon":
+    """Return a caller's area in degrees: a box (west, south, east, north), or what `make_region` takes.
 
     Raises:
         BadType, BadValue: it is no area in degrees, or an edge goes around the world.
     """
     sides = clip.tolist() if isinstance(clip, np.ndarray) else clip
     if isinstance(sides, (list, tuple)) and len(sides) == 4 and all(isinstance(one, (int, float)) for one in sides):
-        return region_of(box_of(sides, Box._fields, name).region(), name, lambda lonlat: lonlat)
-    region = region_of(clip, name, lambda lonlat: lonlat)
+        return make_region(check_box(sides, Box._fields, name).region(), name, lambda lonlat: lonlat)
+    region = make_region(clip, name, lambda lonlat: lonlat)
     if (np.abs(np.reshape(region.bounds, (2, 2))) > (_EAST, _NORTH)).any():
         raise BadValue(f"{name} must be in degrees of longitude and latitude; its bounds are {shown(region.bounds)}.")
     _check_edges(region, name)
     return region
 
 
-def bounds_by_side(region: "Polygon | MultiPolygon") -> list[tuple[float, float, float, float]]:
+def find_bounds_by_side(region: "Polygon | MultiPolygon") -> list[tuple[float, float, float, float]]:
     """Return the bounds of an area in degrees, apart for its polygons west of Greenwich and the others."""
     import shapely
 
@@ -457,13 +457,13 @@ def are_inside(region: "Polygon", xy: FloatArray) -> "np.ndarray[Any, np.dtype[n
     return found
 
 
-def lines_inside(
+def find_lines_inside(
     region: "Polygon", ends: FloatArray, polylines: Mapping[int, FloatArray], *, touching: bool
 ) -> "np.ndarray[Any, np.dtype[np.bool_]]":
     """Return a mask of the polylines that lie completely, or partly, in a region.
 
     Args:
-        region: see `region_of`.
+        region: see `make_region`.
         ends: (lines, 2, 2) first and last point of each line.
         polylines: line -> (points, 2), for lines that are not straight.
         touching: whether lines that are partly inside count.
@@ -480,12 +480,14 @@ def lines_inside(
     shapes = [polylines.get(row, ends[row]) for row in near.tolist()]
     found = np.zeros(len(ends), np.bool_)
     if shapes:
-        lines = line_strings(np.concatenate(shapes), np.repeat(np.arange(len(shapes)), [len(one) for one in shapes]))
+        lines = make_line_strings(
+            np.concatenate(shapes), np.repeat(np.arange(len(shapes)), [len(one) for one in shapes])
+        )
         found[near] = (shapely.intersects if touching else shapely.covers)(region, lines)
     return found
 
 
-def line_string_class() -> "type[LineString]":
+def import_line_string() -> "type[LineString]":
     """Return Shapely's LineString class, which 1.0.0 also offers."""
     import shapely
 

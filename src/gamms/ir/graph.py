@@ -11,13 +11,13 @@ import numpy as np
 
 from gamms.arguments import as_ids, as_int, as_items, as_range
 from gamms.errors import BadType, BadValue, UnknownName, nearest
-from gamms.readonly import ReadOnlyMapping, locked
+from gamms.readonly import ReadOnlyMapping, copy_locked
 from gamms.text import shown
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 RowArray = np.ndarray[Any, np.dtype[np.integer[Any]]]  # row numbers of any width
-ClosedEdges = Mapping[int, Mapping[str, Any]]  # id -> edge, see `edge_as_given`
+ClosedEdges = Mapping[int, Mapping[str, Any]]  # id -> edge, see `make_edge_arguments`
 V = TypeVar("V")
 
 A = TypeVar("A", bound=np.ndarray[Any, Any])
@@ -70,7 +70,7 @@ class RowMapping(Mapping[int, V]):
 
     def get(self, row: object, default: Any = None) -> Any:
         """Return the value of a row, or the default."""
-        place = self._place(row)
+        place = self._find_index(row)
         return default if place < 0 else self.at(place)
 
     def items(self) -> ItemsView[int, V]:
@@ -82,13 +82,13 @@ class RowMapping(Mapping[int, V]):
         return dict(enumerate(self.all())).values()
 
     def __getitem__(self, row: int) -> V:
-        place = self._place(row)
+        place = self._find_index(row)
         if place < 0:
             raise KeyError(row)
         return self.at(place)
 
     def __contains__(self, row: object) -> bool:
-        return self._place(row) >= 0
+        return self._find_index(row) >= 0
 
     def __iter__(self) -> Iterator[int]:
         return iter(self.rows.tolist())
@@ -99,7 +99,7 @@ class RowMapping(Mapping[int, V]):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({len(self)} rows)"
 
-    def _place(self, row: object) -> int:
+    def _find_index(self, row: object) -> int:
         """Return the index of a row in `rows`, or -1."""
         if not isinstance(row, (int, np.integer)):
             return -1
@@ -217,30 +217,32 @@ class GraphColumns:
         return read_only(np.argsort(self.edge_ids, kind="stable"))
 
 
-def locked_columns(columns: GraphColumns) -> GraphColumns:
+def lock_columns(columns: GraphColumns) -> GraphColumns:
     """Return columns for strategies, which cannot write to their memory."""
     changed: dict[str, Any] = {
-        field.name: locked(value)
+        field.name: copy_locked(value)
         for field in fields(columns)
         if isinstance(value := getattr(columns, field.name), np.ndarray)
     }
     for name in ("node_attributes", "edge_attributes"):
-        changed[name] = ReadOnlyMapping({key: _locked_rows(one) for key, one in getattr(columns, name).items()})
-    found = replace(columns, **changed, polylines=_locked_rows(columns.polylines))
+        changed[name] = ReadOnlyMapping({key: _lock_rows(one) for key, one in getattr(columns, name).items()})
+    found = replace(columns, **changed, polylines=_lock_rows(columns.polylines))
     for name in ("node_order", "edge_order"):
-        vars(found)[name] = locked(getattr(columns, name))
+        vars(found)[name] = copy_locked(getattr(columns, name))
     return found
 
 
-def _locked_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
+def _lock_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
     if isinstance(values, Polylines):
-        return Polylines(locked(values.rows), locked(values.starts), locked(values.ends), locked(values.points))
+        return Polylines(
+            copy_locked(values.rows), copy_locked(values.starts), copy_locked(values.ends), copy_locked(values.points)
+        )
     if isinstance(values, CodedValues):
-        return CodedValues(locked(values.rows), locked(values.codes), tuple(values.choices))
+        return CodedValues(copy_locked(values.rows), copy_locked(values.codes), tuple(values.choices))
     return values if isinstance(values, RowMapping) else ReadOnlyMapping(values)
 
 
-def edge_as_given(
+def make_edge_arguments(
     id: int, ends: tuple[int, int], length: float, line: FloatArray | None, attributes: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return an edge in the form of `add_edge`: with the ids of its ends, a polyline or None, and other attributes."""
@@ -248,7 +250,7 @@ def edge_as_given(
     return {**attributes, "id": id, "source": ends[0], "target": ends[1], "length": length, **shape}
 
 
-def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edges: IntArray) -> GraphColumns:
+def pick_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edges: IntArray) -> GraphColumns:
     """Return a graph with a selection of its edges, in another order.
 
     Args:
@@ -259,7 +261,7 @@ def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edg
     """
     moved = np.full(len(columns.edge_ids), -1)
     moved[rows] = np.arange(len(rows))
-    of_edges = {name: _renamed(values, moved) for name, values in columns.edge_attributes.items()}
+    of_edges = {name: _renumber_rows(values, moved) for name, values in columns.edge_attributes.items()}
     return replace(
         columns,
         edge_ids=read_only(columns.edge_ids[rows]),
@@ -268,7 +270,7 @@ def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edg
         lengths=read_only(columns.lengths[rows]),
         offsets=read_only(offsets),
         out_edges=read_only(out_edges),
-        polylines=_renamed(columns.polylines, moved),
+        polylines=_renumber_rows(columns.polylines, moved),
         edge_attributes={name: values for name, values in of_edges.items() if values},
     )
 
@@ -366,10 +368,10 @@ def select_edges(columns: GraphColumns, is_chosen: "np.ndarray[Any, np.dtype[np.
     is_out = is_chosen[columns.out_edges]
     number = np.cumsum(is_chosen) - 1
     offsets = np.concatenate(([0], np.cumsum(is_out)))[columns.offsets]
-    return with_edges(columns, rows, offsets, number[columns.out_edges[is_out]])
+    return pick_edges(columns, rows, offsets, number[columns.out_edges[is_out]])
 
 
-def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
+def _renumber_rows(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
     """Renumber values by row: `moved` (rows,) has the new row, in any order; -1 for rows that are dropped."""
     old = values.rows if isinstance(values, RowMapping) else np.fromiter(values, np.int64, len(values))
     rows = moved[old]
@@ -408,10 +410,12 @@ def apply_mode(columns: GraphColumns, mode: str) -> GraphColumns:
 
 def _put(values: Mapping[int, Any], others: Mapping[int, Any]) -> Mapping[int, Any]:
     """Return the values of rows, replaced by other values where there are some, by ascending row."""
-    return others if len(others) >= len(values) and not values.keys() - others.keys() else _sorted({**values, **others})
+    return (
+        others if len(others) >= len(values) and not values.keys() - others.keys() else _sort_rows({**values, **others})
+    )
 
 
-def _sorted(values: Mapping[int, Any]) -> Mapping[int, Any]:
+def _sort_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
     return {row: values[row] for row in sorted(values)}
 
 
@@ -426,7 +430,7 @@ def check_weight(weight: str | None) -> None:
         )
 
 
-def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
+def find_edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
     """Return the weight of every edge: its length, 1, or one of its attributes.
 
     Args:
@@ -449,12 +453,12 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
         raise UnknownName("weight", weight, known)
     weights = np.ones(len(columns.edge_ids))
     given = {} if weight is None else columns.edge_attributes.get(weight, {})
-    numbers = [_number(value, columns, row, weight) for row, value in given.items()]
+    numbers = [_read_number(value, columns, row, weight) for row, value in given.items()]
     weights[list(given)] = numbers
     return weights
 
 
-def _number(value: object, columns: GraphColumns, row: int, weight: str | None) -> float:
+def _read_number(value: object, columns: GraphColumns, row: int, weight: str | None) -> float:
     if type(value) is float and value >= 0.0:
         return value
     try:
@@ -471,7 +475,7 @@ def _number(value: object, columns: GraphColumns, row: int, weight: str | None) 
 FORBIDDEN_TURNS = "forbidden_turns"  # attribute of edges: mode of travel -> lists of the ids of edges not to take next
 
 
-def forbidden_paths(columns: GraphColumns, *, with_closed: bool = False) -> dict[str, list[tuple[int, ...]]]:
+def list_forbidden_paths(columns: GraphColumns, *, with_closed: bool = False) -> dict[str, list[tuple[int, ...]]]:
     """Return mode of travel -> the sequences of edges, by id, that are forbidden to it, from attributes of edges.
 
     Args:
@@ -517,7 +521,7 @@ def _are_paths(rests: object) -> bool:
     )
 
 
-def shortest_edges(columns: GraphColumns) -> dict[tuple[int, int], float]:
+def find_shortest_edges(columns: GraphColumns) -> dict[tuple[int, int], float]:
     """Return (source id, target id) -> length of the shortest edge between the two nodes."""
     lengths: dict[tuple[int, int], float] = {}
     ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()

@@ -34,7 +34,7 @@ def as_message(entry: dict[str, Any]) -> dict[str, Any]:
     return entry
 
 
-def message_table(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
+def make_message_table(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Return entries as columns, one row per message and receiver; receiver None if a message reaches no agent."""
     rows: list[tuple[Any, ...]] = []
     for entry in entries:

@@ -23,7 +23,7 @@ _MOST_IN_BYTE = 8  # entries of a table that fit into one byte
 # -- packed bytes -----------------------------------------------------------------------------------------------
 
 
-def varint(value: int) -> bytes:
+def encode_varint(value: int) -> bytes:
     """Return a non-negative number as LEB128: seven bits per byte, lowest first."""
     out = bytearray()
     while value > 127:
@@ -38,7 +38,7 @@ def packed(data: bytes, level: int = BEST) -> bytes:
     # NOTE: for a city, the lower level takes half the time for 1 % more bytes (benchmarks: city scale).
     level = min(level, FAST) if len(data) > _LARGE else level
     deflate = zlib.compressobj(level, zlib.DEFLATED, -15)
-    return b"".join((varint(len(data)), deflate.compress(data), deflate.flush()))
+    return b"".join((encode_varint(len(data)), deflate.compress(data), deflate.flush()))
 
 
 def unpacked(data: bytes, most: int) -> tuple[bytes, bytes]:
@@ -100,10 +100,10 @@ class ByteReader:
         """Return the next column, which must have `size` items."""
         (count,) = self.take(1)
         if count != _TABLE:
-            return self._integers(count, size)
+            return self._read_integers(count, size)
         last, count = self.take(2)
         base = last + 1
-        entries = np.cumsum(self._integers(count, base))
+        entries = np.cumsum(self._read_integers(count, base))
         (each,) = self.take(1)
         if not 1 <= each <= _MOST_IN_BYTE or base**each > 256:
             raise BadFile(f"a byte cannot have {each} of {base} entries")
@@ -113,7 +113,7 @@ class ByteReader:
         of_byte: IntArray = entries[np.arange(256)[:, None] // base ** np.arange(each) % base]  # (256, each)
         return of_byte[groups].reshape(-1)[:size]
 
-    def _integers(self, count: int, size: int) -> IntArray:
+    def _read_integers(self, count: int, size: int) -> IntArray:
         """Return integers of `count` bytes each."""
         if count > 8 or (count == 0) != (size == 0):
             raise BadFile(f"a column of {size} numbers cannot have the form {count}")

@@ -98,9 +98,9 @@ def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int
     if columns:
         body += packed(others, level)
     cost = max(cost, _OF_BYTE * (len(data) + len(others)))
-    if PER_BYTE * len(body) < cost + most_cost_of(data):
-        cost += sum(map(cost_of, values))
-    return padded(body, cost)
+    if PER_BYTE * len(body) < cost + bound_cost(data):
+        cost += sum(map(compute_cost, values))
+    return pad_bytes(body, cost)
 
 
 def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
@@ -118,7 +118,7 @@ def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[
     return values, columns
 
 
-def padded(body: bytes, cost: int) -> bytes:
+def pad_bytes(body: bytes, cost: int) -> bytes:
     """Return packed bytes, padded with zeros if readers would otherwise refuse their memory cost."""
     return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))
 
@@ -126,7 +126,7 @@ def padded(body: bytes, cost: int) -> bytes:
 # -- arrays ----------------------------------------------------------------------------------------------------
 
 
-def array_bytes(array: Array) -> bytes:
+def encode_array(array: Array) -> bytes:
     """Return the bytes of an array: the first byte of all items, then the second; integers as differences."""
     flat = np.ascontiguousarray(array).reshape(-1)
     if flat.dtype.kind in "iu":
@@ -135,8 +135,8 @@ def array_bytes(array: Array) -> bytes:
     return flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T.tobytes()
 
 
-def array_of(data: bytes, dtype: "np.dtype[Any]") -> Array:
-    """Return the items (items,) encoded by `array_bytes`.
+def decode_array(data: bytes, dtype: "np.dtype[Any]") -> Array:
+    """Return the items (items,) encoded by `encode_array`.
 
     Raises:
         BadFile: bytes are missing.
@@ -166,7 +166,7 @@ def to_bytes(value: Plain, where: str, depth: int = MOST_DEPTH) -> bytes:
         BadValue: the value is nested too deeply.
     """
     try:
-        return _encoder().encode([_written(value, depth)])
+        return _make_encoder().encode([_write_value(value, depth)])
     except TypeError as error:
         raise BadType(
             f"{where} cannot be recorded: {reason(error)}. Only None, bool, int, float, str, bytes, list, tuple, set, "
@@ -177,24 +177,24 @@ def to_bytes(value: Plain, where: str, depth: int = MOST_DEPTH) -> bytes:
 
 
 @cache
-def _encoder() -> "MessagePackEncoder":
+def _make_encoder() -> "MessagePackEncoder":
     from msgspec.msgpack import Encoder
 
     return Encoder()
 
 
 @cache
-def _extension() -> "type[Ext]":
+def _import_extension() -> "type[Ext]":
     from msgspec.msgpack import Ext
 
     return Ext
 
 
-def _written(value: Plain, depth: int) -> Item:
+def _write_value(value: Plain, depth: int) -> Item:
     """Return the scalar or the extension for a value with at most `depth` nested containers."""
     kind = type(value)
     if kind is int:
-        return _of_int(value)
+        return _write_int(value)
     scalar: Item = value
     if kind in _SCALARS and (kind is not str or value.isascii()):
         return scalar
@@ -204,60 +204,62 @@ def _written(value: Plain, depth: int) -> Item:
     return way(value, depth)
 
 
-def _container(code: int, items: list[Plain], depth: int) -> Item:
+def _write_container(code: int, items: list[Plain], depth: int) -> Item:
     """Return the extension of a container."""
     if depth < 1:
         raise RecursionError
     if _SCALARS.issuperset(map(type, items)):
         try:
-            return _extension()(code, _encoder().encode(items))
+            return _import_extension()(code, _make_encoder().encode(items))
         except (OverflowError, UnicodeEncodeError):
             pass  # a long integer, or an unpaired surrogate
-    return _extension()(code, _encoder().encode([_written(one, depth - 1) for one in items]))
+    return _import_extension()(code, _make_encoder().encode([_write_value(one, depth - 1) for one in items]))
 
 
-def _of_int(value: int) -> Item:
+def _write_int(value: int) -> Item:
     value = int(value)
     if -(1 << 63) <= value < 1 << 64:
         return value
-    return _extension()(_INT, value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True))
+    return _import_extension()(_INT, value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True))
 
 
-def _of_text(value: str) -> Item:
+def _write_text(value: str) -> Item:
     text = str.__str__(value)  # of an enum, too
     try:
         text.encode()
     except UnicodeEncodeError:
-        return _extension()(_TEXT, text.encode("utf-8", "surrogatepass"))
+        return _import_extension()(_TEXT, text.encode("utf-8", "surrogatepass"))
     return text
 
 
-def _of_set(value: set[Plain] | frozenset[Plain], depth: int) -> Item:
-    encode = _encoder().encode
-    items = sorted(value, key=lambda one: encode([_written(one, depth - 1)]))  # sorted, because sets have no order
-    return _container(_FROZENSET if isinstance(value, frozenset) else _SET, items, depth)
+def _write_set(value: set[Plain] | frozenset[Plain], depth: int) -> Item:
+    encode = _make_encoder().encode
+    items = sorted(value, key=lambda one: encode([_write_value(one, depth - 1)]))  # sorted, because sets have no order
+    return _write_container(_FROZENSET if isinstance(value, frozenset) else _SET, items, depth)
 
 
-def _of_array(value: Array, depth: int) -> Item:
+def _write_array(value: Array, depth: int) -> Item:
     dtype = value.dtype.newbyteorder("=")
     if dtype not in _NAMES or value.ndim > MOST_DIMENSIONS:
         raise TypeError(f"an array of dtype {value.dtype} and shape {value.shape}")
-    items = [_NAMES[dtype], array_bytes(value.astype(dtype, copy=False)), *value.shape]
-    return _container(_ARRAY, items, depth)
+    items = [_NAMES[dtype], encode_array(value.astype(dtype, copy=False)), *value.shape]
+    return _write_container(_ARRAY, items, depth)
 
 
 _WAYS: dict[type, Callable[[Plain, int], Item]] = {
-    str: lambda value, _: _of_text(value),
-    int: lambda value, _: _of_int(value),
+    str: lambda value, _: _write_text(value),
+    int: lambda value, _: _write_int(value),
     float: lambda value, _: float(value),
-    dict: lambda value, depth: _container(_DICT, list(chain.from_iterable(value.items())), depth),
-    list: lambda value, depth: _container(_LIST, list(value), depth),
-    tuple: lambda value, depth: _container(_TUPLE, list(value), depth),
-    bytes: lambda value, _: _extension()(_BYTES, bytes(value)),
-    set: _of_set,
-    frozenset: _of_set,
-    np.ndarray: _of_array,
-    **dict.fromkeys((np.bool_, np.integer, np.float16, np.float32), lambda value, depth: _written(value.item(), depth)),
+    dict: lambda value, depth: _write_container(_DICT, list(chain.from_iterable(value.items())), depth),
+    list: lambda value, depth: _write_container(_LIST, list(value), depth),
+    tuple: lambda value, depth: _write_container(_TUPLE, list(value), depth),
+    bytes: lambda value, _: _import_extension()(_BYTES, bytes(value)),
+    set: _write_set,
+    frozenset: _write_set,
+    np.ndarray: _write_array,
+    **dict.fromkeys(
+        (np.bool_, np.integer, np.float16, np.float32), lambda value, depth: _write_value(value.item(), depth)
+    ),
 }
 
 
@@ -273,31 +275,31 @@ def from_bytes(data: bytes) -> Plain:
     return Decoder(MemoryBudget(len(data), "A value")).value(data)
 
 
-def cost_of(data: bytes) -> int:
+def compute_cost(data: bytes) -> int:
     """Return the memory cost of an encoded value, in bytes, as charged by a decoder."""
-    return _OF_BYTE * len(data) + _cost_within(data)
+    return _OF_BYTE * len(data) + _find_cost_within(data)
 
 
-def _cost_within(data: bytes) -> int:
+def _find_cost_within(data: bytes) -> int:
     """Return the memory cost of the containers among the items of a MessagePack array, including their contents."""
     # NOTE: arrays of numbers are most of the sensor data; opening them would take ten times as long (benchmarks).
     if len(data.translate(None, _EXTENSION_HEADS)) == len(data):
         return 0  # NOTE: a hundredth of the time for the names of a large team (benchmarks: teams, recorded)
-    extension = _extension()
+    extension = _import_extension()
     cost = 0
-    for item in _flat().decode(data):
+    for item in _make_flat_decoder().decode(data):
         if type(item) is extension and item.code not in _PLAIN_CODES:
             inner = bytes(item.data)
-            cost += _cost_of_container(inner) + (0 if item.code == _ARRAY else _cost_within(inner))
+            cost += _find_cost_of_container(inner) + (0 if item.code == _ARRAY else _find_cost_within(inner))
     return cost
 
 
-def _cost_of_container(data: bytes) -> int:
+def _find_cost_of_container(data: bytes) -> int:
     """Return the memory cost of a container, without nested containers."""
     return _OF_CONTAINER + _OF_ITEM * _count_of(data) + len(data)
 
 
-def most_cost_of(data: bytes) -> int:
+def bound_cost(data: bytes) -> int:
     """Return an upper bound of the memory cost of encoded values, in a hundredth of the time."""
     containers = len(data) - len(data.translate(None, _EXTENSION_HEADS))
     return (_OF_ITEM + _OF_BYTE + MOST_DEPTH) * len(data) + _OF_CONTAINER * containers
@@ -335,16 +337,16 @@ class Decoder:
         if data[:1] != _ONE:
             raise BadFile("a value has an invalid beginning")
         try:
-            (one,) = _flat().decode(data)
-            return self._opened(one, MOST_DEPTH, charge)
+            (one,) = _make_flat_decoder().decode(data)
+            return self._open_item(one, MOST_DEPTH, charge)
         except BadFile:
             raise
         except (ValueError, TypeError, OverflowError, KeyError) as error:
             raise BadFile(f"a value is damaged ({reason(error)})") from error
 
-    def _opened(self, item: Item, depth: int, charge: Callable[[int], None]) -> Plain:
+    def _open_item(self, item: Item, depth: int, charge: Callable[[int], None]) -> Plain:
         """Return the value of a scalar or an extension."""
-        if not isinstance(item, _extension()):
+        if not isinstance(item, _import_extension()):
             return item
         code = item.code
         data = bytes(item.data)
@@ -357,17 +359,17 @@ class Decoder:
         if depth < 1:
             raise BadFile(f"containers are nested more than {MOST_DEPTH} levels deep")
         make = _MAKERS[code]
-        charge(_cost_of_container(data))
-        items: list[Plain] = [*_flat().decode(data)]
+        charge(_find_cost_of_container(data))
+        items: list[Plain] = [*_make_flat_decoder().decode(data)]
         if not _SCALARS.issuperset(map(type, items)):
             for place, one in enumerate(items):
                 if type(one) not in _SCALARS:
-                    items[place] = self._opened(one, depth - 1, charge)
+                    items[place] = self._open_item(one, depth - 1, charge)
         return make(items, self.keys)
 
 
 @cache
-def _flat() -> "MessagePackDecoder[list[Item]]":
+def _make_flat_decoder() -> "MessagePackDecoder[list[Item]]":
     """Return a decoder that allows only extensions as containers, and does not open them."""
     from msgspec.msgpack import Decoder, Ext
 
@@ -381,7 +383,7 @@ def _count_of(data: bytes) -> int:
     return min(count, len(data))
 
 
-def _dict_of(items: list[Plain], keys: KeyBudget) -> dict[Plain, Plain]:
+def _make_dict(items: list[Plain], keys: KeyBudget) -> dict[Plain, Plain]:
     names = items[::2]
     found = dict(zip(names if {str}.issuperset(map(type, names)) else map(keys.check, names), items[1::2], strict=True))
     if len(found) != len(names):
@@ -389,13 +391,13 @@ def _dict_of(items: list[Plain], keys: KeyBudget) -> dict[Plain, Plain]:
     return found
 
 
-def _array_from(items: list[Plain], _: KeyBudget) -> Array:
+def _make_array(items: list[Plain], _: KeyBudget) -> Array:
     name, data, *shape = items
     if len(shape) > MOST_DIMENSIONS or not all(type(length) is int and 0 <= length < 1 << 40 for length in shape):
         raise BadFile(f"an array has the invalid shape {shown(shape)}")
     if type(data) is not bytes:
         raise BadFile("an array has no bytes")
-    flat = array_of(data, DTYPES[name])
+    flat = decode_array(data, DTYPES[name])
     if prod(shape) != len(flat):
         raise BadFile(f"an array has {len(data)} bytes, which do not fit its shape {shown(shape)}")
     return flat.reshape(shape)
@@ -404,8 +406,8 @@ def _array_from(items: list[Plain], _: KeyBudget) -> Array:
 _MAKERS: dict[int, Callable[[list[Plain], KeyBudget], Plain]] = {
     _TUPLE: lambda items, keys: keys.check(tuple(items)),
     _LIST: lambda items, _: items,
-    _DICT: _dict_of,
+    _DICT: _make_dict,
     _SET: lambda items, keys: set(map(keys.check, items)),
     _FROZENSET: lambda items, keys: keys.check(frozenset(map(keys.check, items))),
-    _ARRAY: _array_from,
+    _ARRAY: _make_array,
 }

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import ChangeLog, copied_column
+from gamms.ir.columns import ChangeLog, copy_column
 from gamms.ir.graph import FloatArray, IntArray, read_only
 from gamms.ir.progress import Progress
 
 
-def _frozen(values: object, kind: type) -> Any:
+def _freeze_values(values: object, kind: type) -> Any:
     """Return a read-only array of the values of a column."""
     return read_only(np.array(values, kind))
 
@@ -92,7 +92,7 @@ class Positions:
             return names, self.places
         # NOTE: inline, because it runs every turn (benchmarks: turns; teams).
         node = block.ids_of(block.node)
-        return names, copied_column(node) if block.has_teams else node.tolist()
+        return names, copy_column(node) if block.has_teams else node.tolist()
 
     @property
     def places(self) -> MutableSequence[Any]:
@@ -100,7 +100,7 @@ class Positions:
 
         Node ids; for flying agents points (x, y, z), for agents on edges their `Progress`.
         """
-        places = self._with_flyers(self.block.ids_of(self.block.node), self.block.flights.position_of)
+        places = self._add_flyers(self.block.ids_of(self.block.node), self.block.flights.position_of)
         if self.block.travellers:
             for row, progress in self.on_edges.items():
                 places[row] = progress
@@ -109,11 +109,11 @@ class Positions:
     @property
     def previous_places(self) -> MutableSequence[Any]:
         """The positions before the last moves (agents,), in the same form: node ids and points."""
-        return self._with_flyers(self.block.ids_of(self.block.previous), self.block.flights.previous_of)
+        return self._add_flyers(self.block.ids_of(self.block.previous), self.block.flights.previous_of)
 
-    def _with_flyers(self, nodes: "memoryview[int]", point_of: Callable[[int], Any]) -> MutableSequence[Any]:
+    def _add_flyers(self, nodes: "memoryview[int]", point_of: Callable[[int], Any]) -> MutableSequence[Any]:
         if not (self.block.flyers or self.block.travellers):
-            places: MutableSequence[Any] = copied_column(nodes) if self.block.has_teams else nodes.tolist()
+            places: MutableSequence[Any] = copy_column(nodes) if self.block.has_teams else nodes.tolist()
             return places
         places = nodes.tolist()
         for row in self.block.flyers:
@@ -193,6 +193,6 @@ class Positions:
         block = self.block
         if version != self._read_at:
             self._read_at = version
-            self._node_ids = _frozen(block.ids_of(block.node), np.int64)
-            self._flyers = _frozen(block.flyers, np.int64)
-            self._flyer_xyz = _frozen(np.reshape(block.games.row("position"), (-1, 3)), np.float64)
+            self._node_ids = _freeze_values(block.ids_of(block.node), np.int64)
+            self._flyers = _freeze_values(block.flyers, np.int64)
+            self._flyer_xyz = _freeze_values(np.reshape(block.games.row("position"), (-1, 3)), np.float64)

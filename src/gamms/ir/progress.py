@@ -24,7 +24,7 @@ class Progress(NamedTuple):
     motion: int = Motion.NONE
 
 
-def steps_along(steps: Mapping[str, tuple[Any, Any]], named: Mapping[str, int]) -> dict[str, tuple[Any, Progress]]:
+def find_steps_along(steps: Mapping[str, tuple[Any, Any]], named: Mapping[str, int]) -> dict[str, tuple[Any, Progress]]:
     """Return the steps of agents from node to node along the edges that their actions have named, for pictures.
 
     Args:

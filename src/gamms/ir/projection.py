@@ -67,7 +67,7 @@ _STEP_M = 100.0  # over which the scale of a projection is measured
 _MOST_OFF = 0.01
 
 
-def utm_crs(lonlat: FloatArray) -> str:
+def find_utm_crs(lonlat: FloatArray) -> str:
     """Return the UTM zone of the mean position, as `EPSG:326xx` (north) or `EPSG:327xx` (south).
 
     Raises:
@@ -96,7 +96,7 @@ def project(points: FloatArray, source: object, target: str) -> FloatArray:
     Raises:
         BadValue: a position cannot be projected to the target.
     """
-    xy = _transformed(points, source, target)
+    xy = _transform(points, source, target)
     lost = np.flatnonzero(~np.isfinite(xy).all(axis=1))
     if len(lost):
         raise BadValue(
@@ -114,9 +114,9 @@ def project_back_and_forth(points: FloatArray, source: str, target: str) -> Floa
     Raises:
         BadValue: a position lies outside the projection, or an argument is not a CRS.
     """
-    there = _transformed(points, source, target)
-    lonlat = _transformed(points, source, WGS84)
-    again = _transformed(there, target, WGS84)
+    there = _transform(points, source, target)
+    lonlat = _transform(points, source, WGS84)
+    again = _transform(there, target, WGS84)
     errors_m = np.full(len(points), np.inf)  # metres
     sound = np.flatnonzero(np.isfinite(np.column_stack([there, lonlat, again])).all(axis=1))
     sound = sound[_is_in_zone(lonlat[sound], source) & _is_in_zone(lonlat[sound], target)]
@@ -130,7 +130,7 @@ def project_back_and_forth(points: FloatArray, source: str, target: str) -> Floa
     return there
 
 
-def unrolled(lonlat: FloatArray) -> FloatArray:
+def unroll(lonlat: FloatArray) -> FloatArray:
     """Return positions (points, 2) in degrees, in which no line of a map jumps from 180 to -180.
 
     The longitudes begin at the widest gap between them: of a map across 180 degrees, those in the west get 360 more.
@@ -148,7 +148,7 @@ def unrolled(lonlat: FloatArray) -> FloatArray:
     return np.column_stack((np.where(is_west, lonlat[:, 0] + _TURN, lonlat[:, 0]), lonlat[:, 1]))
 
 
-def turned(lonlat: FloatArray, middle: float) -> FloatArray:
+def turn_longitudes(lonlat: FloatArray, middle: float) -> FloatArray:
     """Return positions (points, 2) in degrees with longitudes at most half a turn from a middle."""
     off = lonlat[:, 0] - middle
     turns = (off < -_TURN / 2.0).astype(np.float64) - (off > _TURN / 2.0)
@@ -163,14 +163,14 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     """
     f = _WGS84_F
     apart = np.radians((end[:, 0] - start[:, 0] + 180.0) % 360.0 - 180.0)
-    (s1, c1), (s2, c2) = (sine_cosine(_reduced_latitudes(side)) for side in (start, end))
+    (s1, c1), (s2, c2) = (compute_sine_cosine(_reduce_latitudes(side)) for side in (start, end))
     angle = apart
     step = np.zeros_like(apart)
     for _ in range(_TURNS):
-        east, north = sine_cosine(angle)
+        east, north = compute_sine_cosine(angle)
         sine = length(c2 * east, c1 * s2 - s1 * c2 * north)
         cosine = s1 * s2 + c1 * c2 * north
-        arc = polar_angle(sine, cosine)
+        arc = compute_polar_angle(sine, cosine)
         tilt = np.divide(c1 * c2 * east, sine, out=np.zeros_like(sine), where=sine > 0.0)
         flat = 1.0 - tilt**2  # the squared cosine of the azimuth at the equator
         middle = cosine - 2.0 * np.divide(s1 * s2, flat, out=np.zeros_like(flat), where=flat > 0.0)
@@ -190,14 +190,14 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     )
     lost = step > _LOST_ANGLE
     if lost.any():
-        cosine = s1 * s2 + c1 * c2 * sine_cosine(apart)[1]
-        lengths[lost] = _A * polar_angle(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)), cosine)[lost]
+        cosine = s1 * s2 + c1 * c2 * compute_sine_cosine(apart)[1]
+        lengths[lost] = _A * compute_polar_angle(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)), cosine)[lost]
     return lengths
 
 
-def _reduced_latitudes(lonlat: FloatArray) -> FloatArray:
-    sine, cosine = sine_cosine(np.radians(lonlat[:, 1]))
-    return polar_angle((1.0 - _WGS84_F) * sine, cosine)
+def _reduce_latitudes(lonlat: FloatArray) -> FloatArray:
+    sine, cosine = compute_sine_cosine(np.radians(lonlat[:, 1]))
+    return compute_polar_angle((1.0 - _WGS84_F) * sine, cosine)
 
 
 def check_metres(points: FloatArray, lengths: FloatArray, name: str) -> None:
@@ -224,28 +224,28 @@ def check_metres(points: FloatArray, lengths: FloatArray, name: str) -> None:
         )
 
 
-def crs_of(crs: object) -> tuple[str, bool]:
+def parse_crs(crs: object) -> tuple[str, bool]:
     """Return the text of a CRS, and whether its unit is degrees; otherwise it is metres.
 
     Raises:
         BadValue: not a CRS, or its unit is something else, for example feet.
     """
-    name, unit = _name_and_unit(crs)
+    name, unit = _find_name_and_unit(crs)
     if unit not in _UNITS:
-        raise BadValue(f"{_in_feet(name, unit)}. {_PROJECT_IT}")
+        raise BadValue(f"{_explain_feet(name, unit)}. {_PROJECT_IT}")
     return name, unit == _DEGREES
 
 
-def _name_and_unit(crs: object) -> tuple[str, str]:
+def _find_name_and_unit(crs: object) -> tuple[str, str]:
     """Return the text of a CRS and its unit: "degrees", "metres", or another one by its own name.
 
     Raises:
         BadValue: not a CRS.
     """
-    name = known_name(crs)
+    name = find_known_name(crs)
     if name is not None:
         return name, _DEGREES if name == WGS84 else _METRES
-    pyproj = _pyproj()
+    pyproj = _import_pyproj()
     try:
         known = pyproj.CRS.from_user_input(crs)
     except (pyproj.exceptions.CRSError, ValueError) as error:  # ValueError for an integer of 4,300 digits
@@ -257,32 +257,32 @@ def _name_and_unit(crs: object) -> tuple[str, str]:
     return name, str(units[0]) if units else _METRES  # 0: unknown
 
 
-def _in_feet(name: str, unit: str) -> str:
+def _explain_feet(name: str, unit: str) -> str:
     return f"{name:.80} is in {unit}, but lengths and heights of maps are in metres"
 
 
-def text_of(crs: object) -> str:
+def format_crs(crs: object) -> str:
     """Return a CRS as text: its usual name, or for a text that names no zone of UTM the text itself."""
-    name = known_name(crs)
+    name = find_known_name(crs)
     if name is not None or isinstance(crs, str):
         return name or str(crs)
     try:
-        return _name_and_unit(crs)[0]
+        return _find_name_and_unit(crs)[0]
     except (BadValue, MissingExtra):
         return str(crs)
 
 
-def known_name(crs: object) -> str | None:
+def find_known_name(crs: object) -> str | None:
     """Return the usual text of a CRS that needs no pyproj, such as "EPSG:32635" for 32635; None for others."""
     text = str(crs) if type(crs) is int and abs(crs) < _MOST_CODE else crs
     if not isinstance(text, str) or len(text) > _LONGEST_NAME:
         return None
     found = _EPSG.fullmatch(text)
     name = f"EPSG:{found[1]}" if found else ""
-    return name if name == WGS84 or zone_of(name) is not None else None
+    return name if name == WGS84 or find_zone(name) is not None else None
 
 
-def ground_scale(crs: str, xy: FloatArray) -> float:
+def compute_ground_scale(crs: str, xy: FloatArray) -> float:
     """Return the metres on the ground of one metre in a CRS: the value farthest from 1 at some places of a map.
 
     These are the middle and the corners of the box around positions (points, 2), and the directions of both axes. The
@@ -297,7 +297,7 @@ def ground_scale(crs: str, xy: FloatArray) -> float:
     start = (places[:, None] - steps).reshape(-1, 2)
     end = (places[:, None] + steps).reshape(-1, 2)
     try:
-        ends = [_transformed(points, crs, WGS84) for points in (start, end)]
+        ends = [_transform(points, crs, WGS84) for points in (start, end)]
     except BadValue:  # not a CRS of places on Earth
         return 1.0
     if not np.isfinite(ends).all():
@@ -314,12 +314,12 @@ def scale_fault(crs: object, xy: FloatArray) -> str:
     if crs is None:
         return ""
     try:
-        name, unit = _name_and_unit(crs)
-        scale = ground_scale(name, xy) if unit == _METRES else 1.0
+        name, unit = _find_name_and_unit(crs)
+        scale = compute_ground_scale(name, xy) if unit == _METRES else 1.0
     except (BadValue, MissingExtra):
         return ""
     if unit not in _UNITS:
-        return _in_feet(name, unit)
+        return _explain_feet(name, unit)
     if is_true(scale):
         return ""
     off = "outside of its area" if np.isnan(scale) else f"where 1 m of it is {scale:.3g} m on the ground"
@@ -327,7 +327,7 @@ def scale_fault(crs: object, xy: FloatArray) -> str:
 
 
 def is_true(scale: float) -> bool:
-    """Return whether lengths at a `ground_scale` count as metres: one per cent is allowed."""
+    """Return whether lengths at a `compute_ground_scale` count as metres: one per cent is allowed."""
     return abs(scale - 1.0) <= _MOST_OFF
 
 
@@ -336,31 +336,31 @@ def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bo
 
     Only longitude matters: a northern zone is also valid south of the equator.
     """
-    zone = zone_of(crs)
-    west, east = (zone.west, zone.east) if zone else _area_of_use(crs)
+    zone = find_zone(crs)
+    west, east = (zone.west, zone.east) if zone else _find_area_of_use(crs)
     width = (east - west) % 360.0 or 360.0  # the area may straddle the date line
     off_middle = np.abs((lonlat[:, 0] - west - width / 2.0 + 180.0) % 360.0 - 180.0)
     return off_middle <= width / 2.0 + _BEYOND
 
 
-def _area_of_use(crs: str) -> tuple[float, float]:
+def _find_area_of_use(crs: str) -> tuple[float, float]:
     """Return the range of longitudes, in degrees, of a CRS."""
     if crs == WGS84:
         return -180.0, 180.0
-    area = _pyproj().CRS.from_user_input(crs).area_of_use
+    area = _import_pyproj().CRS.from_user_input(crs).area_of_use
     return (-180.0, 180.0) if area is None else (area.west, area.east)
 
 
-def _transformed(points: FloatArray, source: object, target: object) -> FloatArray:
+def _transform(points: FloatArray, source: object, target: object) -> FloatArray:
     """Transform positions (points, 2) from one CRS to another; infinite if impossible."""
     if source == target:
         return points
-    before, after = (zone_of(crs) if isinstance(crs, str) else None for crs in (source, target))
+    before, after = (find_zone(crs) if isinstance(crs, str) else None for crs in (source, target))
     if (before or source == WGS84) and (after or target == WGS84):
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # overflows are refused afterwards
-            lonlat = points if before is None else _from_zone(points, before)
-            return lonlat if after is None else _to_zone(lonlat, after)
-    return np.column_stack(_transformer(source, target).transform(points[:, 0], points[:, 1]))
+            lonlat = points if before is None else _project_from_zone(points, before)
+            return lonlat if after is None else _project_to_zone(lonlat, after)
+    return np.column_stack(_make_transformer(source, target).transform(points[:, 0], points[:, 1]))
 
 
 # -- UTM zones ----------------------------------------------------------------------------------------------------
@@ -385,7 +385,7 @@ class Zone(NamedTuple):
 
 
 @cache
-def zone_of(crs: str) -> Zone | None:
+def find_zone(crs: str) -> Zone | None:
     """Return the UTM zone of a CRS; None for other CRSs."""
     found = _EPSG.fullmatch(crs)
     code = int(found[1]) if found else 0
@@ -400,45 +400,45 @@ def zone_of(crs: str) -> Zone | None:
     return Zone(middle, 1e7 * is_south, flattening, middle - 3.0, middle + 3.0)
 
 
-def _to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
+def _project_to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
     """Convert degrees (points, 2) to metres; infinite on the far half of the globe, where the series are invalid."""
     east = np.radians((lonlat[:, 0] - zone.middle + 180.0) % 360.0 - 180.0)
-    sine, cosine = sine_cosine(np.radians(lonlat[:, 1]))
-    conformal = _conformal(sine / cosine, _eccentricity(zone.flattening))
-    sine_east, cosine_east = sine_cosine(east)
+    sine, cosine = compute_sine_cosine(np.radians(lonlat[:, 1]))
+    conformal = _compute_conformal(sine / cosine, _compute_eccentricity(zone.flattening))
+    sine_east, cosine_east = compute_sine_cosine(east)
     size = length(conformal, cosine_east)
     across = sine_east / size
-    radius, forth, _ = _series(zone.flattening)
-    up, right = _sine_series(forth, conformal / size, cosine_east / size, across)
-    y = polar_angle(conformal, cosine_east) + up
+    radius, forth, _ = _compute_series(zone.flattening)
+    up, right = _sum_sine_series(forth, conformal / size, cosine_east / size, across)
+    y = compute_polar_angle(conformal, cosine_east) + up
     x = inverse_hyperbolic_sine(across) + right
     xy = _K0 * radius * np.column_stack((x, y)) + (_EAST, zone.north)
     xy[(np.abs(lonlat[:, 1]) > 90.0) | ~(np.abs(east) < np.pi / 2.0)] = np.inf
     return xy
 
 
-def _from_zone(xy: FloatArray, zone: Zone) -> FloatArray:
+def _project_from_zone(xy: FloatArray, zone: Zone) -> FloatArray:
     """Convert metres (points, 2) to degrees; infinite if they belong to no place."""
-    radius, _, back = _series(zone.flattening)
+    radius, _, back = _compute_series(zone.flattening)
     x, y = ((xy - (_EAST, zone.north)) / (_K0 * radius)).T
-    up, right = _sine_series(back, *sine_cosine(y), hyperbolic_sine(x))
-    across = hyperbolic_sine(x - right)
-    sine, cosine = sine_cosine(y - up)
+    up, right = _sum_sine_series(back, *compute_sine_cosine(y), compute_hyperbolic_sine(x))
+    across = compute_hyperbolic_sine(x - right)
+    sine, cosine = compute_sine_cosine(y - up)
     wanted = sine / length(across, cosine)
-    e = _eccentricity(zone.flattening)
+    e = _compute_eccentricity(zone.flattening)
     tangent = wanted
     for _ in range(_ROUNDS):  # Karney 2011, equations 19 to 21
-        found = _conformal(tangent, e)
+        found = _compute_conformal(tangent, e)
         slope = (1.0 - e**2) * length(1.0, found) * length(1.0, tangent) / (1.0 + (1.0 - e**2) * tangent**2)
         tangent = tangent + (wanted - found) / slope
-    longitude = zone.middle + np.degrees(polar_angle(across, cosine))
-    latitude = np.degrees(polar_angle(tangent, np.ones_like(tangent)))
+    longitude = zone.middle + np.degrees(compute_polar_angle(across, cosine))
+    latitude = np.degrees(compute_polar_angle(tangent, np.ones_like(tangent)))
     lonlat = np.column_stack(((longitude + 180.0) % 360.0 - 180.0, latitude))
     lonlat[~((np.abs(y) <= np.pi / 2.0) & (np.abs(x) < np.pi / 2.0))] = np.inf
     return lonlat
 
 
-def _sine_series(
+def _sum_sine_series(
     coefficients: list[float], sine: FloatArray, cosine: FloatArray, hyperbolic: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the real and imaginary parts of a series of sines of even multiples of a complex angle, by Clenshaw.
@@ -465,19 +465,19 @@ def _sine_series(
     return real * upright[0] - imaginary * upright[1], real * upright[1] + imaginary * upright[0]
 
 
-def _conformal(tangent: FloatArray, e: float) -> FloatArray:
+def _compute_conformal(tangent: FloatArray, e: float) -> FloatArray:
     """Convert tangents of latitudes to tangents of conformal latitudes (Karney 2011, equations 7 to 9)."""
     secant = length(1.0, tangent)
-    sigma = hyperbolic_sine(e * inverse_hyperbolic_tangent(e * tangent / secant))
+    sigma = compute_hyperbolic_sine(e * inverse_hyperbolic_tangent(e * tangent / secant))
     return tangent * length(1.0, sigma) - sigma * secant
 
 
-def _eccentricity(flattening: float) -> float:
+def _compute_eccentricity(flattening: float) -> float:
     return float(np.sqrt(flattening * (2.0 - flattening)))
 
 
 @cache
-def _series(flattening: float) -> tuple[float, list[float], list[float]]:
+def _compute_series(flattening: float) -> tuple[float, list[float], list[float]]:
     """Return the radius of the rectifying sphere, and the series coefficients in both directions."""
     n = flattening / (2.0 - flattening)
     powers = [*accumulate(repeat(n, 6), mul)]
@@ -490,12 +490,12 @@ def _series(flattening: float) -> tuple[float, list[float], list[float]]:
 
 
 @lru_cache(maxsize=32)
-def _transformer(source: object, target: object) -> Any:
+def _make_transformer(source: object, target: object) -> Any:
     """Return the transformation that PROJ ranks first.
 
     One transformation for all places: PROJ itself may choose another for the inverse, with errors up to 150 m.
     """
-    pyproj = _pyproj()
+    pyproj = _import_pyproj()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # a better correction grid exists, but is not installed
@@ -509,7 +509,7 @@ def _transformer(source: object, target: object) -> Any:
     return found[0]
 
 
-def _pyproj() -> Any:
+def _import_pyproj() -> Any:
     with needing("Projecting coordinates to other than UTM zones", "osm"):
         import pyproj
     return pyproj
@@ -547,7 +547,7 @@ _HYPERBOLIC_SINE = tuple(1.0 / factorial(power) for power in range(1, 25, 2))
 _HYPERBOLIC_ARCTANGENT = tuple(1.0 / power for power in range(1, 21, 2))
 
 
-def polynomial(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
+def evaluate_polynomial(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
     """Return the sum of the coefficients times the powers of `x` from 0 on."""
     total = np.full_like(x, coefficients[-1])
     for one in coefficients[-2::-1]:
@@ -560,13 +560,13 @@ def length(x: FloatArray | float, y: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(x * x + y * y))
 
 
-def sine_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+def compute_sine_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the sines and cosines of angles of a few turns at most, radians."""
     quarters = np.rint(angle * (2.0 / pi))
     rest = angle - quarters * _HALF_PI[0] - quarters * _HALF_PI[1]
     square = rest * rest
-    sine = rest + rest * square * polynomial(_SINE, square)
-    cosine = 1.0 - (0.5 * square - square * square * polynomial(_COSINE, square))
+    sine = rest + rest * square * evaluate_polynomial(_SINE, square)
+    cosine = 1.0 - (0.5 * square - square * square * evaluate_polynomial(_COSINE, square))
     quadrant = quarters % 4.0
     is_across = quarters % 2.0 == 1.0
     upright = np.where(is_across, cosine, sine)
@@ -574,7 +574,7 @@ def sine_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.where(quadrant >= 2.0, -upright, upright), np.where(np.abs(quadrant - 1.5) < 1.0, -level, level)
 
 
-def polar_angle(y: FloatArray, x: FloatArray) -> FloatArray:
+def compute_polar_angle(y: FloatArray, x: FloatArray) -> FloatArray:
     """Return the angles of vectors from the x axis, as `numpy.arctan2`."""
     across = np.abs(x)
     up = np.abs(y)
@@ -583,16 +583,16 @@ def polar_angle(y: FloatArray, x: FloatArray) -> FloatArray:
     is_wide = slope > _TAN_PI_8
     tangent = np.where(is_wide, (slope - 1.0) / (slope + 1.0), slope)
     square = tangent * tangent
-    angle = tangent - tangent * square * polynomial(_ARCTANGENT, square)
+    angle = tangent - tangent * square * evaluate_polynomial(_ARCTANGENT, square)
     angle = np.where(is_wide, angle + pi / 4.0, angle)
     angle = np.where(up > across, pi / 2.0 - angle, angle)
     angle = np.where(x < 0.0, pi - angle, angle)
     return np.asarray(np.copysign(angle, y))
 
 
-def hyperbolic_sine(x: FloatArray) -> FloatArray:
+def compute_hyperbolic_sine(x: FloatArray) -> FloatArray:
     """Return hyperbolic sines of numbers from -2 to 2."""
-    return x * polynomial(_HYPERBOLIC_SINE, x * x)
+    return x * evaluate_polynomial(_HYPERBOLIC_SINE, x * x)
 
 
 def inverse_hyperbolic_sine(x: FloatArray) -> FloatArray:
@@ -601,16 +601,16 @@ def inverse_hyperbolic_sine(x: FloatArray) -> FloatArray:
     excess = size + size * size / (1.0 + np.sqrt(1.0 + size * size))
     whole = 1.0 + excess
     lost = np.divide(excess, whole - 1.0, out=np.ones_like(excess), where=whole != 1.0)  # by rounding
-    logarithm = np.where(whole == 1.0, excess, _logarithm(whole) * lost)
+    logarithm = np.where(whole == 1.0, excess, _compute_logarithm(whole) * lost)
     return np.asarray(np.copysign(logarithm, x))
 
 
 def inverse_hyperbolic_tangent(x: FloatArray) -> FloatArray:
     """Return the numbers with these hyperbolic tangents, from -0.1 to 0.1."""
-    return x * polynomial(_HYPERBOLIC_ARCTANGENT, x * x)
+    return x * evaluate_polynomial(_HYPERBOLIC_ARCTANGENT, x * x)
 
 
-def _logarithm(x: FloatArray) -> FloatArray:
+def _compute_logarithm(x: FloatArray) -> FloatArray:
     mantissa, exponent = np.frexp(x)
     is_low = mantissa < _ROOT_HALF
     twos = exponent - np.where(is_low, 1.0, 0.0)
@@ -618,5 +618,5 @@ def _logarithm(x: FloatArray) -> FloatArray:
     share = above / (2.0 + above)
     square = share * share
     half = 0.5 * above * above
-    rest = share * (half + square * polynomial(_LOGARITHM, square)) + twos * _LOG_2[1]
+    rest = share * (half + square * evaluate_polynomial(_LOGARITHM, square)) + twos * _LOG_2[1]
     return np.asarray(twos * _LOG_2[0] - ((half - rest) - above))

@@ -65,7 +65,7 @@ class Scenery:
         return self.kinds < SceneryKind.WATERWAY
 
 
-def ground_of(shapes: FloatArray, *others: FloatArray) -> FloatArray:
+def find_ground(shapes: FloatArray, *others: FloatArray) -> FloatArray:
     """Return the lower left and the upper right corner (2, 2) of the ground of a map; empty, (0, 2), without shapes.
 
     Args:
@@ -81,7 +81,7 @@ def ground_of(shapes: FloatArray, *others: FloatArray) -> FloatArray:
     return np.stack([low - margin, high + margin])
 
 
-def no_scenery() -> Scenery:
+def make_empty_scenery() -> Scenery:
     """Return an empty base map."""
     nothing = ObstacleColumns(np.zeros(0, np.int64), np.zeros((0, 4, 3)), np.zeros(0, np.int64))
     return Scenery(np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros((0, 2)), nothing)

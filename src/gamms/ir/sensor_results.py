@@ -73,7 +73,7 @@ class AgentLook(NamedTuple):
         return (self.teams is None or team in self.teams) and team not in self.others
 
 
-def _no_points() -> FloatArray:
+def _make_no_points() -> FloatArray:
     return np.zeros((0, 2))
 
 
@@ -81,14 +81,14 @@ def _no_points() -> FloatArray:
 class SensorView:
     """The last view of a sensor, in map units, for drawing."""
 
-    nodes: FloatArray = field(default_factory=_no_points)  # (nodes, 2)
-    lines: FloatArray = field(default_factory=_no_points)  # (points, 2)  polylines of edges
+    nodes: FloatArray = field(default_factory=_make_no_points)  # (nodes, 2)
+    lines: FloatArray = field(default_factory=_make_no_points)  # (points, 2)  polylines of edges
     offsets: IntArray = field(default_factory=lambda: np.zeros(1, np.int64))  # (lines + 1,)  into `lines`
-    agents: FloatArray = field(default_factory=_no_points)  # (agents, 2)
+    agents: FloatArray = field(default_factory=_make_no_points)  # (agents, 2)
     names: tuple[str, ...] = ()  # (agents,) their names, to find them again; or empty, if they may be elsewhere
-    outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; empty: unlimited
+    outline: FloatArray = field(default_factory=_make_no_points)  # (corners, 2)  of the field of view; empty: unlimited
     carrier: str | None = None  # the agent with which the field of view moves in pictures; None: it stays
-    reach: FloatArray = field(default_factory=_no_points)  # (corners, 2)  the field of view if nothing blocked it
+    reach: FloatArray = field(default_factory=_make_no_points)  # (corners, 2)  the field of view if nothing blocked it
 
     @property
     def dashed(self) -> FloatArray:
@@ -96,16 +96,16 @@ class SensorView:
         return self.reach[:0] if len(self.outline) else self.reach
 
 
-def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
+def flatten_lists(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
     """Return offsets (rows + 1,) and values of lists of different lengths."""
-    offsets = _offsets(rows)
+    offsets = _compute_offsets(rows)
     return offsets, np.fromiter(chain.from_iterable(rows), np.int64, int(offsets[-1]))
 
 
-def sensed_arrays(looks: Sequence[IntArray], edges: Callable[[], LookResults] | None = None) -> LookResults:
+def make_results(looks: Sequence[IntArray], edges: Callable[[], LookResults] | None = None) -> LookResults:
     """Return the results of looks, given as arrays."""
-    return LookResults(_offsets(looks), np.concatenate(looks) if looks else np.zeros(0, np.int64), edges)
+    return LookResults(_compute_offsets(looks), np.concatenate(looks) if looks else np.zeros(0, np.int64), edges)
 
 
-def _offsets(rows: Sequence[Sized]) -> IntArray:
+def _compute_offsets(rows: Sequence[Sized]) -> IntArray:
     return np.fromiter(accumulate(map(len, rows), initial=0), np.int64, len(rows) + 1)

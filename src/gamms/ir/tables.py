@@ -24,7 +24,7 @@ Column = np.ndarray[Any, Any]
 Rows = Sequence[Mapping[str, Any]] | Mapping[str, Sequence[Any]]
 
 
-def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
+def make_table(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
     """Return columns of equal length: arrays of integers, floats, bools or texts, otherwise of objects.
 
     Texts are also objects if one of them is so long that an array for all would be almost empty.
@@ -33,14 +33,14 @@ def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
         TooLarge (ValueError): rows have so many different columns that their table does not fit in memory.
     """
     if isinstance(rows, Mapping):
-        return {name: _column(list(values)) for name, values in rows.items()}
+        return {name: _make_column(list(values)) for name, values in rows.items()}
     names = dict.fromkeys(chain.from_iterable(rows))
     empty = len(names) * len(rows) - sum(map(len, rows))
     refuse_above(_OF_EMPTY * empty, f"A table of {len(rows):,} rows and {len(names):,} columns, most of it empty,")
-    return {name: _column([row.get(name) for row in rows]) for name in names}
+    return {name: _make_column([row.get(name) for row in rows]) for name in names}
 
 
-def with_latlon(table: Mapping[str, Column], streets: GraphColumns) -> dict[str, Column]:
+def add_latlon(table: Mapping[str, Column], streets: GraphColumns) -> dict[str, Column]:
     """Add latitude and longitude, `lat` and `lon`, of `x` and `y`, or of nodes in the column `node` or `at`.
 
     They are NaN for nodes that are not on the map.
@@ -78,13 +78,13 @@ def frame_of(columns: Mapping[str, "np.ndarray[Any, Any]"]) -> "pd.DataFrame":
     return pd.DataFrame(dict(columns))
 
 
-def _column(values: list[Any]) -> "np.ndarray[Any, Any]":
+def _make_column(values: list[Any]) -> "np.ndarray[Any, Any]":
     kinds = {type(value) for value in values}
     for kind, dtype in ((bool, np.bool_), (int, np.int64), (str, np.str_)):
         if kinds == {kind} and (kind is not str or _are_even(values)):
-            return _made(values, dtype)
+            return _make_array(values, dtype)
     if kinds and kinds <= {int, float}:
-        return _made(values, np.float64)
+        return _make_array(values, np.float64)
     column = np.empty(len(values), object)
     for place, value in enumerate(values):  # one by one, because lists of equal length would become a matrix
         column[place] = value
@@ -97,7 +97,7 @@ def _are_even(texts: list[str]) -> bool:
     return max(lengths) * len(texts) <= _MOST_CHARACTERS + _SHARE * sum(lengths)
 
 
-def _made(values: list[Any], dtype: type) -> "np.ndarray[Any, Any]":
+def _make_array(values: list[Any], dtype: type) -> "np.ndarray[Any, Any]":
     try:
         return np.array(values, dtype)
     except OverflowError:  # an integer beyond 64 bits

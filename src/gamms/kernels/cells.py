@@ -42,7 +42,7 @@ def build_cells(xy: FloatArray) -> CellIndex:
     least = float(np.abs(xy).max()) * 1e-9  # smaller cells would be below rounding errors
     size = max(size, least) or 1.0
     origin = (float(xy[:, 0].min()), float(xy[:, 1].min()))
-    keys = _key(_cell(xy[:, 0], origin[0], size), _cell(xy[:, 1], origin[1], size))
+    keys = _make_key(_find_cells(xy[:, 0], origin[0], size), _find_cells(xy[:, 1], origin[1], size))
     order = np.argsort(keys, kind="stable")
     return CellIndex(origin, size, keys[order], order)
 
@@ -51,8 +51,8 @@ def rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
     """Return the rows of the points in the cell of (x, y) and in the cells around it."""
     keys = cells.keys.data
     found = list[int]()
-    column = _cell_of(x, cells.origin[0], cells.size)
-    stripe = _cell_of(y, cells.origin[1], cells.size)
+    column = _find_cell_of_number(x, cells.origin[0], cells.size)
+    stripe = _find_cell_of_number(y, cells.origin[1], cells.size)
     for middle in range(((stripe - reach) << 32) + column, (stripe + reach + 1) << 32, 1 << 32):
         first = bisect_left(keys, middle - reach)
         found += cells.rows[first : bisect_right(keys, middle + reach, first)].tolist()
@@ -70,11 +70,15 @@ def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, 
     rim = 1e-9 * max(map(abs, (*low, *high)))
     if (max(high[0] - low[0], high[1] - low[1]) + 2.0 * rim) / cells.size > _MOST_STRIPES:
         return None
-    low_x, low_y = (_cell_of(value - rim, start, cells.size) for value, start in zip(low, cells.origin, strict=True))
-    high_x, high_y = (_cell_of(value + rim, start, cells.size) for value, start in zip(high, cells.origin, strict=True))
+    low_x, low_y = (
+        _find_cell_of_number(value - rim, start, cells.size) for value, start in zip(low, cells.origin, strict=True)
+    )
+    high_x, high_y = (
+        _find_cell_of_number(value + rim, start, cells.size) for value, start in zip(high, cells.origin, strict=True)
+    )
     stripes = np.arange(low_y, high_y + 1)
-    first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
-    last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
+    first = np.searchsorted(cells.keys, _make_key(low_x, stripes), side="left")
+    last = np.searchsorted(cells.keys, _make_key(high_x, stripes), side="right")
     return np.concatenate([cells.rows[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)])
 
 
@@ -91,15 +95,15 @@ def candidates_of_each(
     reach = d + 1e-9 * (float(max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))) + d)
     if 2.0 * reach / cells.size > _MOST_STRIPES:
         return None
-    low_x, high_x = (_cell(edge, cells.origin[0], cells.size)[:, None] for edge in (x - reach, x + reach))
-    low_y, high_y = (_cell(edge, cells.origin[1], cells.size) for edge in (y - reach, y + reach))
+    low_x, high_x = (_find_cells(edge, cells.origin[0], cells.size)[:, None] for edge in (x - reach, x + reach))
+    low_y, high_y = (_find_cells(edge, cells.origin[1], cells.size) for edge in (y - reach, y + reach))
     stripes = low_y[:, None] + np.arange(int((high_y - low_y).max(initial=0)) + 1)
-    first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
-    last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
-    return _expanded(cells.rows, first, last)
+    first = np.searchsorted(cells.keys, _make_key(low_x, stripes), side="left")
+    last = np.searchsorted(cells.keys, _make_key(high_x, stripes), side="right")
+    return _expand_ranges(cells.rows, first, last)
 
 
-def _expanded(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple[int, int, IntArray, IntArray]]:
+def _expand_ranges(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple[int, int, IntArray, IntArray]]:
     """Write out the ranges (places, ranges) of each place; see `candidates_of_each`."""
     ends = np.cumsum((last - first).sum(axis=1))
     begin = 0
@@ -111,16 +115,16 @@ def _expanded(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple
         begin = end
 
 
-def _cell_of(value: float, origin: float, size: float) -> int:
-    """Return `_cell` of one number, which may be anything except NaN."""
+def _find_cell_of_number(value: float, origin: float, size: float) -> int:
+    """Return `_find_cells` of one number, which may be anything except NaN."""
     # NOTE: twenty times faster than NumPy for one number; sight lines ask for few faces each.
     place = (min(max(value, -_FAR), _FAR) - origin) / size
     return floor(min(max(place, -1.0), _MOST_CELLS)) + 1
 
 
-def _cell(values: FloatArray, origin: float, size: float) -> IntArray:
+def _find_cells(values: FloatArray, origin: float, size: float) -> IntArray:
     return np.clip(np.floor((values - origin) / size), -1, _MOST_CELLS).astype(np.int64) + 1
 
 
-def _key(column: IntArray | int, stripe: IntArray) -> IntArray:
+def _make_key(column: IntArray | int, stripe: IntArray) -> IntArray:
     return (stripe << 32) | column

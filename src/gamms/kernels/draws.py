@@ -31,13 +31,13 @@ def purpose_keys(seeds: Sequence[int], purposes: Sequence[tuple[str | int, ...]]
     """Return the `purpose_key` of each seed and purpose, (seeds, purposes)."""
     from hashlib import blake2b
 
-    ends = _ends_of(purposes)
+    ends = _encode_names(purposes)
     texts = (b"(%d%b" % (seed, end) for seed in seeds for end in ends)
     digests = b"".join([blake2b(text, digest_size=8).digest() for text in texts])
     return np.frombuffer(digests, "<u8").astype(np.uint64).reshape(len(seeds), len(ends))
 
 
-def _ends_of(names: Sequence[tuple[str | int, ...]]) -> list[bytes]:
+def _encode_names(names: Sequence[tuple[str | int, ...]]) -> list[bytes]:
     """Return what follows the seed in the text of a seed and names, for each tuple of names."""
     return [f", {', '.join(map(repr, name))})".encode() for name in names]
 
@@ -76,28 +76,28 @@ def draw_bits_rows(purposes: BitArray | int, names: BitArray, turns: IntArray | 
 
 def first_key_rows(purposes: BitArray | int, names: BitArray) -> BitArray:
     """Return the `first_key` of each row; the arguments are broadcast against each other."""
-    return _rows(draws.fill_first_keys, np.asarray(purposes, np.uint64), names)
+    return _apply_row_loop(draws.fill_first_keys, np.asarray(purposes, np.uint64), names)
 
 
 def turn_key_rows(first: BitArray, turns: IntArray | int) -> BitArray:
     """Return the `turn_key` of each row; the arguments are broadcast against each other."""
-    return _rows(draws.fill_turn_keys, first, np.asarray(turns, np.int64))
+    return _apply_row_loop(draws.fill_turn_keys, first, np.asarray(turns, np.int64))
 
 
 def bits_at_rows(keys: BitArray, k: IntArray | int) -> BitArray:
     """Return draw `k`, counted from 0, of each `turn_key`; the arguments are broadcast against each other."""
-    return _rows(draws.fill_bits, keys, np.asarray(k, np.int64))
+    return _apply_row_loop(draws.fill_bits, keys, np.asarray(k, np.int64))
 
 
-def _rows(fill: Callable[..., int], first: BitArray, second: BitArray | IntArray) -> BitArray:
+def _apply_row_loop(fill: Callable[..., int], first: BitArray, second: BitArray | IntArray) -> BitArray:
     """Apply a row loop of the core to two arrays, which are broadcast against each other."""
     shape = np.broadcast(first, second).shape
     out = np.empty(shape, np.uint64)
-    fill(_buffer(first, shape), _buffer(second, shape), out.reshape(-1).data)
+    fill(_flatten(first, shape), _flatten(second, shape), out.reshape(-1).data)
     return out
 
 
-def _buffer(values: BitArray | IntArray, shape: tuple[int, ...]) -> memoryview:
+def _flatten(values: BitArray | IntArray, shape: tuple[int, ...]) -> memoryview:
     """Return the values, broadcast to a shape, as a flat buffer."""
     rows = np.empty(shape, values.dtype)
     rows[...] = values
@@ -143,15 +143,15 @@ def poisson(bits: int, mean: float) -> int:
 
 
 def _hash(text: str) -> int:
-    return int.from_bytes(_digests([text])[0], "little")
+    return int.from_bytes(_hash_texts([text])[0], "little")
 
 
 def _hash_many(texts: Sequence[str]) -> BitArray:
     """Return the hash of each text, (texts,)."""
-    return np.frombuffer(b"".join(_digests(texts)), "<u8").astype(np.uint64)
+    return np.frombuffer(b"".join(_hash_texts(texts)), "<u8").astype(np.uint64)
 
 
-def _digests(texts: Sequence[str]) -> list[bytes]:
+def _hash_texts(texts: Sequence[str]) -> list[bytes]:
     """Return the 8 bytes of the hash of each text."""
     from hashlib import blake2b
 
@@ -180,7 +180,7 @@ def stream_keys(seeds: Iterable[int], names: Sequence[tuple[str | int, ...]]) ->
     """Return the `stream_key` of each seed and name, (seeds, names, 2): its lower and its upper half."""
     from hashlib import blake2b
 
-    ends = _ends_of(names)
+    ends = _encode_names(names)
     texts = (b"(%d%b" % (seed, end) for seed in seeds for end in ends)
     digests = b"".join([blake2b(text, digest_size=16).digest() for text in texts])
     return np.frombuffer(digests, "<u8").astype(np.uint64).reshape(-1, len(ends), 2)

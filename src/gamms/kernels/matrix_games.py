@@ -43,23 +43,23 @@ def solve_matrix_games(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     columns[games, payoffs.max(axis=1).argmin(axis=1)] = 1.0
     mixed = np.flatnonzero(high - low > _TINY * np.maximum(1.0, abs(low)))
     if len(mixed):
-        values[mixed], rows[mixed], columns[mixed] = _by_simplex(payoffs[mixed])
+        values[mixed], rows[mixed], columns[mixed] = _solve_by_simplex(payoffs[mixed])
     return values, rows, columns
 
 
-def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _solve_by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Solve games without a saddle point: maximize the sum of y with A y <= 1, for payoffs A between 1 and 2.
 
     A tableau has as many rows as the row player has actions; the player with fewer is the row player.
     """
     games, rows, columns = payoffs.shape
     if rows > columns:
-        values, ys, xs = _by_simplex(-payoffs.transpose(0, 2, 1))
+        values, ys, xs = _solve_by_simplex(-payoffs.transpose(0, 2, 1))
         return -values, xs, ys
     least = payoffs.min(axis=(1, 2), keepdims=True)
     spread = payoffs.max(axis=(1, 2), keepdims=True) - least
     scaled = (payoffs - least) / spread + 1.0
-    tableau = _first_tableau(scaled)
+    tableau = _make_first_tableau(scaled)
     basis = np.broadcast_to(np.arange(columns, columns + rows), (games, rows)).copy()
     going = np.arange(games)
     pivots = 0
@@ -69,10 +69,10 @@ def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
         going = going[is_open]
         costs = costs[is_open]
         if len(going):
-            _pivot(tableau, basis, going, costs.argmin(axis=1))
+            _apply_pivot(tableau, basis, going, costs.argmin(axis=1))
             pivots += 1
             if pivots % _REFRESH == 0:
-                tableau[going] = _of_basis(_first_tableau(scaled[going]), basis[going], pivots)
+                tableau[going] = _compute_tableau(_make_first_tableau(scaled[going]), basis[going], pivots)
     total = tableau[:, -1, -1]
     at, row = np.nonzero(basis < columns)
     ys = np.zeros((games, columns))
@@ -83,7 +83,7 @@ def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     return (1.0 / total - 1.0) * spread[:, 0, 0] + least[:, 0, 0], xs, ys
 
 
-def _first_tableau(scaled: FloatArray) -> FloatArray:
+def _make_first_tableau(scaled: FloatArray) -> FloatArray:
     """Return simplex tableaus, (games, rows + 1, columns + rows + 2): A, the identity, the tie-break column, and 1."""
     games, rows, columns = scaled.shape
     tableau = np.zeros((games, rows + 1, columns + rows + 2))
@@ -94,7 +94,7 @@ def _first_tableau(scaled: FloatArray) -> FloatArray:
     return tableau
 
 
-def _of_basis(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
+def _compute_tableau(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
     """Return the tableaus of these bases, computed from the first tableaus.
 
     From then on ties are broken as if the right side were slightly larger, by a different amount each time, so that
@@ -108,7 +108,7 @@ def _of_basis(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
     return tableau
 
 
-def _pivot(tableau: FloatArray, basis: IntArray, games: IntArray, entering: IntArray) -> None:
+def _apply_pivot(tableau: FloatArray, basis: IntArray, games: IntArray, entering: IntArray) -> None:
     """Pivot: one column of each game enters its basis."""
     now = tableau[games]
     each = np.arange(len(games))

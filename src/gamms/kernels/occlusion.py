@@ -50,7 +50,7 @@ def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Boo
         (lines,) False if the numbers are too large to multiply three of them.
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        return _blocks(_axes(np.atleast_2d(origins)), _axes(targets), _axes(corners))
+        return _find_blocked(_split_axes(np.atleast_2d(origins)), _split_axes(targets), _split_axes(corners))
 
 
 def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> BoolArray:
@@ -69,19 +69,19 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
         if 2 * walls > len(corners):
             from_origin: BoolArray = visible_from_each(corners, origin[None], targets, seen[None])[0]
             return from_origin
-    observer = _axes(origin[None])
-    ends = _axes(targets)
-    quads = _axes(corners)
+    observer = _split_axes(origin[None])
+    ends = _split_axes(targets)
+    quads = _split_axes(corners)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        near = _faces_and_targets(quads[:3] - observer[:3, None], ends[:3] - observer[:3])
+        near = _pair_faces_and_targets(quads[:3] - observer[:3, None], ends[:3] - observer[:3])
         done = 0
         first = 0
         while first < len(near.faces):
             last = max(int(near.ends.searchsorted(done + _MANY, side="right")), first + 1)
-            faces, rows = _pairs(near, slice(first, last), seen)
+            faces, rows = _list_pairs(near, slice(first, last), seen)
             while len(faces):  # the nearest faces hide most targets, which saves tests of the others
                 some = slice(max(len(faces) // _SHARE, _FEW))
-                blocked = _blocks(observer, ends.take(rows[some], axis=1), quads.take(faces[some], axis=2))
+                blocked = _find_blocked(observer, ends.take(rows[some], axis=1), quads.take(faces[some], axis=2))
                 seen[rows[some][blocked]] = False
                 faces = faces[some.stop :]
                 rows = rows[some.stop :]
@@ -110,10 +110,10 @@ def visible_from_each(corners: FloatArray, origins: FloatArray, targets: FloatAr
         found = [visible(corners, origin, targets) for origin in origins]
         return np.asarray(is_asked & found)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        return _visible_from_each(_axes(corners), _axes(origins), _axes(targets), is_asked)
+        return _find_visible(_split_axes(corners), _split_axes(origins), _split_axes(targets), is_asked)
 
 
-def _axes(vectors: FloatArray) -> FloatArray:
+def _split_axes(vectors: FloatArray) -> FloatArray:
     """Return vectors (lines, …, 3) as (5, …, lines): x, y, z, x, y, which shortens cross products."""
     return vectors.T.take(_WRAPPED, axis=0)
 
@@ -121,28 +121,28 @@ def _axes(vectors: FloatArray) -> FloatArray:
 _WRAPPED = np.array([0, 1, 2, 0, 1])
 
 
-def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
-    """Return `blocks`, with `_axes` of all arguments."""
+def _find_blocked(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
+    """Return `blocks`, with `_split_axes` of all arguments."""
     line = (targets - origins)[:, None]
     to_observer = origins[:, None] - corners[:, 1:2]
     first = corners[:, 0:4:2] - corners[:, 1:2]  # (5, triangles, lines)
     second = corners[:, 2:4] - corners[:, 1:2]
-    across = _cross(line, second)
-    det = _dot(first, across)
+    across = _multiply_cross(line, second)
+    det = _multiply_dot(first, across)
     sign = np.copysign(1.0, det)
-    u = sign * _dot(to_observer, across)  # this and all below are multiplied by the determinant
-    turned = _cross(to_observer, first)
-    v = sign * _dot(line, turned)
-    t = sign * _dot(second, turned)
+    u = sign * _multiply_dot(to_observer, across)  # this and all below are multiplied by the determinant
+    turned = _multiply_cross(to_observer, first)
+    v = sign * _multiply_dot(line, turned)
+    t = sign * _multiply_dot(second, turned)
     det = np.abs(det)
-    size = _extent(corners[:3].max(axis=1) - corners[:3].min(axis=1))
-    length = _extent(line[:, 0])
+    size = _measure_extent(corners[:3].max(axis=1) - corners[:3].min(axis=1))
+    length = _measure_extent(line[:, 0])
     missed_by = np.maximum(np.maximum(u + v, t) - det, -np.minimum(np.minimum(u, v), t))
     inside = missed_by <= _MOST_SLACK * det
     inside &= (det >= np.maximum(_GRAIN * length * size * size, _LEAST)) & (det < np.inf)
     is_close = inside & (missed_by > 0.0)
     if is_close.any():
-        far = 2.0 * _extent(origins) + _extent(to_observer[:, 0]) + size
+        far = 2.0 * _measure_extent(origins) + _measure_extent(to_observer[:, 0]) + size
         doubt = np.minimum(_ROUNDING * far * size, _MOST_SLACK * det / (length + size))
         is_beside = np.maximum(u + v - det, -np.minimum(u, v)) > doubt * length
         inside &= ~(is_beside | (np.maximum(t - det, -t) > doubt * size))
@@ -150,19 +150,19 @@ def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Bo
     return blocked
 
 
-def _extent(vectors: FloatArray) -> FloatArray:
+def _measure_extent(vectors: FloatArray) -> FloatArray:
     """Return the lengths of vectors as sums over the axes."""
     lengths = np.abs(vectors[:3])
     added: FloatArray = lengths[0] + lengths[1] + lengths[2]
     return added
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+def _multiply_cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return cross products (3, …)."""
     return a[1:4] * b[2:5] - a[2:5] * b[1:4]
 
 
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+def _multiply_dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return dot products, added from x to z."""
     parts = a[:3] * b[:3]
     product: FloatArray = parts[0] + parts[1] + parts[2]
@@ -181,7 +181,7 @@ class _NearFaces(NamedTuple):
     reach: FloatArray  # (targets,) distance in the plane
 
 
-def _pairs(near: _NearFaces, some: slice, seen: BoolArray) -> tuple[IntArray, IntArray]:
+def _list_pairs(near: _NearFaces, some: slice, seen: BoolArray) -> tuple[IntArray, IntArray]:
     """Pairs of faces and the targets that they may hide, without targets that are hidden already."""
     groups, places = expand_ranges(near.first[some], near.last[some])
     rows = near.order[places]
@@ -189,7 +189,7 @@ def _pairs(near: _NearFaces, some: slice, seen: BoolArray) -> tuple[IntArray, In
     return near.faces[some][groups[is_open]], rows[is_open]
 
 
-def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _NearFaces:
+def _pair_faces_and_targets(corners: FloatArray, targets: FloatArray) -> _NearFaces:
     """Return pairs of faces and targets that they may hide from an observer at the origin.
 
     Comparisons are written so that NaN excludes nothing.
@@ -212,13 +212,13 @@ def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _NearFaces:
     faces = faces[by_distance]
     distance = distance[by_distance]
     blur = blur[faces]
-    ways, order = _sorted_directions(targets)
-    first, last = _sectors(corners.take(faces, axis=2), distance, blur, ways)
+    ways, order = _sort_directions(targets)
+    first, last = _find_sectors(corners.take(faces, axis=2), distance, blur, ways)
     reach = np.hypot(targets[0], targets[1])
     return _NearFaces(faces, distance - blur, first, last, np.cumsum(last - first), order, reach)
 
 
-def _sorted_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:
+def _sort_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return azimuths from -pi to 3 pi, ascending, and the row of the target of each; each target occurs twice."""
     ways = np.arctan2(targets[1], targets[0])
     order = np.argsort(ways)
@@ -226,7 +226,7 @@ def _sorted_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:
     return np.concatenate((ways, ways + _TURN)), np.concatenate((order, order))
 
 
-def _sectors(
+def _find_sectors(
     corners: FloatArray, distance: FloatArray, blur: FloatArray, ways: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """Return the range in `ways` of the targets in the direction of each face, widened by its blur."""
@@ -245,15 +245,15 @@ def _sectors(
     return first, last
 
 
-def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
-    """Return `visible_from_each`, with `_axes` of all arguments."""
+def _find_visible(quads: FloatArray, observers: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
+    """Return `visible_from_each`, with `_split_axes` of all arguments."""
     x, y = targets[:2, None] - observers[:2, :, None]  # (observers, targets) each
-    parts = np.minimum(_turns(x, y).astype(np.int64), _PARTS - 1)
+    parts = np.minimum(_convert_directions(x, y).astype(np.int64), _PARTS - 1)
     parts += _PARTS * np.arange(len(x))[:, None]
     parts = parts.ravel()
-    views = _views(quads, observers)
+    views = _make_views(quads, observers)
     heights = np.concatenate((observers[2], targets[2]))
-    hidden_beyond = _hidden_beyond(
+    hidden_beyond = _find_hidden_distances(
         views, _are_walls(quads.T, heights), quads[2, :2].min(axis=0) - quads[2, 2:4].max(axis=0)
     )
     lines = np.flatnonzero(is_asked.ravel() & ~((x * x + y * y).ravel() > hidden_beyond.take(parts)))
@@ -263,7 +263,7 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
     seen = np.ones(len(lines), np.bool_)
     offsets = np.zeros(x.shape[0] * _PARTS + 1, np.int64)
     np.cumsum(np.bincount(parts, minlength=len(offsets) - 1), out=offsets[1:])
-    faces, distance, first, last = _candidates(views, offsets, float(reach.max(initial=0.0)))
+    faces, distance, first, last = _find_candidates(views, offsets, float(reach.max(initial=0.0)))
     pairs = np.cumsum(last - first)
     done = 0
     begin = 0
@@ -280,7 +280,7 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
             if len(x) > 1:
                 origins = observers.take(ends // x.shape[1], axis=1)
                 ends = ends % x.shape[1]
-            blocked = _blocks(origins, targets.take(ends, axis=1), quads.take(in_the_way[some], axis=2))
+            blocked = _find_blocked(origins, targets.take(ends, axis=1), quads.take(in_the_way[some], axis=2))
             seen[rows[some][blocked]] = False
             in_the_way = in_the_way[some.stop :]
             rows = rows[some.stop :]
@@ -294,7 +294,7 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
     return found.reshape(is_asked.shape)
 
 
-def _turns(x: FloatArray, y: FloatArray) -> FloatArray:
+def _convert_directions(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return directions as numbers from 0 to `_PARTS` that grow with the angle, more slowly than radians."""
     far = np.abs(x)
     far += np.abs(y)
@@ -310,17 +310,17 @@ class _FaceViews(NamedTuple):
 
     x: FloatArray  # (corners, observers, faces) relative to the observer
     y: FloatArray
-    start: FloatArray  # first direction of the face, as `_turns`
+    start: FloatArray  # first direction of the face, as `_convert_directions`
     end: FloatArray  # last direction, at most half a turn after the first, and maybe beyond `_PARTS`
     distance: FloatArray  # of its box
     blur: FloatArray  # uncertainty of the position
     size: FloatArray  # (faces,)
 
 
-def _views(quads: FloatArray, observers: FloatArray) -> _FaceViews:
+def _make_views(quads: FloatArray, observers: FloatArray) -> _FaceViews:
     is_upright = (quads[:2, :2] == quads[:2, 2:4]).all()
     x, y = quads[:2, : 2 if is_upright else 4, None] - observers[:2, None, :, None]
-    turns = _turns(x, y)
+    turns = _convert_directions(x, y)
     away = turns - turns[0]
     away -= _PARTS * np.rint(away / _PARTS)
     start = turns[0] + away.min(axis=0)
@@ -328,10 +328,10 @@ def _views(quads: FloatArray, observers: FloatArray) -> _FaceViews:
     shift = np.where(start < 0.0, float(_PARTS), 0.0)
     low = quads[:3].min(axis=1)
     high = quads[:3].max(axis=1)
-    size = _extent(high - low)
+    size = _measure_extent(high - low)
     gap = np.maximum(low[:, None] - observers[:3, :, None], observers[:3, :, None] - high[:, None])
     np.maximum(gap, 0.0, out=gap)
-    blur = 2.0 * _BLUR * (_extent(gap) + 2.0 * size)
+    blur = 2.0 * _BLUR * (_measure_extent(gap) + 2.0 * size)
     return _FaceViews(x, y, start + shift, end + shift, np.hypot(gap[0], gap[1]), blur, size)
 
 
@@ -345,7 +345,7 @@ def _are_walls(corners: FloatArray, heights: FloatArray) -> BoolArray:
     return is_wall
 
 
-def _hidden_beyond(views: _FaceViews, is_wall: BoolArray, tall: FloatArray) -> FloatArray:
+def _find_hidden_distances(views: _FaceViews, is_wall: BoolArray, tall: FloatArray) -> FloatArray:
     """Return squared distances beyond which a wall hides everything, (observers * parts,); infinite without a wall.
 
     Args:
@@ -364,12 +364,12 @@ def _hidden_beyond(views: _FaceViews, is_wall: BoolArray, tall: FloatArray) -> F
     places = np.flatnonzero(is_sure)
     begins, counts = (parts.take(places).astype(np.int64) for parts in (first, last - first))
     begins += places // len(is_wall) * (2 * _PARTS)
-    least = _least_over(begins, counts, squares.take(places) * (1.0 + 1e-9), 2 * _PARTS * x.shape[1])
+    least = _find_least(begins, counts, squares.take(places) * (1.0 + 1e-9), 2 * _PARTS * x.shape[1])
     around: FloatArray = least.reshape(-1, 2, _PARTS).min(axis=1).ravel()
     return around
 
 
-def _least_over(begins: IntArray, counts: IntArray, values: FloatArray, size: int) -> FloatArray:
+def _find_least(begins: IntArray, counts: IntArray, values: FloatArray, size: int) -> FloatArray:
     """Return the minimum at each of `size` positions, where each value covers a range of positions; else infinity."""
     level = np.frexp(counts)[1].astype(np.int64) - 1  # two overlapping ranges of 2**level positions make up the range
     levels = int(level.max(initial=0))
@@ -386,7 +386,9 @@ def _least_over(begins: IntArray, counts: IntArray, values: FloatArray, size: in
     return found
 
 
-def _candidates(views: _FaceViews, offsets: IntArray, reach: float) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
+def _find_candidates(
+    views: _FaceViews, offsets: IntArray, reach: float
+) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
     """Return faces, nearest first, their minimum distances, and ranges of the lines that each may block.
 
     Args:

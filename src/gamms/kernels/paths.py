@@ -105,7 +105,7 @@ class Search:
 
     def find(self, roots: IntArray, *, within: float = inf) -> SearchResult:
         """Find all nodes within a distance of the nearest of some roots, given as rows."""
-        scratch = self._taken()
+        scratch = self._take_buffers()
         routes.find(self._arcs, scratch.core, roots.data, _NEVER.data, _MANY, within, _NO_FARTHER, False)
         rows = scratch.seen[: scratch.core.count].copy()
         found = SearchResult(rows, scratch.far[rows], scratch.last[rows], scratch.before[rows])
@@ -125,7 +125,7 @@ class Search:
             is_nearest: whether only the nearest goals matter, including ties up to rounding; the distances of others
                 may be infinite.
         """
-        scratch = self._taken()
+        scratch = self._take_buffers()
         visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, within, _NO_FARTHER, is_nearest)
         found = scratch.far[goals]
         self._release(scratch)
@@ -133,7 +133,7 @@ class Search:
 
     def path(self, row: int, root: int, most: int, within: float) -> ShortestPath:
         """Return the shortest path between a node and a root; `visited` is -1 if it needs more than `most` nodes."""
-        scratch = self._taken()
+        scratch = self._take_buffers()
         ends = np.array([root, row])
         visited = routes.find(self._arcs, scratch.core, ends[:1].data, ends[1:].data, most, within, _NO_FARTHER, False)
         path = ShortestPath([], [], visited)
@@ -143,7 +143,7 @@ class Search:
         self._release(scratch)
         return path
 
-    def _taken(self) -> _SearchBuffers:
+    def _take_buffers(self) -> _SearchBuffers:
         try:
             return self._free.pop()  # one atomic call, because other threads may search
         except IndexError:
@@ -377,7 +377,7 @@ class _DetourSearch:
         """Return the sum of the weights on a path, added from its end."""
         total = 0.0
         for start, end in zip(path[-2::-1], path[:0:-1], strict=True):
-            total += next(weight for row, weight in self._leaving(start) if row == end)
+            total += next(weight for row, weight in self._list_leaving(start) if row == end)
         return total
 
     def detour(self, start: int, closed: set[int], taken: set[int]) -> list[int] | None:
@@ -391,7 +391,7 @@ class _DetourSearch:
                 break
             if gone > far[row]:
                 continue
-            for end, weight in self._leaving(row):
+            for end, weight in self._list_leaving(row):
                 reached = gone + weight
                 rest = self._rests[end]
                 if reached >= far.get(end, inf) or rest == inf or end in closed or (row == start and end in taken):
@@ -406,7 +406,7 @@ class _DetourSearch:
             path.append(before[path[-1]])
         return path[::-1]
 
-    def _leaving(self, row: int) -> Iterable[tuple[int, float]]:
+    def _list_leaving(self, row: int) -> Iterable[tuple[int, float]]:
         first = self._offsets[row]
         last = self._offsets[row + 1]
         return zip(self._ends[first:last], self._weights[first:last], strict=True)

@@ -16,7 +16,7 @@ from gamms.errors import NotOffered
 from gamms.ir.graph import IntArray
 from gamms.typing import IAgent, IGraph, IGraphEngine, ISensor
 from gamms.typing.context import HostContext
-from gamms.typing.on_edges import located
+from gamms.typing.on_edges import locate
 
 Places = Mapping[str, tuple[float, float]]
 """Agent between nodes -> its position."""
@@ -50,7 +50,7 @@ class SensorField(NamedTuple):
             UnknownName (KeyError): its node does not exist.
             ValueError: its bits are not those of the map.
         """
-        near = _nodes_near(graph, self.place, self.radius)
+        near = _find_nodes_near(graph, self.place, self.radius)
         if not self.hidden:
             return near
         if len(self.hidden) != -(-len(near) // 8):
@@ -73,7 +73,7 @@ def find_field(
         map_now: the map.
     """
     return find_node_rows(
-        map_now, _covered_by(sensor, agent, on_edges) if field is None else field.nodes(map_now.graph)
+        map_now, _find_covered_nodes(sensor, agent, on_edges) if field is None else field.nodes(map_now.graph)
     )
 
 
@@ -110,11 +110,11 @@ def find_places(ctx: HostContext) -> Places:
     positions = ctx.agent.positions
     if not positions.on_edges:
         return {}
-    found = {positions.names[row]: located(ctx.graph.graph, one) for row, one in positions.on_edges.items()}
+    found = {positions.names[row]: locate(ctx.graph.graph, one) for row, one in positions.on_edges.items()}
     return {name: place.xy for name, place in found.items() if place is not None}
 
 
-def _covered_by(sensor: ISensor, agent: IAgent, on_edges: Places) -> IntArray:
+def _find_covered_nodes(sensor: ISensor, agent: IAgent, on_edges: Places) -> IntArray:
     place: Any = on_edges.get(agent.name, agent.current_node_id)
     try:
         return np.asarray(sensor.coverage(place, agent.name).node_ids, np.int64)
@@ -126,7 +126,7 @@ def _as_recorded(place: Place) -> Place:
     return place if isinstance(place, int) else (float(place[0]), float(place[1]))
 
 
-def _nodes_near(graph: IGraph, place: Place, radius: float) -> IntArray:
+def _find_nodes_near(graph: IGraph, place: Place, radius: float) -> IntArray:
     if isinstance(place, int):
         x, y = graph.positions([place])[0].tolist()
     else:
@@ -186,8 +186,8 @@ class FieldFinder:
         return self._known[key]
 
     def _describe(self, sensor: ISensor, agent: IAgent, place: Place, radius: float) -> SensorField | None:
-        covered = _covered_by(sensor, agent, self._on_edges)
-        near = _nodes_near(self._ctx.graph.graph, place, radius)
+        covered = _find_covered_nodes(sensor, agent, self._on_edges)
+        near = _find_nodes_near(self._ctx.graph.graph, place, radius)
         is_covered = np.isin(near, covered, assume_unique=True)
         if np.count_nonzero(is_covered) != len(covered):
             return None
@@ -259,7 +259,7 @@ class FieldTable:
         if _COLUMNS[0] not in data:
             return [None] * looks
         numbers, first, given = (data[key] for key in _COLUMNS)
-        new = [_checked(*one) for one in given]
+        new = [_check_field(*one) for one in given]
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "u" or numbers.shape != (looks,):
             raise TypeError("its fields are not a column of one number for each look")
         if type(first) is not int or first < 0 or (looks and int(numbers.max()) > first + len(new)):
@@ -272,7 +272,7 @@ class FieldTable:
         return [self._known[row] if row >= 0 else None for row in rows]
 
 
-def _checked(place: object, radius: object, hidden: object) -> SensorField:
+def _check_field(place: object, radius: object, hidden: object) -> SensorField:
     is_node = type(place) is int
     is_position = isinstance(place, tuple) and len(place) == 2 and all(type(part) is float for part in place)
     if not (is_node or is_position) or (is_position and not np.isfinite(place).all()):  # type: ignore[call-overload]

@@ -76,7 +76,7 @@ def take_looks(
     """
     for agent, each in results:
         of_sensors = [(name, str(getattr(kind, "name", kind)), data) for name, (kind, data) in each.items()]
-        yield agent, [_look(*one, numbers, nodes) for one in of_sensors]
+        yield agent, [_make_look(*one, numbers, nodes) for one in of_sensors]
 
 
 def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, turn: int) -> dict[str, Any]:
@@ -147,7 +147,7 @@ def _narrow(numbers: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
     return numbers.astype(np.min_scalar_type(int(numbers.max())))
 
 
-def looks_of(
+def decode_looks(
     data: Mapping[str, Any], agent: int | None = None, fields: FieldTable | None = None
 ) -> list[tuple[int, Look]]:
     """Decode looks, of all agents or of one: its number, and each of its looks.
@@ -160,8 +160,11 @@ def looks_of(
     Raises:
         KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
     """
-    agents, counts, which = (_ints(data[name]) for name in ("agents", "counts", "which"))
-    if not len(which) == len(_ints(data["forms"])) == len(_ints(data["sizes"])) == counts.sum() or (counts < 0).any():
+    agents, counts, which = (_convert_integers(data[name]) for name in ("agents", "counts", "which"))
+    if (
+        not len(which) == len(_convert_integers(data["forms"])) == len(_convert_integers(data["sizes"])) == counts.sum()
+        or (counts < 0).any()
+    ):
         raise ValueError("its columns have different lengths")
     owners = np.repeat(agents, counts)  # at most the number of looks
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
@@ -183,13 +186,13 @@ def looks_of(
             if first and min(first) < 0:
                 raise ValueError("it lists an agent at a negative place")
             if first:
-                first, second = (_ints(data[key])[first].tolist() for key in ("seen", "seen_at"))
+                first, second = (_convert_integers(data[key])[first].tolist() for key in ("seen", "seen_at"))
         field = None if covered is None else covered[row]
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other, field)))
     return found
 
 
-def renumbered(
+def renumber_looks(
     data: Mapping[str, Any], number_of: Callable[[int], int], observer_of: Callable[[int], int] | None = None
 ) -> dict[str, Any]:
     """Return encoded looks with other numbers of agents.
@@ -215,10 +218,10 @@ def renumbered(
 
 
 def _map_numbers(column: "np.ndarray[Any, Any]", number_of: Callable[[int], int]) -> "np.ndarray[Any, Any]":
-    return np.array([number_of(number) for number in _ints(column).tolist()], np.int64)
+    return np.array([number_of(number) for number in _convert_integers(column).tolist()], np.int64)
 
 
-def data_of(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:
+def restore_data(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:
     """Return the original data of a sensor.
 
     Args:
@@ -244,7 +247,7 @@ def data_of(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:
     return look.other
 
 
-def seen_by(look: Look) -> tuple[list[int], list[int]]:
+def list_seen(look: Look) -> tuple[list[int], list[int]]:
     """Return the nodes of a look, and for each the number of the agent there; -1 if the node itself was seen."""
     if look.kind not in _SEEING:
         return [], []
@@ -253,7 +256,7 @@ def seen_by(look: Look) -> tuple[list[int], list[int]]:
     return (look.first, [-1] * len(look.first)) if look.form in (_IDS, _MAP) else ([], [])
 
 
-def parts_of(look: Look) -> tuple[list[int], list[int], list[tuple[int, int]], Any]:
+def list_parts(look: Look) -> tuple[list[int], list[int], list[tuple[int, int]], Any]:
     """Return ids of nodes and of edges that a look saw, numbers of agents with their nodes, and what else it gave."""
     if look.form == _MAP:
         return look.first, look.second, [], None
@@ -274,7 +277,7 @@ class Sighting(NamedTuple):
     position: tuple[float, ...] | None
 
 
-def nearest_on(columns: Callable[[], GraphColumns]) -> Nearest:
+def make_nearest(columns: Callable[[], GraphColumns]) -> Nearest:
     """Return a function from a place (x, y) to the nearest node, on a map that may change."""
 
     def nearest(place: Sequence[float]) -> int:
@@ -320,13 +323,13 @@ def as_reported(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
     return look
 
 
-def _ints(column: object) -> "np.ndarray[Any, Any]":
+def _convert_integers(column: object) -> "np.ndarray[Any, Any]":
     if not isinstance(column, np.ndarray) or column.dtype.kind not in "iu" or not column.ndim:
         raise TypeError(f"{shown(column)} is not a column of integers")
     return column
 
 
-def _look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], nodes: Mapping[str, int]) -> Look:
+def _make_look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], nodes: Mapping[str, int]) -> Look:
     if type(data) is list and _are_ids(data):
         return Look(sensor, kind, _IDS, data, [], None)
     if type(data) is dict:

@@ -15,7 +15,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
 from gamms.knowledge.fields import find_edge_rows, find_node_rows
-from gamms.knowledge.looks import Nearest, Report, Sighting, as_reported, nearest_on, parts_of, sightings
+from gamms.knowledge.looks import Nearest, Report, Sighting, as_reported, list_parts, make_nearest, sightings
 from gamms.text import as_text
 from gamms.typing import IGraphEngine, ISensor
 
@@ -83,8 +83,8 @@ def find_seen(report: Report, sensor: ISensor | None, now: Mapping[str, int], ma
     """
     look, names = report
     if has_errors(sensor):
-        look = as_reported(look, nearest_on(map_now.columns), names)
-    nodes, edges, agents, other = parts_of(look)
+        look = as_reported(look, make_nearest(map_now.columns), names)
+    nodes, edges, agents, other = list_parts(look)
     node_rows = find_node_rows(map_now, nodes)
     edge_rows = find_edge_rows(map_now, edges)
     at = find_node_rows(map_now, [node for _, node in agents]).tolist()

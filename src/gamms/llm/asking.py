@@ -9,7 +9,7 @@ from gamms.context import Context
 from gamms.llm import server
 from gamms.llm.decisions import ANSWERED, WRONG
 from gamms.llm.limits import Settings, TokenUsage, UsageAccount
-from gamms.llm.questions import Answer, Question, WrongAnswer, answer_in, objects_in
+from gamms.llm.questions import Answer, Question, WrongAnswer, answer_in, find_objects
 from gamms.plain import Plain
 from gamms.typing.game import AerialState, State
 
@@ -53,15 +53,15 @@ class ModelQuery:
         loop = asyncio.get_running_loop()
         settings = self._settings
         deadline = None if self._ctx is None else self._ctx.game.deadline_s
-        last = None if deadline is None else loop.time() + _time_to_ask(deadline)
+        last = None if deadline is None else loop.time() + _find_time_to_ask(deadline)
         with suppress(TimeoutError):
             async with asyncio.timeout_at(last), self._account.gate(settings.at_once):
                 self._end = min(loop.time() + settings.seconds, last or float("inf"))
                 async with asyncio.timeout_at(self._end):
-                    return await self._attempts(request, question, state)
+                    return await self._ask_repeatedly(request, question, state)
         return _TIMEOUT
 
-    async def _attempts(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
+    async def _ask_repeatedly(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
         outcome = ""
         messages = request["messages"]
         wait = 0.0
@@ -81,7 +81,7 @@ class ModelQuery:
                     return outcome
                 continue
             try:
-                objects = server.without_secrets(objects_in(reply.text))
+                objects = server.remove_secrets(find_objects(reply.text))
                 self.answer = answer_in(objects, question, state, self._ctx)
             except WrongAnswer as error:
                 outcome = f"{WRONG}{error}"
@@ -115,6 +115,6 @@ class ModelQuery:
             self.log.append(entry)
 
 
-def _time_to_ask(deadline_s: float) -> float:
+def _find_time_to_ask(deadline_s: float) -> float:
     """Return how many seconds of a turn the model may take before the fallback plays."""
     return max(deadline_s / 2, deadline_s - max(_RESERVED_SHARE * deadline_s, _RESERVED_S))

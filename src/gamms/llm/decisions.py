@@ -129,7 +129,7 @@ class DecisionFile:
         if not self._path.parent.is_dir():
             raise MissingFolder(self._path.name, self._path.parent)
         if self._path.is_file():
-            for decision in self._in_recording() if self._is_recording else self._in_lines():
+            for decision in self._read_recording() if self._is_recording else self._read_lines():
                 self._known[decision.request] = decision
 
     def __str__(self) -> str:
@@ -153,14 +153,14 @@ class DecisionFile:
                 self._cut_at = None
             file.write("".join(json.dumps(line) + "\n" for line in [*lines, asdict(decision)]).encode())
 
-    def _in_lines(self) -> Iterator[Decision]:
+    def _read_lines(self) -> Iterator[Decision]:
         """Yield the decisions in a file; ignore an incomplete last line, which a killed program may leave behind."""
         path = self._path or Path()
         refuse_above(path.stat().st_size * _BYTES_PER_LETTER, f"Reading {str(path)!r}")
         whole = 0
         with path.open("rb") as file:
             for number, line in enumerate(file, 1):
-                with _refusing(path, f"line {number}"):
+                with _add_place_to_errors(path, f"line {number}"):
                     if number > 1 and not line.endswith(b"\n"):
                         self._cut_at = whole
                         return
@@ -172,16 +172,16 @@ class DecisionFile:
                         yield Decision.of(plain)
                 whole += len(line)
 
-    def _in_recording(self) -> Iterator[Decision]:
+    def _read_recording(self) -> Iterator[Decision]:
         with recorder.open(self._path or "") as recording:
             for event in recording.events():
                 if event["kind"] == EVENT:
-                    with _refusing(self._path, f"turn {event['turn']}"):
+                    with _add_place_to_errors(self._path, f"turn {event['turn']}"):
                         yield Decision.of(event)
 
 
 @contextmanager
-def _refusing(path: Path | None, place: str) -> Iterator[None]:
+def _add_place_to_errors(path: Path | None, place: str) -> Iterator[None]:
     """Add the file and the place in it to errors about its content."""
     try:
         yield

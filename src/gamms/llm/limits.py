@@ -194,11 +194,11 @@ class UsageAccount:
         decided = [one for _, _, one in sorted(self._pending, key=lambda item: item[:2]) if one.turn == turn]
         for one in decided:
             ctx.game.emit(EVENT, **one.as_event())
-        before = self._before(ctx)
+        before = self._find_earlier_usage(ctx)
         spent = self._spent
         before.add(spent.input_tokens, spent.output_tokens, spent.calls)
         fallbacks = [one for one in decided if one.outcome != ANSWERED]
-        already = _count(self._totals(ctx), "fallbacks")
+        already = _count(self._find_totals(ctx), "fallbacks")
         totals = {
             **before.__dict__,
             "cost": self._settings.cost(before.input_tokens, before.output_tokens),
@@ -225,7 +225,7 @@ class UsageAccount:
         """Count a call with all tokens that it may take; return the name of the limit that it would break, or ""."""
         settings = self._settings
         spent = self._spent
-        total = self._before(ctx)
+        total = self._find_earlier_usage(ctx)
         total.add(spent.input_tokens + input_tokens, spent.output_tokens + output_tokens, spent.calls + 1)
         wanted = {
             "max_calls": total.calls,
@@ -249,12 +249,12 @@ class UsageAccount:
         if not is_counted:
             self._spent.add(decision.input_tokens, decision.output_tokens, decision.calls)
 
-    def _before(self, ctx: Context | None) -> TokenUsage:
+    def _find_earlier_usage(self, ctx: Context | None) -> TokenUsage:
         """Return the usage before this turn."""
-        totals = {} if ctx is None else self._totals(ctx)
+        totals = {} if ctx is None else self._find_totals(ctx)
         return TokenUsage(*[_count(totals, name) for name in TokenUsage.__dataclass_fields__])
 
-    def _totals(self, ctx: Context) -> Mapping[str, Plain]:
+    def _find_totals(self, ctx: Context) -> Mapping[str, Plain]:
         return _as_dict(_as_dict(ctx.game.data.get(_TOTALS)).get(self.name))
 
 

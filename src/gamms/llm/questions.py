@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_function_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, GammsError
-from gamms.game.deeds import field_of, wanted_deeds
+from gamms.game.deeds import check_wanted_deeds, parse_field
 from gamms.plain import Plain, as_json, to_plain
-from gamms.text import printable_line, reason, shown
+from gamms.text import make_printable_line, reason, shown
 from gamms.typing.actions import find_parallel_edges
 from gamms.typing.game import AerialState, EdgeAction, State
 
@@ -135,7 +135,7 @@ def as_template(value: "str | Describe | None") -> "Template | Describe":
         unknown = sorted({*names} - {*PARTS})
         if unknown or not template.is_valid():
             wrong = f"the unknown part ${unknown[0]}" if unknown else "a $ without a name"
-            raise BadValue(f"The template has {wrong}. It may have {_listed(PARTS)}; $$ is a dollar sign.")
+            raise BadValue(f"The template has {wrong}. It may have {_join_names(PARTS)}; $$ is a dollar sign.")
         if "moves" not in names:
             raise BadValue("The template needs $moves: without it the model does not know what the move numbers mean.")
         return template
@@ -153,16 +153,16 @@ def question_of(
     Raises:
         BadType: a function that serves as the template returns no text.
     """
-    moves = _moves_of(state, ctx)
+    moves = _find_moves(state, ctx)
     if isinstance(template, Template):
         text = template.substitute({name: part(state, ctx) for name, part in PARTS.items()})
     else:
         text = template(state)
         if not isinstance(text, str):
             raise BadType(f"template(state) must return a text, not {shown(text)}.")
-    lines = [*_doing_lines(state.get("doing")), *_remarks(state.get("memory"))]
+    lines = [*_write_doing(state.get("doing")), *_write_remarks(state.get("memory"))]
     remarks = "".join(f"\n{line}" for line in lines)
-    return Question(_cut(text, _MOST_OF_A_TEXT) + remarks, _schema_of(state, ctx, moves, notes=notes), moves)
+    return Question(_cut(text, _MOST_OF_A_TEXT) + remarks, _make_schema(state, ctx, moves, notes=notes), moves)
 
 
 def remember(memory: object, *, note: str | None = None, flaw: str = "") -> None:
@@ -175,28 +175,28 @@ def remember(memory: object, *, note: str | None = None, flaw: str = "") -> None
     """
     if not isinstance(memory, dict):
         return
-    before = _remembered(memory)
+    before = _read_memory(memory)
     kept = {_NOTE: before.get(_NOTE) if note is None else note, _FLAW: flaw}
     memory.pop(_REMEMBERED, None)
     if any(kept.values()):
         memory[_REMEMBERED] = {name: value for name, value in kept.items() if value}
 
 
-def _remarks(memory: object) -> list[str]:
+def _write_remarks(memory: object) -> list[str]:
     """Return lines about the last answer of an agent, from its memory, which may come from any recording."""
-    kept = _remembered(memory)
-    return [f"{_REMARKS[name]}{quoted(kept[name])}" for name in _REMARKS if isinstance(kept.get(name), str)]
+    kept = _read_memory(memory)
+    return [f"{_REMARKS[name]}{quote(kept[name])}" for name in _REMARKS if isinstance(kept.get(name), str)]
 
 
-def _doing_lines(doing: Mapping[str, Any] | None) -> list[str]:
+def _write_doing(doing: Mapping[str, Any] | None) -> list[str]:
     """Return a line about the deed that an agent is doing; none if it does none that lasts."""
     if doing is None:
         return []
-    deed = f"{quoted(doing['kind'])} with {quoted(dict(doing['values']))}"
-    return [f"You are doing {deed}. It goes on by itself, and needs {_number(doing['left'])} more turns."]
+    deed = f"{quote(doing['kind'])} with {quote(dict(doing['values']))}"
+    return [f"You are doing {deed}. It goes on by itself, and needs {_format_number(doing['left'])} more turns."]
 
 
-def _remembered(memory: object) -> Mapping[str, Any]:
+def _read_memory(memory: object) -> Mapping[str, Any]:
     kept = memory.get(_REMEMBERED) if isinstance(memory, dict) else None
     return kept if isinstance(kept, dict) else {}
 
@@ -213,7 +213,7 @@ _REMARKS = {
 # -- the text ---------------------------------------------------------------------------------------------------
 
 
-def _moves_of(state: Mapping[str, Any], ctx: Context | None) -> Sequence[Move] | None:
+def _find_moves(state: Mapping[str, Any], ctx: Context | None) -> Sequence[Move] | None:
     here = state["curr_pos"]
     if isinstance(here, tuple):
         return None
@@ -225,44 +225,44 @@ def _moves_of(state: Mapping[str, Any], ctx: Context | None) -> Sequence[Move] |
 
 
 def _move_lines(state: Mapping[str, Any], ctx: Context | None) -> str:
-    moves = _moves_of(state, ctx)
+    moves = _find_moves(state, ctx)
     if moves is None:
         return "any direction (dx, dy, dz); (0, 0, 0) stays"
-    here = _place_of(state, ctx)
+    here = _find_place(state, ctx)
     lines = ["0: stay where you are"]
     for number, move in enumerate(moves[1:], 1):
         if isinstance(move, dict):
-            lines.append(f"{number}: {_edge_line(move, ctx)}")
+            lines.append(f"{number}: {_describe_edge(move, ctx)}")
         else:
-            lines.append(f"{number}: go to node {move}{_way(here, _xy(ctx, move))}")
+            lines.append(f"{number}: go to node {move}{_describe_way(here, _find_xy(ctx, move))}")
     return "\n".join(lines)
 
 
-def _edge_line(move: EdgeAction, ctx: Context | None) -> str:
+def _describe_edge(move: EdgeAction, ctx: Context | None) -> str:
     """Return the move over one of several edges to a node in words."""
     assert ctx is not None  # noqa: S101 - it has listed the edges
     edge = ctx.graph.graph.get_edge(int(move["edge"]))
     attributes = ctx.graph.graph.edge_attributes(edge.id)
-    known = f", {quoted(attributes)}" if attributes else ""
-    return f"go to node {edge.target} by edge {edge.id}, {_number(edge.length)} long{known}"
+    known = f", {quote(attributes)}" if attributes else ""
+    return f"go to node {edge.target} by edge {edge.id}, {_format_number(edge.length)} long{known}"
 
 
-def _place_of(state: Mapping[str, Any], ctx: Context | None) -> tuple[float, ...] | None:
+def _find_place(state: Mapping[str, Any], ctx: Context | None) -> tuple[float, ...] | None:
     here = state["curr_pos"]
     if isinstance(here, tuple):
         return tuple(here)
     on_edge = state.get("xy")
-    return tuple(on_edge) if on_edge else _xy(ctx, here)
+    return tuple(on_edge) if on_edge else _find_xy(ctx, here)
 
 
-def _xy(ctx: Context | None, node: Any) -> tuple[float, float] | None:
+def _find_xy(ctx: Context | None, node: Any) -> tuple[float, float] | None:
     if ctx is None or not ctx.graph.graph.has_node(node):
         return None
     _, x, y = ctx.graph.graph.get_node(node)
     return x, y
 
 
-def _way(here: tuple[float, ...] | None, there: tuple[float, ...] | None) -> str:
+def _describe_way(here: tuple[float, ...] | None, there: tuple[float, ...] | None) -> str:
     """Return the position, distance and direction of one point as seen from another, in words."""
     if here is None or there is None:
         return ""
@@ -270,127 +270,134 @@ def _way(here: tuple[float, ...] | None, there: tuple[float, ...] | None) -> str
     dy = there[1] - here[1]
     distance = hypot(dx, dy)
     wind = f" {_WINDS[round(atan2(dy, dx) / (pi / 4)) % 8]}" if distance else ""
-    return f" at {_point(there)}, {_number(distance)} away{wind}"
+    return f" at {_format_point(there)}, {_format_number(distance)} away{wind}"
 
 
-def _point(place: Sequence[float]) -> str:
-    return f"({', '.join(map(_number, place))})"
+def _format_point(place: Sequence[float]) -> str:
+    return f"({', '.join(map(_format_number, place))})"
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     """Return a coordinate or a distance with two decimals, however large it is."""
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
-def _here(state: Mapping[str, Any], ctx: Context | None) -> str:
-    place = _place_of(state, ctx)
+def _describe_here(state: Mapping[str, Any], ctx: Context | None) -> str:
+    place = _find_place(state, ctx)
     if isinstance(state["curr_pos"], tuple):
-        return _point(state["curr_pos"])
+        return _format_point(state["curr_pos"])
     if state.get("edge"):
         source, target, _ = state["edge"]
-        return f"{_point(place or ())} on the edge from node {source} to node {target}"
-    return f"node {state['curr_pos']}" + ("" if place is None else f" at {_point(place)}")
+        return f"{_format_point(place or ())} on the edge from node {source} to node {target}"
+    return f"node {state['curr_pos']}" + ("" if place is None else f" at {_format_point(place)}")
 
 
-def _sensor_lines(state: Mapping[str, Any], ctx: Context | None) -> str:
-    here = _place_of(state, ctx)
+def _describe_sensors(state: Mapping[str, Any], ctx: Context | None) -> str:
+    here = _find_place(state, ctx)
     lines = []
     for name, (kind, data) in state.get("sensor", {}).items():
         kind_name = getattr(kind, "name", kind)
         if isinstance(data, dict) and {*data} == {"nodes", "edges"}:
-            nodes = [f"{one} at {_point(node[1:3])}" for one, node in list(data["nodes"].items())[:_MOST_NODES]]
+            nodes = [f"{one} at {_format_point(node[1:3])}" for one, node in list(data["nodes"].items())[:_MOST_NODES]]
             seen = "nodes " + "; ".join(nodes)
         elif isinstance(data, dict) and all(isinstance(one, str) for one in data):
-            seen = "; ".join(_sighting(agent, place, here, ctx) for agent, place in data.items()) or "nothing"
+            seen = "; ".join(_describe_sighting(agent, place, here, ctx) for agent, place in data.items()) or "nothing"
         else:
-            seen = quoted(data)
-        lines.append(_cut(f"{quoted(name)} ({kind_name}): {seen}", _MOST_OF_A_PART))
+            seen = quote(data)
+        lines.append(_cut(f"{quote(name)} ({kind_name}): {seen}", _MOST_OF_A_PART))
     return "\n".join(lines) or "nothing: you have no sensors"
 
 
-def _sighting(agent: str, place: Any, here: tuple[float, ...] | None, ctx: Context | None) -> str:
+def _describe_sighting(agent: str, place: Any, here: tuple[float, ...] | None, ctx: Context | None) -> str:
     """Return in words where a sensor shows another agent."""
     known = None if ctx is None else ctx.agent.agents.get(agent)
-    whose = "" if known is None else f" of team {quoted(known.team)}"
+    whose = "" if known is None else f" of team {quote(known.team)}"
     if isinstance(place, tuple) and len(place) == 2 and isinstance(place[1], tuple):
-        return f"{quoted(agent)}{whose}{_way(here, place[1])}"
+        return f"{quote(agent)}{whose}{_describe_way(here, place[1])}"
     if isinstance(place, int):
-        return f"{quoted(agent)}{whose}, node {place}{_way(here, _xy(ctx, place))}"
-    return f"{quoted(agent)}{whose}: {quoted(place)}"
+        return f"{quote(agent)}{whose}, node {place}{_describe_way(here, _find_xy(ctx, place))}"
+    return f"{quote(agent)}{whose}: {quote(place)}"
 
 
-def quoted(value: object) -> str:
+def quote(value: object) -> str:
     """Return any value as JSON on one line without control characters, cut if it is long."""
-    return _cut(printable_line(json.dumps(as_json(to_plain(value)), ensure_ascii=False)), _MOST_OF_A_PART)
+    return _cut(make_printable_line(json.dumps(as_json(to_plain(value)), ensure_ascii=False)), _MOST_OF_A_PART)
 
 
 def _cut(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[:most]} … (cut)"
 
 
-def _heard(state: Mapping[str, Any]) -> str:
+def _describe_messages(state: Mapping[str, Any]) -> str:
     messages = [{key: one[key] for key in ("sender", "channel", "to", "body")} for one in state.get("inbox", ())]
-    return quoted(messages) if messages else "none"
+    return quote(messages) if messages else "none"
 
 
 PARTS: dict[str, Callable[[Any, Context | None], str]] = {
     "turn": lambda state, _: str(state.get("turn", 0)),
-    "name": lambda state, _: quoted(state.get("name")),
-    "team": lambda state, _: quoted(state.get("team")),
-    "here": _here,
+    "name": lambda state, _: quote(state.get("name")),
+    "team": lambda state, _: quote(state.get("team")),
+    "here": _describe_here,
     "moves": _move_lines,
-    "sensors": _sensor_lines,
-    "facts": lambda state, _: quoted(dict(state.get("facts", {}))),
-    "messages": lambda state, _: _heard(state),
-    "blocked": lambda state, _: quoted(state.get("blocked")),
-    "memory": lambda state, _: quoted(state.get("memory", {})),
-    "team_memory": lambda state, _: quoted(state.get("team_memory", {})),
+    "sensors": _describe_sensors,
+    "facts": lambda state, _: quote(dict(state.get("facts", {}))),
+    "messages": lambda state, _: _describe_messages(state),
+    "blocked": lambda state, _: quote(state.get("blocked")),
+    "memory": lambda state, _: quote(state.get("memory", {})),
+    "team_memory": lambda state, _: quote(state.get("team_memory", {})),
 }
 """The parts that templates may name, and the functions that write them."""
 
 
-def _listed(names: Mapping[str, object]) -> str:
+def _join_names(names: Mapping[str, object]) -> str:
     return ", ".join(f"${name}" for name in names)
 
 
 # -- the schema -------------------------------------------------------------------------------------------------
 
 
-def _object(fields: dict[str, Plain]) -> dict[str, Plain]:
+def _make_object_schema(fields: dict[str, Plain]) -> dict[str, Plain]:
     """Return the schema of an object with exactly these fields."""
     return {"type": "object", "properties": fields, "required": [*fields], "additionalProperties": False}
 
 
-def _schema_of(
+def _make_schema(
     state: Mapping[str, Any], ctx: Context | None, moves: Sequence[Move] | None, *, notes: bool
 ) -> dict[str, Plain]:
     text = {"type": ["string", "null"]}
     fields: dict[str, Plain] = {"why": text} if notes else {}  # first: a model gives reasons before it decides
     if moves is None:
-        fields["direction"] = _object({axis: {"type": "number"} for axis in ("dx", "dy", "dz")})
+        fields["direction"] = _make_object_schema({axis: {"type": "number"} for axis in ("dx", "dy", "dz")})
     else:
         fields["move"] = {"type": "integer", "enum": [*range(len(moves))]}
     if state.get("deeds"):
-        deeds = {name: _deed_schema(declared, ctx) for name, declared in state["deeds"].items()}
-        fields["do"] = _object(deeds)
+        deeds = {name: _make_deed_schema(declared, ctx) for name, declared in state["deeds"].items()}
+        fields["do"] = _make_object_schema(deeds)
     if "outbox" in state and ctx is not None:
         channel = {"type": "string", "enum": list(ctx.game.channels)}
-        message = _object({"channel": channel, "to": {"type": ["string", "null"]}, "body": {"type": "string"}})
+        message = _make_object_schema(
+            {"channel": channel, "to": {"type": ["string", "null"]}, "body": {"type": "string"}}
+        )
         fields["messages"] = {"type": "array", "items": message}
     if notes:
         fields[_NOTE] = text
-    return _object(fields)
+    return _make_object_schema(fields)
 
 
-def _deed_schema(declared: Mapping[str, Any], ctx: Context | None) -> dict[str, Plain]:
+def _make_deed_schema(declared: Mapping[str, Any], ctx: Context | None) -> dict[str, Plain]:
     """Return the schema of the answer about one deed: null or false means that the agent does not do it."""
     if not declared:
         return {"type": "boolean"}
-    return {"anyOf": [{"type": "null"}, _object({key: _field_schema(kind, ctx) for key, kind in declared.items()})]}
+    return {
+        "anyOf": [
+            {"type": "null"},
+            _make_object_schema({key: _make_field_schema(kind, ctx) for key, kind in declared.items()}),
+        ]
+    }
 
 
-def _field_schema(declared: Any, ctx: Context | None) -> dict[str, Plain]:
-    kind, choices, is_required = field_of(declared)
+def _make_field_schema(declared: Any, ctx: Context | None) -> dict[str, Plain]:
+    kind, choices, is_required = parse_field(declared)
     names: list[str] = []
     if kind == "choice":
         names = [_label(one) for one in choices]
@@ -422,7 +429,7 @@ def answer_in(
         WrongAnswer: no object is a legal answer; the reason is that of the last one with a field that was asked for.
     """
     wanted = question.schema["properties"]
-    candidates = [(given, _without_envelope(given, wanted)) for given in reversed(objects)]
+    candidates = [(given, _remove_envelope(given, wanted)) for given in reversed(objects)]
     answers = [one for one in candidates if _has_field(one[1], wanted)] or candidates
     errors = []
     for given, fields in answers:
@@ -437,7 +444,7 @@ def _has_field(given: Mapping[str, Plain], wanted: Mapping[str, Plain]) -> bool:
     return not wanted.keys().isdisjoint(given)
 
 
-def _without_envelope(given: dict[str, Plain], wanted: Mapping[str, Plain]) -> dict[str, Plain]:
+def _remove_envelope(given: dict[str, Plain], wanted: Mapping[str, Plain]) -> dict[str, Plain]:
     """Return the answer in objects such as `{"arguments": {"move": 1}}`, which hold nothing that was asked for."""
     while not _has_field(given, wanted):
         inner = [one for one in given.values() if isinstance(one, dict)]
@@ -450,19 +457,19 @@ def _without_envelope(given: dict[str, Plain], wanted: Mapping[str, Plain]) -> d
 # -- JSON objects in a text -------------------------------------------------------------------------------------
 
 
-def objects_in(text: str) -> list[dict[str, Plain]]:
+def find_objects(text: str) -> list[dict[str, Plain]]:
     """Return the last JSON objects in the text of a model, without those in its thoughts.
 
     Raises:
         WrongAnswer: the text has no JSON object, or only longer ones than allowed.
     """
-    spoken = _without_thoughts(text[-_MOST_READ:])
-    found: deque[str] = deque(_object_texts(spoken), _MOST_ANSWERS)
+    spoken = _remove_thoughts(text[-_MOST_READ:])
+    found: deque[str] = deque(_find_object_texts(spoken), _MOST_ANSWERS)
     objects = []
     for one in found:
         if len(one) <= _MOST_OF_AN_ANSWER:
             with suppress(ValueError):  # an unknown escape in a string, or a number that is too large
-                objects.append(json.loads(one, strict=False, parse_float=_finite))
+                objects.append(json.loads(one, strict=False, parse_float=_parse_finite))
     if not objects and any(len(one) > _MOST_OF_AN_ANSWER for one in found):
         raise WrongAnswer(f"its JSON object is longer than {_MOST_OF_AN_ANSWER} characters")
     if not objects:
@@ -471,7 +478,7 @@ def objects_in(text: str) -> list[dict[str, Plain]]:
     return objects
 
 
-def recorded_objects(text: str) -> list[dict[str, Plain]]:
+def parse_recorded(text: str) -> list[dict[str, Plain]]:
     """Return the JSON object of a recorded answer in a list.
 
     Raises:
@@ -486,14 +493,14 @@ def recorded_objects(text: str) -> list[dict[str, Plain]]:
     return [plain]
 
 
-def _finite(digits: str) -> float:
+def _parse_finite(digits: str) -> float:
     number = float(digits)
     if not isfinite(number):
         raise ValueError(digits)
     return number
 
 
-def _without_thoughts(text: str) -> str:
+def _remove_thoughts(text: str) -> str:
     """Return a text without its parts in `<think>…</think>`; the first tag or the last one may be missing."""
     *closed, rest = _END_OF_THOUGHTS.split(text)
     parts = [_BEGIN_OF_THOUGHTS.split(one, maxsplit=1) for one in closed]
@@ -502,12 +509,12 @@ def _without_thoughts(text: str) -> str:
     return "\n".join([*spoken, last])
 
 
-def _object_texts(text: str) -> Iterator[str]:
+def _find_object_texts(text: str) -> Iterator[str]:
     """Yield the texts of the JSON objects that are not in another object, without trailing commas."""
     found = _BEGIN_OF_OBJECT.search(text)
     while found:
         begin = found.start()
-        outline = _outline(text, begin)
+        outline = _outline_object(text, begin)
         if outline.is_whole:
             bounds = [begin, *outline.commas, outline.end]
             pieces = [text[one:other] for one, other in pairwise(bounds)]
@@ -529,7 +536,7 @@ class _Outline(NamedTuple):
     commas: list[int]
 
 
-def _outline(text: str, begin: int) -> _Outline:
+def _outline_object(text: str, begin: int) -> _Outline:
     """Follow the JSON object that begins at a brace to its end, without recursion.
 
     The objects in an object that is not whole, as far as they are open where it breaks, are not whole either. So the
@@ -588,11 +595,11 @@ def choice_of(
         WrongAnswer: a field is missing, a move was not offered, a deed is not declared, and so on.
     """
     known = question.schema["properties"]
-    done = _deeds_in(answer, state, ctx) if "do" in known else {}
-    messages = _messages_in(answer, ctx) if "messages" in known and ctx is not None else []
+    done = _read_deeds(answer, state, ctx) if "do" in known else {}
+    messages = _read_messages(answer, ctx) if "messages" in known and ctx is not None else []
     note = _note_in(answer)
     if question.moves is None:
-        direction = _direction_in(answer)
+        direction = _read_direction(answer)
         return Choice({"direction": direction, "do": done} if done else direction, messages, note)
     move = _read_whole(answer.get("move"))
     if type(move) is not int or not 0 <= move < len(question.moves):
@@ -610,7 +617,7 @@ def _note_in(answer: Mapping[str, Plain]) -> str:
     return text.strip()[:_MOST_OF_A_NOTE]
 
 
-def _direction_in(answer: Mapping[str, Plain]) -> tuple[float, float, float]:
+def _read_direction(answer: Mapping[str, Plain]) -> tuple[float, float, float]:
     given = answer.get("direction")
     parts = [_read_number(given.get(axis)) for axis in ("dx", "dy", "dz")] if isinstance(given, dict) else []
     if len(parts) != 3 or not all(type(one) in (int, float) and abs(one) < _FARTHEST for one in parts):
@@ -619,35 +626,35 @@ def _direction_in(answer: Mapping[str, Plain]) -> tuple[float, float, float]:
     return dx, dy, dz
 
 
-def _deeds_in(answer: Mapping[str, Plain], state: Mapping[str, Any], ctx: Context | None) -> dict[str, Any]:
+def _read_deeds(answer: Mapping[str, Plain], state: Mapping[str, Any], ctx: Context | None) -> dict[str, Any]:
     given = answer.get("do") or {}
     if not isinstance(given, dict):
         raise WrongAnswer("'do' must be an object")
     declared = state.get("deeds", {})
-    read = {deed: _deed(fields, declared.get(deed, {}), ctx) for deed, fields in given.items()}
+    read = {deed: _read_deed(fields, declared.get(deed, {}), ctx) for deed, fields in given.items()}
     done = {deed: fields for deed, fields in read.items() if fields is not None and fields is not False}
     unknown = [deed for deed in done if deed not in declared]
     if unknown:
         raise WrongAnswer(f"there is no deed {shown(unknown[0])}; the deeds are {', '.join(declared)}")
     try:
-        return wanted_deeds(done, declared, ctx) if done and ctx is not None else done
+        return check_wanted_deeds(done, declared, ctx) if done and ctx is not None else done
     except GammsError as error:
         raise WrongAnswer(reason(error)) from None
 
 
-def _deed(given: Plain, declared: Mapping[str, Any], ctx: Context | None) -> Plain:
+def _read_deed(given: Plain, declared: Mapping[str, Any], ctx: Context | None) -> Plain:
     """Return what an answer says about a deed, with the values that its texts stand for, without unknown fields."""
     if isinstance(given, dict):
-        return {key: _field(one, declared[key], ctx) for key, one in given.items() if key in declared}
-    required = [kind for kind in declared.values() if field_of(kind).is_required]
+        return {key: _read_field(one, declared[key], ctx) for key, one in given.items() if key in declared}
+    required = [kind for kind in declared.values() if parse_field(kind).is_required]
     if len(required) == 1:  # its value may stand alone
-        return _field(given, required[0], ctx)
+        return _read_field(given, required[0], ctx)
     return _read_truth(given)
 
 
-def _field(value: Plain, kind: str | tuple[Any, ...], ctx: Context | None) -> Plain:
+def _read_field(value: Plain, kind: str | tuple[Any, ...], ctx: Context | None) -> Plain:
     """Return the value of a field that a text stands for; any other value stays as it is, to be checked later."""
-    known = field_of(kind)
+    known = parse_field(kind)
     if known.kind in _READERS:
         return _READERS[known.kind](value)
     names: dict[str, Any] = {}
@@ -687,14 +694,14 @@ _READERS: dict[str, Callable[[Plain], Plain]] = {
 """Kind of field -> the function that reads texts as its values."""
 
 
-def _messages_in(answer: Mapping[str, Plain], ctx: Context) -> list[dict[str, Plain]]:
+def _read_messages(answer: Mapping[str, Plain], ctx: Context) -> list[dict[str, Plain]]:
     given = answer.get("messages") or []
     if not isinstance(given, list) or len(given) > _MOST_MESSAGES:
         raise WrongAnswer(f"'messages' must be a list of at most {_MOST_MESSAGES}")
-    return [_message(one, ctx) for one in given]
+    return [_read_message(one, ctx) for one in given]
 
 
-def _message(given: Plain, ctx: Context) -> dict[str, Plain]:
+def _read_message(given: Plain, ctx: Context) -> dict[str, Plain]:
     if not isinstance(given, dict) or not given.keys() >= {"channel", "to", "body"}:
         raise WrongAnswer("a message needs 'channel', 'to' and 'body'")
     channel = given["channel"]

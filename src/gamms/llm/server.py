@@ -15,7 +15,7 @@ from gamms.arguments import as_text
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.plain import Plain
 from gamms.plugins import needing
-from gamms.text import printable_line, shown
+from gamms.text import make_printable_line, shown
 
 if TYPE_CHECKING:
     from openai import AsyncOpenAI
@@ -77,15 +77,15 @@ def connect(base_url: str, key_variable: str | None = None) -> "AsyncOpenAI":
         MissingExtra (ImportError): the library `openai` is not installed.
     """
     address = _as_address(base_url)
-    openai = _library()
-    http = _http_client()
-    return as_client(openai.AsyncOpenAI(base_url=address, api_key=_key_in(key_variable), http_client=http))
+    openai = _import_library()
+    http = _get_http_client()
+    return as_client(openai.AsyncOpenAI(base_url=address, api_key=_read_key(key_variable), http_client=http))
 
 
 @cache
-def _http_client() -> Any:
+def _get_http_client() -> Any:
     """Return the HTTP client that all clients of `connect` share: making one takes 40 ms, and each agent needs one."""
-    return _library().DefaultAsyncHttpxClient(follow_redirects=False, event_hooks={"response": [_refuse_errors]})
+    return _import_library().DefaultAsyncHttpxClient(follow_redirects=False, event_hooks={"response": [_refuse_errors]})
 
 
 def as_client(client: object) -> "AsyncOpenAI":
@@ -95,7 +95,7 @@ def as_client(client: object) -> "AsyncOpenAI":
         BadType: the value is something else.
         MissingExtra (ImportError): the library `openai` is not installed.
     """
-    openai = _library()
+    openai = _import_library()
     if isinstance(client, openai.OpenAI):
         raise BadType("client is an openai.OpenAI, which would block the game while it waits: use openai.AsyncOpenAI.")
     if not isinstance(client, openai.AsyncOpenAI):
@@ -108,7 +108,7 @@ def as_client(client: object) -> "AsyncOpenAI":
     return made
 
 
-def host_of(client: "AsyncOpenAI") -> str:
+def find_host(client: "AsyncOpenAI") -> str:
     """Return the address of a client's server without its path, query and password, which may be secret."""
     url = urlsplit(str(client.base_url))
     return f"{url.scheme}://{url.hostname}{f':{url.port}' if url.port else ''}"
@@ -123,23 +123,23 @@ async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
     sender = client.with_options(max_retries=0)
     _hide_secrets_of(sender)
     try:
-        body = await _body(sender, dict(request))
+        body = await _request_body(sender, dict(request))
     except Exception as error:  # noqa: BLE001 - whatever a library of HTTP raises
         reply = _reply_of_error(error)
     _hide_secrets_of(sender)  # again: a function may have supplied a new key just now
     reply = _reply_in(body) if reply is None else reply
-    return reply._replace(text=without_secrets(reply.text), problem=without_secrets(reply.problem))
+    return reply._replace(text=remove_secrets(reply.text), problem=remove_secrets(reply.problem))
 
 
-def without_secrets(value: Any) -> Any:
+def remove_secrets(value: Any) -> Any:
     """Return a plain JSON value without the secrets of any client, in dict keys as well."""
     if isinstance(value, str):
         for secret in sorted(_secrets, key=len, reverse=True):
             value = value.replace(secret, _HIDDEN)
         return value
     if isinstance(value, dict):
-        return {without_secrets(key): without_secrets(one) for key, one in value.items()}
-    return [without_secrets(one) for one in value] if isinstance(value, list) else value
+        return {remove_secrets(key): remove_secrets(one) for key, one in value.items()}
+    return [remove_secrets(one) for one in value] if isinstance(value, list) else value
 
 
 _secrets: set[str] = set()  # secrets of all clients that were used
@@ -153,7 +153,7 @@ class _HidingFilter(logging.Filter):
         text = record.getMessage()
         if record.exc_info and record.exc_info[0] is not None:
             text += "\n" + "".join(format_exception(*record.exc_info))
-        safe = without_secrets(text)
+        safe = remove_secrets(text)
         if safe != text:
             record.msg = safe
             record.args = ()
@@ -176,7 +176,7 @@ def _hide_secrets_of(client: "AsyncOpenAI") -> None:
         logging.getLogger(name).addFilter(_filter)  # adding it again has no effect
 
 
-def _library() -> Any:
+def _import_library() -> Any:
     with needing("Asking a language model", "llm"):
         import openai
     return openai
@@ -197,7 +197,7 @@ def _as_address(value: object) -> str:
     return text
 
 
-def _key_in(variable: object) -> str:
+def _read_key(variable: object) -> str:
     if variable is None:
         return "none"  # the library needs one
     if not isinstance(variable, str) or not _VARIABLE.fullmatch(variable):
@@ -218,7 +218,7 @@ def _cut_name(variable: str) -> str:
 # -- the exchange -----------------------------------------------------------------------------------------------
 
 
-async def _body(client: "AsyncOpenAI", fields: dict[str, Any]) -> bytes:
+async def _request_body(client: "AsyncOpenAI", fields: dict[str, Any]) -> bytes:
     model = fields.pop("model")
     messages = fields.pop("messages")
     # One connection for each request: a kept connection belongs to one event loop, and every game has its own loop.
@@ -250,28 +250,28 @@ async def _refuse_errors(response: Any) -> None:
             read += part[:_MOST_OF_AN_ERROR]
             if len(read) >= _MOST_OF_AN_ERROR:
                 break
-    raise _RefusedResponse(_refusal(response.status_code, response.headers, read))
+    raise _RefusedResponse(_make_refusal(response.status_code, response.headers, read))
 
 
 def _reply_of_error(error: Exception) -> Reply:
     """Return the reply for an exception of the client."""
-    openai = _library()
+    openai = _import_library()
     for one in (error, error.__cause__):
         if isinstance(one, _RefusedResponse):
             return one.reply
     if isinstance(error, openai.APIStatusError):
         response = error.response
-        return _refusal(response.status_code, response.headers, response.content[:_MOST_OF_AN_ERROR])
+        return _make_refusal(response.status_code, response.headers, response.content[:_MOST_OF_AN_ERROR])
     if isinstance(error, (openai.APITimeoutError, TimeoutError)):
         return Reply(None, "timeout", is_passing=True)
     return Reply(None, f"no connection ({type(error).__name__})", is_passing=True, tokens=(0, 0))
 
 
-def _refusal(status: int, headers: Mapping[str, str], body: bytes) -> Reply:
+def _make_refusal(status: int, headers: Mapping[str, str], body: bytes) -> Reply:
     """Return the reply for an error response."""
     problem = f"HTTP {status}"
     if status not in _UNSPOKEN:
-        said = _error_in(body)
+        said = _find_error(body)
         problem += f": {said}" if said else ""
     try:
         wait = float(headers.get("retry-after") or 0.0)
@@ -281,13 +281,13 @@ def _refusal(status: int, headers: Mapping[str, str], body: bytes) -> Reply:
     return Reply(None, problem, is_passing=status in _AGAIN or status >= 500, wait_s=wait, tokens=(0, 0))
 
 
-def _error_in(body: bytes) -> str:
+def _find_error(body: bytes) -> str:
     """Return the message of a server's error, on one line and cut."""
     try:
-        said = _at(json.loads(body), "error", "message")
+        said = _find_value(json.loads(body), "error", "message")
     except (ValueError, RecursionError):
         said = None
-    return printable_line(said[:_MOST_SHOWN]) if isinstance(said, str) else ""
+    return make_printable_line(said[:_MOST_SHOWN]) if isinstance(said, str) else ""
 
 
 def _reply_in(body: bytes) -> Reply:
@@ -296,16 +296,16 @@ def _reply_in(body: bytes) -> Reply:
         plain = json.loads(body)
     except (ValueError, RecursionError):
         return Reply(None, "a response that is not JSON", is_passing=True)
-    tokens = (_at(plain, "usage", "prompt_tokens"), _at(plain, "usage", "completion_tokens"))
+    tokens = (_find_value(plain, "usage", "prompt_tokens"), _find_value(plain, "usage", "completion_tokens"))
     counted = tokens if all(type(one) is int and one in range(_MOST_TOKENS) for one in tokens) else None
-    message = _at(plain, "choices", 0, "message")
-    text = _at(message, "tool_calls", 0, "function", "arguments") or _at(message, "content")
+    message = _find_value(plain, "choices", 0, "message")
+    text = _find_value(message, "tool_calls", 0, "function", "arguments") or _find_value(message, "content")
     if not isinstance(text, str) or not text:
         return Reply(None, "a response without an answer", is_passing=True, tokens=counted)
     return Reply(text, tokens=counted)
 
 
-def _at(value: Any, *path: str | int) -> Any:
+def _find_value(value: Any, *path: str | int) -> Any:
     """Return the value at a path in plain values, or None."""
     for step in path:
         if isinstance(step, str) and isinstance(value, dict):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from gamms.arguments import as_function_of, as_name, as_text
 from gamms.context import Context
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.snapshots import own
 from gamms.llm import server
@@ -23,12 +23,12 @@ from gamms.llm.questions import (
     WrongAnswer,
     answer_in,
     as_template,
+    parse_recorded,
     question_of,
-    recorded_objects,
     remember,
 )
 from gamms.plain import Plain
-from gamms.readonly import ShallowCopied
+from gamms.readonly import ShallowCopyMixin
 from gamms.strategies import stay
 from gamms.text import shown
 from gamms.typing.game import AerialState, State
@@ -43,7 +43,7 @@ class MissingDecision(GammsError, LookupError):
     """The game is played without a server, and no recorded decision answers an agent's question."""
 
 
-class Strategy(ShallowCopied):
+class Strategy(ShallowCopyMixin):
     """Decide with a language model, through any server with the interface of OpenAI's chat completions.
 
     One object may be the strategy of many agents of a game, which are asked at the same time. A model can choose only
@@ -93,7 +93,7 @@ class Strategy(ShallowCopied):
         self._template = as_template(template)
         self._settings = Settings.of(**options)
         self._fallback = as_function_of(fallback, "fallback", "the state")
-        self._client = _client_of(client, options.get("key_variable"))
+        self._client = _find_client(client, options.get("key_variable"))
         if client is None and calls is None:
             raise BadValue("Without a client, decisions must be recorded: give calls=, the file that holds them.")
         self._file = DecisionFile(calls, must_exist=client is None)
@@ -104,7 +104,7 @@ class Strategy(ShallowCopied):
 
     def __repr__(self) -> str:
         """Name the model and the address of the server, without secrets."""
-        where = "no server" if self._client is None else server.host_of(self._client)
+        where = "no server" if self._client is None else server.find_host(self._client)
         return f"Strategy({shown(self._model)}, {where}, calls={self._file})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Strategy":
@@ -142,14 +142,14 @@ class Strategy(ShallowCopied):
             raise BadType("A gamms.llm.Strategy decides for one agent: register it for each agent, not as a plan.")
         question = question_of(state, self._ctx, self._template, notes=self._settings.notes)
         request = self._request(question)
-        key = digest([self._seed(), state.get("turn", 0), state.get("name", ""), request])
+        key = digest([self._get_seed(), state.get("turn", 0), state.get("name", ""), request])
         known = self._file.get(key)
         client = self._client
         if client is not None and (known is None or known.outcome != ANSWERED):
             choice, decision = await self._ask_server(client, question, request, state, key)
             self._file.add(decision)
         elif known is not None:
-            choice = self._recorded(known, question, state)
+            choice = self._find_recorded_choice(known, question, state)
             decision = known
         else:
             who = f"agent {shown(state.get('name'))} in turn {state.get('turn', 0) + 1}"
@@ -170,11 +170,11 @@ class Strategy(ShallowCopied):
         if choice.messages:
             state["outbox"].extend(choice.messages)  # type: ignore[arg-type] # plain values of their kinds
 
-    def _seed(self) -> int | None:
+    def _get_seed(self) -> int | None:
         """Return the seed of the game, which strategies otherwise may not read."""
         if self._ctx is None:
             return None
-        with phase_of(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspended(changes_world=False):
             return self._ctx.seed
 
     # -- the request --------------------------------------------------------------------------------------------
@@ -200,12 +200,12 @@ class Strategy(ShallowCopied):
         messages = [{"role": "system", "content": system}, {"role": "user", "content": question.text}]
         return {"model": self._model, "messages": messages, **form, **settings.fields}
 
-    def _recorded(self, known: Decision, question: Question, state: State | AerialState) -> Choice | None:
+    def _find_recorded_choice(self, known: Decision, question: Question, state: State | AerialState) -> Choice | None:
         """Return the choice of a recorded decision; None if the fallback decided, or if the answer is not legal."""
         if known.answer is None:
             return None
         try:
-            return answer_in(recorded_objects(known.answer), question, state, self._ctx).choice
+            return answer_in(parse_recorded(known.answer), question, state, self._ctx).choice
         except WrongAnswer:
             return None
 
@@ -226,7 +226,7 @@ class Strategy(ShallowCopied):
         return choice, Decision(turn, agent, key, outcome, written, *counts, cost, asking.log)
 
 
-def _client_of(client: object, key_variable: str | None) -> "AsyncOpenAI | None":
+def _find_client(client: object, key_variable: str | None) -> "AsyncOpenAI | None":
     if client is None:
         return None
     if isinstance(client, str):

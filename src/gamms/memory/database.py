@@ -18,7 +18,7 @@ _STEPS_PER_CHANGE = 1_000  # and for each written row that is not in the file ye
 _BYTES_PER_CHANGE = 64
 
 
-def quoted(name: str) -> str:
+def quote(name: str) -> str:
     """Return a name as a quoted SQL identifier."""
     return '"' + name.replace('"', '""') + '"'
 
@@ -68,7 +68,7 @@ class Database:
             # Only the contents of cells are charged: each cell takes an instruction, which `read` counts.
             ((size,),) = self.read(f"SELECT total(0{sizes}) FROM {table}")  # noqa: S608 - quoted names
             allowance = MemoryBudget(
-                self._size() + _BYTES_PER_CHANGE * self.connection.total_changes, f"The database {self.path!r}"
+                self._measure_size() + _BYTES_PER_CHANGE * self.connection.total_changes, f"The database {self.path!r}"
             )
             allowance.charge(int(size))
         return self.read(f"SELECT {', '.join(columns)} FROM {table} {order}")  # noqa: S608 - quoted names
@@ -144,7 +144,7 @@ class Database:
                 "Check that it is a SQLite file that no other program is writing to, or take another path."
             ) from error
 
-    def _size(self) -> int:
+    def _measure_size(self) -> int:
         try:
             return Path(self.path).stat().st_size
         except OSError:  # a database in memory
@@ -154,4 +154,4 @@ class Database:
         """Return whether to stop SQLite: pages may refer to each other so that a small file takes forever to read."""
         self._steps += _STEP
         per_change = _STEPS_PER_CHANGE * self.connection.total_changes
-        return self._steps > _STEP + _STEPS_PER_BYTE * self._size() + per_change
+        return self._steps > _STEP + _STEPS_PER_BYTE * self._measure_size() + per_change

@@ -31,7 +31,7 @@ class MemoryEngine(IMemoryEngine):
         """
         if as_name(name, "a store") in self._open():
             raise Duplicate("a store", name)
-        self._stores[name] = _opened(store_type, name, path)
+        self._stores[name] = _open_store(store_type, name, path)
         return self._stores[name]
 
     def get_store(self, name: str) -> "Store":
@@ -58,7 +58,7 @@ class MemoryEngine(IMemoryEngine):
         return self._stores
 
 
-def _opened(store_type: object, name: str, path: IPathLike | None) -> "Store":
+def _open_store(store_type: object, name: str, path: IPathLike | None) -> "Store":
     from gamms.memory.store import MemoryStore, SqliteStore  # most programs open no store
 
     if not isinstance(store_type, Integral) or store_type not in tuple(StoreType):

@@ -15,7 +15,7 @@ from gamms.arguments import as_float, as_int, as_mapping, as_text
 from gamms.errors import BadFile, BadType, BadValue, GammsError, UnknownName, nearest
 from gamms.ir import packing
 from gamms.plain import Plain
-from gamms.text import module_of, shown
+from gamms.text import find_module, shown
 
 MAX_FIELDS = 1000  # a SQLite table holds at most 2000 columns
 
@@ -46,7 +46,7 @@ class Field:
         self.python_type = python_type
         self.place = f"Field {name!r} of map {map_name!r}"
         self._simple = _SIMPLE.get(python_type)
-        module = module_of(python_type)
+        module = find_module(python_type)
         type_name = python_type.__qualname__
         # for messages and files; never turned back into a type
         self.type_name = type_name if module == "builtins" else f"{module}.{type_name}"
@@ -63,7 +63,7 @@ class Field:
         if self._simple is not None:
             return self._simple(value, self.place)
         if self.python_type in _CONTAINERS and not isinstance(value, self.python_type):
-            raise _refusal(value, self.place, f"a {self.type_name}")
+            raise _make_refusal(value, self.place, f"a {self.type_name}")
         cell = packing.to_bytes(value, self.place)
         if type(value) is not self.python_type:
             self.value(cell)  # test the conversion
@@ -127,7 +127,7 @@ class Schema:
         missing = [name for name in self.fields if name not in struct]
         if missing:
             raise BadValue(f"A row of map {self.map_name!r} lacks {missing}. Give every field; None is a value.")
-        return self._cells(struct)
+        return self._make_cells(struct)
 
     def change(self, struct: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Return the key in `struct`, and the changed cells, including the key."""
@@ -135,7 +135,7 @@ class Schema:
         if name not in as_mapping(struct, f"A row of map {self.map_name!r}"):
             raise BadValue(f"The row {shown(struct)} has no {name!r}, the primary key of {self.map_name!r}.")
         self._check_names(struct)
-        return self.lookup(struct[name]), self._cells(struct)
+        return self.lookup(struct[name]), self._make_cells(struct)
 
     def lookup(self, key: object) -> Plain:
         """Return the cell by which the row of a key is found.
@@ -152,7 +152,7 @@ class Schema:
         """Return the error for a key that has no row."""
         return UnknownName(f"key ({self.key.type_name}) of map {self.map_name!r}:", key)
 
-    def _cells(self, struct: Mapping[str, Any]) -> dict[str, Any]:
+    def _make_cells(self, struct: Mapping[str, Any]) -> dict[str, Any]:
         given = (field for field in self.fields.values() if field.name in struct)
         return {one.name: (one.key if one is self.key else one.cell)(struct[one.name]) for one in given}
 
@@ -186,31 +186,31 @@ def _check_types(schema: object) -> None:
         check_name(name, f"The field name {name!r}")
 
 
-def _number(value: object, place: str) -> float | bytes:
+def _check_number(value: object, place: str) -> float | bytes:
     number = float(value) if isinstance(value, float | np.floating) else as_float(value, place)
     # SQLite turns NaN into NULL and -0.0 into 0.0; as eight bytes they stay unchanged.
     is_altered = math.isnan(number) or (number == 0.0 and math.copysign(1.0, number) < 0.0)
     return pack("<d", number) if is_altered else number
 
 
-def _instance(make: type, *kinds: type) -> Callable[[Any, str], Any]:
+def _make_instance_check(make: type, *kinds: type) -> Callable[[Any, str], Any]:
     def made(value: object, place: str) -> Any:
         if not isinstance(value, kinds):
-            raise _refusal(value, place, f"a {make.__name__}")
+            raise _make_refusal(value, place, f"a {make.__name__}")
         return make(value)
 
     return made
 
 
-def _refusal(value: object, place: str, wanted: str) -> BadType:
+def _make_refusal(value: object, place: str, wanted: str) -> BadType:
     return BadType(f"{place} must be {wanted}, not {shown(value)} ({type(value).__name__}).")
 
 
 _SIMPLE: dict[type, Callable[[Any, str], Any]] = {
     int: as_int,
-    float: _number,
+    float: _check_number,
     str: as_text,
-    bool: _instance(bool, bool, np.bool_),
-    bytes: _instance(bytes, bytes),
+    bool: _make_instance_check(bool, bool, np.bool_),
+    bytes: _make_instance_check(bytes, bytes),
 }
 _CONTAINERS = (tuple, list, dict, set, frozenset)

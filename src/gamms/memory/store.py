@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from gamms.arguments import as_name
 from gamms.errors import BadFile, BadType, BadValue, Duplicate, GammsError, TooLarge, UnknownName
-from gamms.memory.database import Database, quoted
+from gamms.memory.database import Database, quote
 from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name
 from gamms.plain import Plain
 from gamms.readonly import NotPickled
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 LazyMapping = dict  # the type that `get_data` returned in 1.0.0; rows are now read at once
 
-_ORDER = quoted("gamms_order")  # our own row number: a user's INTEGER PRIMARY KEY would replace SQLite's
+_ORDER = quote("gamms_order")  # our own row number: a user's INTEGER PRIMARY KEY would replace SQLite's
 _LIST = "gamms_maps"
 _LIST_SQL = f"CREATE TABLE {_LIST} (name TEXT PRIMARY KEY, place TEXT NOT NULL)"
 _COLUMN_TYPES = {"int": "INTEGER", "float": "REAL", "str": "TEXT", "bool": "INTEGER", "bytes": "BLOB"}
@@ -95,7 +95,7 @@ class Store(IStore):
         if as_name(map_name, "a map") in self._maps:
             raise Duplicate("a map", map_name)
         check_name(map_name, f"The map name {shown(map_name)}")
-        self._maps[map_name] = self._rows_of(Schema(map_name, schema, primary_key))
+        self._maps[map_name] = self._open_rows(Schema(map_name, schema, primary_key))
 
     def delete_map(self, map_name: str) -> None:
         """Drop a map and its rows."""
@@ -161,7 +161,7 @@ class Store(IStore):
         if self.is_closed:
             raise BadValue(f"The store {self._name!r} is closed. Create a new store.")
 
-    def _rows_of(self, schema: Schema) -> "_MapRows":
+    def _open_rows(self, schema: Schema) -> "_MapRows":
         """Open or create the storage for the rows of a map."""
         return _MapRows(schema)
 
@@ -230,7 +230,7 @@ class SqliteStore(Store, NotPickled):
             self._database.undo()
             raise
 
-    def _rows_of(self, schema: Schema) -> "_MapRows":
+    def _open_rows(self, schema: Schema) -> "_MapRows":
         place = self._places.get(schema.map_name)
         if place is None:
             with self._database.all_or_nothing():
@@ -241,7 +241,7 @@ class SqliteStore(Store, NotPickled):
 
     def _drop(self, map_name: str) -> None:
         with self._database.all_or_nothing():
-            self._database.write(f"DROP TABLE {quoted(self._places[map_name].table)}")
+            self._database.write(f"DROP TABLE {quote(self._places[map_name].table)}")
             self._database.write(f"DELETE FROM {_LIST} WHERE name = ?", (map_name,))  # noqa: S608 - a constant
         del self._places[map_name]
 
@@ -300,8 +300,8 @@ class _SqlMapRows(_MapRows):
                 f"not {schema.type_names} with key {schema.key.name!r}. Use that schema, another name or another file."
             )
         database.check_table(place.table, place.sql())
-        self._columns = {name: quoted(place.columns[name]) for name in schema.fields}
-        self._table = quoted(place.table)
+        self._columns = {name: quote(place.columns[name]) for name in schema.fields}
+        self._table = quote(place.table)
         self._key = self._columns[schema.key.name]
         self._where = f"WHERE {self._key} = ?"
 
@@ -362,8 +362,8 @@ class _MapTable:
         definitions = [f"{_ORDER} INTEGER PRIMARY KEY"]
         for name, type_name in self.types.items():
             unique = " NOT NULL UNIQUE" if name == self.key else ""
-            definitions.append(f"{quoted(self.columns[name])} {_COLUMN_TYPES.get(type_name, 'BLOB')}{unique}")
-        return f"CREATE TABLE {quoted(self.table)} ({', '.join(definitions)})"
+            definitions.append(f"{quote(self.columns[name])} {_COLUMN_TYPES.get(type_name, 'BLOB')}{unique}")
+        return f"CREATE TABLE {quote(self.table)} ({', '.join(definitions)})"
 
 
 def _read_map_tables(database: Database) -> dict[str, _MapTable]:
@@ -371,10 +371,12 @@ def _read_map_tables(database: Database) -> dict[str, _MapTable]:
     if not database.read("SELECT 1 FROM sqlite_master WHERE name = ?", (_LIST,)):
         return {}
     database.check_table(_LIST, _LIST_SQL)
-    return {name: _parsed(name, text, database.path) for name, text in database.read_table(_LIST, ["name", "place"])}
+    return {
+        name: _parse_table(name, text, database.path) for name, text in database.read_table(_LIST, ["name", "place"])
+    }
 
 
-def _parsed(name: object, text: Plain, path: str) -> _MapTable:
+def _parse_table(name: object, text: Plain, path: str) -> _MapTable:
     try:
         place = _MapTable(**json.loads(text))
         columns = dict(place.columns)
@@ -394,10 +396,10 @@ def _add_map_table(database: Database, schema: Schema) -> _MapTable:
         database.write(_LIST_SQL)
     columns = {"gamms_order"}
     place = _MapTable(
-        table=_free_name(schema.map_name, tables | {_LIST}),
+        table=_find_free_name(schema.map_name, tables | {_LIST}),
         key=schema.key.name,
         types=schema.type_names,
-        columns={name: _free_name(name, columns) for name in schema.fields},
+        columns={name: _find_free_name(name, columns) for name in schema.fields},
     )
     database.write(place.sql())
     values = (schema.map_name, json.dumps(vars(place)))
@@ -405,7 +407,7 @@ def _add_map_table(database: Database, schema: Schema) -> _MapTable:
     return place
 
 
-def _free_name(wanted: str, taken: set[str]) -> str:
+def _find_free_name(wanted: str, taken: set[str]) -> str:
     """Return `wanted`, or a similar free name: SQLite ignores the case of names and reserves `sqlite_…`."""
     name = f"map_{wanted}" if wanted.lower().startswith("sqlite_") else wanted
     while name.lower() in taken:

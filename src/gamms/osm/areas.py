@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import ellipsoid_lengths
-from gamms.osm.footprints import footprints_of, layer_of, leads_across, outlines_of_ways, repaired
+from gamms.osm.footprints import find_layer, leads_across, make_footprints, make_outlines_of_ways, repair
 from gamms.osm.network import OsmRoads, Rule
 
 Squares = Mapping[int, tuple[dict[str, Any], list[int]]]
@@ -32,7 +32,7 @@ def open_squares(relations: Iterable[tuple[int, Mapping[str, str], list[int]]], 
     return dict(sorted(found.items()))
 
 
-def rims_of(squares: Squares) -> dict[int, dict[str, Any]]:
+def find_rims(squares: Squares) -> dict[int, dict[str, Any]]:
     """Return way id -> attributes of the open multipolygon around which it lies; the first of several counts."""
     found: dict[int, dict[str, Any]] = {}
     for of_square, rings in reversed([*squares.values()]):
@@ -40,7 +40,7 @@ def rims_of(squares: Squares) -> dict[int, dict[str, Any]]:
     return found
 
 
-def with_areas(ways: OsmRoads, rows_of: Mapping[int, Sequence[int]], squares: Squares) -> OsmRoads:
+def add_areas(ways: OsmRoads, rows_of: Mapping[int, Sequence[int]], squares: Squares) -> OsmRoads:
     """Return the ways with their open areas: multipolygons, and closed ways with `area=yes`; `rows_of` is by id."""
     areas = [[*chain.from_iterable(rows_of.get(id, ()) for id in rings)] for _, rings in squares.values()]
     is_alone = ways.refs[ways.offsets[:-1]] == ways.refs[ways.offsets[1:] - 1]
@@ -49,7 +49,7 @@ def with_areas(ways: OsmRoads, rows_of: Mapping[int, Sequence[int]], squares: Sq
     return replace(ways, areas=[rows for rows in areas if rows])
 
 
-def with_ways_across(ways: OsmRoads) -> OsmRoads:
+def add_ways_across(ways: OsmRoads) -> OsmRoads:
     """Return the ways with added straight lines across each area, between junctions on its rim that see each other.
 
     A junction is a node where three stretches of way meet. Lines are added, shortest first, if the way along the rim
@@ -58,21 +58,21 @@ def with_ways_across(ways: OsmRoads) -> OsmRoads:
     """
     if not ways.areas:
         return ways
-    refs, met = np.unique(_stretches(ways), return_counts=True)
+    refs, met = np.unique(_find_stretches(ways), return_counts=True)
     junctions = np.setdiff1d(refs[met > 2], [*ways.barriers])
-    outlines = outlines_of_ways(ways.offsets, ways.lonlat, [sorted({*rows}) for rows in ways.areas], ways.areas)
+    outlines = make_outlines_of_ways(ways.offsets, ways.lonlat, [sorted({*rows}) for rows in ways.areas], ways.areas)
     ends = list[int]()
     tags = [*ways.tags]
-    for rows, shape in zip(ways.areas, repaired(footprints_of(outlines)), strict=True):
-        if max(np.isin(_refs_of(ways, rows), junctions).sum(), len(rows)) > _MOST_JUNCTIONS:
+    for rows, shape in zip(ways.areas, repair(make_footprints(outlines)), strict=True):
+        if max(np.isin(_list_refs(ways, rows), junctions).sum(), len(rows)) > _MOST_JUNCTIONS:
             continue
-        rim, apart = _along_rim(ways, rows, junctions)
-        pairs = _near_pairs(rim, ways, junctions)
+        rim, apart = _measure_along_rim(ways, rows, junctions)
+        pairs = _find_near_pairs(rim, ways, junctions)
         pairs = pairs[leads_across(shape, *ways.lonlat[rim[pairs.T]])]
         if ways.buildings is not None and len(pairs) and not _is_below_ground(ways.tags[rows[0]]):
             start, end = ways.lonlat[rim[pairs.T]]
             pairs = pairs[~ways.buildings.lie_between(start, end, around=shape)]
-        lines = rim[_needed(pairs, _distances(ways.lonlat[rim], pairs), apart)]
+        lines = rim[_find_needed(pairs, _measure_distances(ways.lonlat[rim], pairs), apart)]
         ends += lines.ravel().tolist()
         tags += [{**ways.tags[rows[0]], "oneway": False, ACROSS: True}] * len(lines)
     added = np.array(ends, np.int64)
@@ -87,35 +87,35 @@ def with_ways_across(ways: OsmRoads) -> OsmRoads:
 
 
 def _is_below_ground(tags: Mapping[str, Any]) -> bool:
-    return any(layer_of({"layer": str(tags.get(key, "0"))}) < 0 for key in ("layer", "level"))
+    return any(find_layer({"layer": str(tags.get(key, "0"))}) < 0 for key in ("layer", "level"))
 
 
-def length_across(ways: OsmRoads) -> float:
+def measure_across(ways: OsmRoads) -> float:
     """Return the total length of the lines across areas, meters."""
     rows = [row for row, tags in enumerate(ways.tags) if ACROSS in tags]
     first = ways.offsets[rows]
     return float(ellipsoid_lengths(ways.lonlat[first], ways.lonlat[first + 1]).sum())
 
 
-def _stretches(ways: OsmRoads) -> IntArray:
+def _find_stretches(ways: OsmRoads) -> IntArray:
     """Return the pairs of nodes (stretches, 2) that are consecutive on a way, each once."""
     way = np.repeat(np.arange(len(ways.tags)), np.diff(ways.offsets))
     first = np.flatnonzero((way[:-1] == way[1:]) & (ways.refs[:-1] != ways.refs[1:]))
     return np.unique(np.sort(np.column_stack((ways.refs[first], ways.refs[first + 1])), axis=1), axis=0)
 
 
-def _refs_of(ways: OsmRoads, rows: Sequence[int]) -> IntArray:
+def _list_refs(ways: OsmRoads, rows: Sequence[int]) -> IntArray:
     return np.concatenate([ways.refs[ways.offsets[row] : ways.offsets[row + 1]] for row in rows])
 
 
-def _along_rim(ways: OsmRoads, rows: Sequence[int], junctions: IntArray) -> tuple[IntArray, FloatArray]:
+def _measure_along_rim(ways: OsmRoads, rows: Sequence[int], junctions: IntArray) -> tuple[IntArray, FloatArray]:
     """Return a position for each junction and way end on the rim of an area, and their distances along the rim."""
     rank: dict[int, int] = {}  # of a node
     rim = list[int]()
     steps = list[tuple[int, int, float]]()
     for row in rows:
         positions = np.arange(ways.offsets[row], ways.offsets[row + 1])
-        steps_of_way = _distances(ways.lonlat[positions], np.arange(len(positions) - 1)[:, None] + (0, 1))
+        steps_of_way = _measure_distances(ways.lonlat[positions], np.arange(len(positions) - 1)[:, None] + (0, 1))
         past = np.append(0.0, np.cumsum(steps_of_way)).tolist()
         is_stop = np.isin(ways.refs[positions], junctions)
         is_stop[[0, -1]] = True
@@ -127,41 +127,41 @@ def _along_rim(ways: OsmRoads, rows: Sequence[int], junctions: IntArray) -> tupl
         steps += [(a, b, past[k] - past[j]) for (a, b), (j, k) in zip(pairwise(ranks), pairwise(stops), strict=True)]
     apart = np.where(np.eye(len(rim), dtype=np.bool_), 0.0, np.inf)
     for a, b, length in steps:
-        _shorten(apart, a, b, length)
+        _update_distances(apart, a, b, length)
     return np.array(rim, np.int64), apart
 
 
-def _near_pairs(rim: IntArray, ways: OsmRoads, junctions: IntArray) -> IntArray:
+def _find_near_pairs(rim: IntArray, ways: OsmRoads, junctions: IntArray) -> IntArray:
     """Return pairs of rows (pairs, 2): each junction on the rim with its nearest others, each pair once."""
     chosen = np.flatnonzero(np.isin(ways.refs[rim], junctions))
     pairs = set[tuple[int, int]]()
     for row in chosen.tolist():
         others = chosen[chosen != row]
-        far = _distances(ways.lonlat[rim], np.column_stack((np.full(len(others), row), others)))
+        far = _measure_distances(ways.lonlat[rim], np.column_stack((np.full(len(others), row), others)))
         near = others[np.argsort(far, kind="stable")[:_NEAREST]].tolist()
         pairs |= {(min(row, other), max(row, other)) for other in near}
     return np.array(sorted(pairs), np.int64).reshape(-1, 2)
 
 
-def _needed(pairs: IntArray, lengths: FloatArray, apart: FloatArray) -> IntArray:
+def _find_needed(pairs: IntArray, lengths: FloatArray, apart: FloatArray) -> IntArray:
     """Return the pairs whose line shortens the way by a twentieth, after all shorter lines are added."""
     needed = list[int]()
     for row in np.argsort(lengths, kind="stable").tolist():
         a, b = pairs[row].tolist()
         if apart[a, b] > _DETOUR * lengths[row]:
             needed.append(row)
-            _shorten(apart, a, b, float(lengths[row]))
+            _update_distances(apart, a, b, float(lengths[row]))
     return pairs[needed]
 
 
-def _shorten(apart: FloatArray, a: int, b: int, length: float) -> None:
+def _update_distances(apart: FloatArray, a: int, b: int, length: float) -> None:
     """Update a matrix of shortest distances after joining two places."""
     if length < apart[a, b]:
         there = apart[:, a, None] + length + apart[b]
         np.minimum(apart, np.minimum(there, there.T), out=apart)
 
 
-def _distances(lonlat: FloatArray, pairs: IntArray) -> FloatArray:
+def _measure_distances(lonlat: FloatArray, pairs: IntArray) -> FloatArray:
     """Return the distance between the places of each pair, in degrees of latitude."""
     east, north = (lonlat[pairs[:, 1]] - lonlat[pairs[:, 0]]).T
     return np.asarray(np.hypot(east * np.cos(np.radians(lonlat[pairs[:, 0], 1])), north))

@@ -8,29 +8,29 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_float, as_items, as_range, refuse_keywords, takes_no_context, with_options
+from gamms.arguments import as_float, as_items, as_range, refuse_context, refuse_keywords, spell_out_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import (
     WGS84,
     check_metres,
-    crs_of,
-    ground_scale,
+    compute_ground_scale,
+    find_utm_crs,
     is_true,
+    parse_crs,
     project,
     project_back_and_forth,
     scale_fault,
-    utm_crs,
 )
 from gamms.osm import footprints
 from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
 from gamms.osm.footprints import HeightEstimates, TagFilter, WallProfile
-from gamms.osm.network import OsmRoads, RoadSegments, largest_part, segments_of
+from gamms.osm.network import OsmRoads, RoadSegments, cut_segments, find_largest_part
 from gamms.osm.osmium_reader import MapFile, as_file
-from gamms.osm.overpass import Location, features_of_place
+from gamms.osm.overpass import Location, download_features_of_place
 from gamms.osm.reader import read_barriers, read_footprints, read_ways
-from gamms.osm.walls import SimplifyTolerance, WallFaces, faces_of
+from gamms.osm.walls import SimplifyTolerance, WallFaces, make_faces
 from gamms.text import shown
 
 Barriers = bool | str | Iterable[str] | Mapping[str, float]  # the `barrier` values that are walls
@@ -52,8 +52,8 @@ class WallOptions(TypedDict, total=False):
     """
 
 
-_for_obstacles = takes_no_context("ctx.graph.add_obstacles(gamms.osm.{name}(…))")
-_with_options = with_options(barriers=False, elevation=None)
+_for_obstacles = refuse_context("ctx.graph.add_obstacles(gamms.osm.{name}(…))")
+_with_options = spell_out_options(barriers=False, elevation=None)
 
 
 @_for_obstacles
@@ -95,19 +95,19 @@ def obstacle_from_file(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium is not installed.
     """
-    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
+    rules, tolerance = _check_rules(tags, height_estimates, (min_tolerance, relative_tolerance), more)
     heights = as_elevation(more.get("elevation"))
-    plane = _plane(crs, heights, lambda points: _crs_of(segments_of(roads)) or utm_crs(points))
+    plane = _make_plane(crs, heights, lambda points: _find_crs(cut_segments(roads)) or find_utm_crs(points))
     source = MapFile(as_file(filepath))
     outlines = read_footprints(source, rules)
     fences = read_barriers(source, rules)
     if not len(outlines.owners) and not len(fences.owners):
         return iter(())
     roads = read_ways(source, lambda _: None)
-    shapes = np.concatenate((footprints.footprints_of(outlines), footprints.lines_of(fences)))
+    shapes = np.concatenate((footprints.make_footprints(outlines), footprints.make_lines(fences)))
     to_metres, ground = plane(np.concatenate((outlines.lonlat, fences.lonlat)))
     walls = [*outlines.about, *(fences.about[row] for row in fences.owners.tolist())]
-    return _records(faces_of(shapes, walls, to_metres, tolerance, _streets(roads), ground))
+    return _list_records(make_faces(shapes, walls, to_metres, tolerance, _make_streets(roads), ground))
 
 
 obstacle_from_xml = obstacle_from_file  # its name in 1.0.0
@@ -137,11 +137,11 @@ def obstacle_from_osm(
         PlaceError, NetworkError: the place is unknown or empty, or there is no answer.
         MissingExtra: requests is not installed.
     """
-    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
-    plane = _plane(crs, as_elevation(more.get("elevation")))
+    rules, tolerance = _check_rules(tags, height_estimates, (min_tolerance, relative_tolerance), more)
+    plane = _make_plane(crs, as_elevation(more.get("elevation")))
     lines = ("highway", "barrier") if rules.has_barriers else ("highway",)
-    features = features_of_place(location, tags, lines, offline=offline)
-    return _records_of_features(features, rules, tolerance, plane)
+    features = download_features_of_place(location, tags, lines, offline=offline)
+    return _read_records(features, rules, tolerance, plane)
 
 
 @_with_options
@@ -164,8 +164,8 @@ def faces_of_features(
         BadValue, BadType: an argument is impossible, or a polygon is outside of the CRS.
         MissingExtra: the CRS is not a UTM zone, and pyproj is not installed.
     """
-    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
-    return _records_of_features(features, rules, tolerance, _plane(crs, as_elevation(more.get("elevation"))))
+    rules, tolerance = _check_rules(tags, height_estimates, (min_tolerance, relative_tolerance), more)
+    return _read_records(features, rules, tolerance, _make_plane(crs, as_elevation(more.get("elevation"))))
 
 
 def extract_osm_polygon_faces(
@@ -183,7 +183,7 @@ def extract_osm_polygon_faces(
         BadType: it is not a GeoDataFrame.
         BadValue: its CRS is not valid, or another argument is impossible.
     """
-    rules, tolerance = _checked(None, height_estimates, (min_tolerance, relative_tolerance), {})
+    rules, tolerance = _check_rules(None, height_estimates, (min_tolerance, relative_tolerance), {})
     try:
         name = gdf.geometry.name
         features = [(row[name], row) for row in gdf.to_dict("records")]
@@ -193,7 +193,7 @@ def extract_osm_polygon_faces(
         bounds = np.array([shape.bounds for shape, _ in features if getattr(shape, "bounds", ())]).reshape(-1, 2, 2)
         bounds = bounds[np.isfinite(bounds).all(axis=(1, 2))]
         check_metres(bounds.reshape(-1, 2), np.ptp(bounds, axis=1).max(axis=1), "The GeoDataFrame has no CRS (gdf.crs)")
-    return _records_of_features(features, rules, tolerance, _plane_of_frame(gdf.crs))
+    return _read_records(features, rules, tolerance, _make_plane_of_frame(gdf.crs))
 
 
 # -- inside -----------------------------------------------------------------------------------------------------
@@ -206,7 +206,7 @@ class MetricPlane(NamedTuple):
     ground: Callable[[FloatArray], FloatArray] | None = None  # heights at points in meters
 
 
-def _records_of_features(
+def _read_records(
     features: Iterable[tuple[Any, Mapping[str, Any]]],
     rules: footprints.WallRules,
     tolerance: SimplifyTolerance,
@@ -223,27 +223,27 @@ def _records_of_features(
             walls.append((shape, wall))
         elif is_line and "highway" in tags:
             streets.append(shape)
-    shapes = footprints.shapes_of([shape for shape, _ in walls])
-    points = footprints.points_of(shapes)
+    shapes = footprints.convert_shapes([shape for shape, _ in walls])
+    points = footprints.list_points(shapes)
     if not len(points):
         return iter(())
-    roads = footprints.shapes_of(streets)
+    roads = footprints.convert_shapes(streets)
     to_metres, ground = plane(points)
-    return _records(faces_of(shapes, [wall for _, wall in walls], to_metres, tolerance, roads, ground))
+    return _list_records(make_faces(shapes, [wall for _, wall in walls], to_metres, tolerance, roads, ground))
 
 
-def _streets(roads: OsmRoads) -> footprints.Shapes:
+def _make_streets(roads: OsmRoads) -> footprints.Shapes:
     """Return the roads that are complete in the file."""
     rows = [[way] for way in range(len(roads.tags))]
-    return footprints.lines_of(footprints.outlines_of_ways(roads.offsets, roads.lonlat, rows, roads.tags))
+    return footprints.make_lines(footprints.make_outlines_of_ways(roads.offsets, roads.lonlat, rows, roads.tags))
 
 
-def _plane(
-    crs: object, elevation: Elevation | None, default: Callable[[FloatArray], str] = utm_crs
+def _make_plane(
+    crs: object, elevation: Elevation | None, default: Callable[[FloatArray], str] = find_utm_crs
 ) -> Callable[[FloatArray], MetricPlane]:
     """Return a function from the points of a map to its plane, in the caller's CRS in meters, or the default one."""
     if crs is not None:
-        name, in_degrees = crs_of(crs)
+        name, in_degrees = parse_crs(crs)
         if in_degrees:
             raise BadValue(f"crs is {name}, which is in degrees. Give a CRS in meters, such as ctx.graph.crs.")
 
@@ -260,21 +260,21 @@ def _plane(
     return plane
 
 
-def _plane_of_frame(crs: object) -> Callable[[FloatArray], MetricPlane]:
+def _make_plane_of_frame(crs: object) -> Callable[[FloatArray], MetricPlane]:
     """Return a function from points in the CRS of a GeoDataFrame to their plane."""
-    name, in_degrees = (None, False) if crs is None else crs_of(crs)
+    name, in_degrees = (None, False) if crs is None else parse_crs(crs)
     if in_degrees:
-        return _plane(None, None)
+        return _make_plane(None, None)
 
     def plane(points: FloatArray) -> MetricPlane:
-        if name is None or is_true(ground_scale(name, points)):
+        if name is None or is_true(compute_ground_scale(name, points)):
             return MetricPlane(lambda xy: xy)
-        return MetricPlane(partial(project, source=name, target=utm_crs(project(points, name, WGS84))))
+        return MetricPlane(partial(project, source=name, target=find_utm_crs(project(points, name, WGS84))))
 
     return plane
 
 
-def _records(faces: WallFaces) -> Iterator[Record]:
+def _list_records(faces: WallFaces) -> Iterator[Record]:
     for first in range(
         0, len(faces.types), _AT_ONCE
     ):  # not all at once: a dict takes ten times the memory of its numbers
@@ -285,17 +285,17 @@ def _records(faces: WallFaces) -> Iterator[Record]:
             yield {"face_id": row, "tr": tr, "tl": tl, "br": br, "bl": bl, "type": type}
 
 
-def _crs_of(segments: RoadSegments) -> str | None:
+def _find_crs(segments: RoadSegments) -> str | None:
     """Return the CRS that `graph_from_xml` gives these roads; None without roads."""
-    return utm_crs(largest_part(segments).lonlat) if len(segments.sources) else None
+    return find_utm_crs(find_largest_part(segments).lonlat) if len(segments.sources) else None
 
 
-def _checked(
+def _check_rules(
     tags: TagFilter | None, estimates: HeightEstimates | None, tolerances: tuple[float, float], more: WallOptions
 ) -> tuple[footprints.WallRules, SimplifyTolerance]:
     """Return the checked rules for walls, and the tolerance of their simplification."""
     refuse_keywords(more, WallOptions.__annotations__, "A map of obstacles")
-    heights = _barrier_heights(more.get("barriers", False))
+    heights = _check_barrier_heights(more.get("barriers", False))
     rules = footprints.WallRules(tags, wall_estimates() if estimates is None else estimates, heights)
     tolerance = SimplifyTolerance(
         as_range(tolerances[0], "min_tolerance"), as_range(tolerances[1], "relative_tolerance")
@@ -305,7 +305,7 @@ def _checked(
     return rules, tolerance
 
 
-def _barrier_heights(barriers: Barriers) -> dict[str, float]:
+def _check_barrier_heights(barriers: Barriers) -> dict[str, float]:
     if isinstance(barriers, bool):
         return BARRIER_HEIGHTS if barriers else {}
     if isinstance(barriers, Mapping):

@@ -18,10 +18,10 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import WGS84, crs_of, project
+from gamms.ir.projection import WGS84, parse_crs, project
 from gamms.osm.network import RoadNetwork, components
-from gamms.osm.networkx_bridge import grades
-from gamms.osm.objects import words_of
+from gamms.osm.networkx_bridge import compute_grades
+from gamms.osm.objects import split_words
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Elevation:
         self._path = as_path(path, "elevation")
         if not self._path.exists():
             raise FileNotFoundError(f"There is no file or folder {str(self._path)!r} of heights. {_WAY_OUT}")
-        self._corner = None if self._path.is_dir() else _corner_of(self._path)
+        self._corner = None if self._path.is_dir() else _parse_corner(self._path)
 
     def heights(self, lonlat: FloatArray) -> FloatArray:
         """Return meters above sea level at points (points, 2) in degrees, interpolated bilinearly between posts.
@@ -77,21 +77,21 @@ class Elevation:
             inside = (south_west == corner).all(axis=1)
             file = self._find(*corner.tolist())
             if file is None:
-                name = _name_of(*np.floor(lonlat[inside][0]).astype(np.int64).tolist())
+                name = _make_name(*np.floor(lonlat[inside][0]).astype(np.int64).tolist())
                 place = lonlat[inside][0].tolist()
                 raise BadValue(f"{str(self._path)!r} has no heights at {place}: {name}.hgt is needed. {_WAY_OUT}")
-            heights[inside] = _interpolated(_read(file), lonlat[inside] - corner, file)
+            heights[inside] = _interpolate(_read(file), lonlat[inside] - corner, file)
         return heights
 
     def _find(self, west: int, south: int) -> Path | None:
         """Return the file with this south-western corner, or None."""
         if self._corner is not None:
             return self._path if self._corner.tolist() == [west, south] else None
-        files = (self._path / (_name_of(west, south) + ending) for ending in _ENDINGS)
+        files = (self._path / (_make_name(west, south) + ending) for ending in _ENDINGS)
         return next((file for file in files if file.is_file()), None)
 
 
-def _name_of(west: int, south: int) -> str:
+def _make_name(west: int, south: int) -> str:
     return f"{'NS'[south < 0]}{abs(south):02d}{'EW'[west < 0]}{abs(west):03d}"
 
 
@@ -100,7 +100,7 @@ def as_elevation(value: object) -> Elevation | None:
     return value if value is None or isinstance(value, Elevation) else Elevation(value)  # type: ignore[arg-type] # checked
 
 
-def _corner_of(file: Path) -> IntArray:
+def _parse_corner(file: Path) -> IntArray:
     """Return (west, south) from the name of a file."""
     match = _NAME.fullmatch(file.name)
     if match is None:
@@ -117,7 +117,7 @@ def _read(file: Path) -> "np.ndarray[Any, np.dtype[np.int16]]":
     return np.fromfile(file, ">i2").reshape(_POSTS[size], _POSTS[size])[::-1]
 
 
-def _interpolated(posts: "np.ndarray[Any, np.dtype[np.int16]]", share: FloatArray, file: Path) -> FloatArray:
+def _interpolate(posts: "np.ndarray[Any, np.dtype[np.int16]]", share: FloatArray, file: Path) -> FloatArray:
     """Return heights at points (points, 2), given as shares of the width and the height of a file."""
     at = share * (len(posts) - 1)
     low = np.minimum(at.astype(np.int64), len(posts) - 2)
@@ -129,11 +129,11 @@ def _interpolated(posts: "np.ndarray[Any, np.dtype[np.int16]]", share: FloatArra
     known = weights.sum(axis=0)
     found: FloatArray = (weights * corners).sum(axis=0) / np.where(known > 0.0, known, 1.0)
     for lost in np.flatnonzero(known <= 0.0).tolist():
-        found[lost] = _nearest_known(posts, at[lost], file)
+        found[lost] = _find_nearest_known(posts, at[lost], file)
     return found
 
 
-def _nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray, file: Path) -> float:
+def _find_nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray, file: Path) -> float:
     column, row = np.rint(at).astype(np.int64).tolist()
     west = max(column - _REACH, 0)
     south = max(row - _REACH, 0)
@@ -158,8 +158,8 @@ def on_ground(network: RoadNetwork, elevation: Elevation, *, are_walked: tuple[b
     """
     raised = np.array([_is_structure(tags) for tags in network.tags], np.bool_)[network.ways]
     ends = np.column_stack((network.sources, network.targets))
-    z = _ground(network.xy, network.crs, elevation)
-    return replace(network, z=_spanned(z, ends, network.lengths, raised), are_walked=are_walked)
+    z = _find_ground(network.xy, network.crs, elevation)
+    return replace(network, z=_span_bridges(z, ends, network.lengths, raised), are_walked=are_walked)
 
 
 def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation") -> None:
@@ -191,25 +191,25 @@ def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation"
         raise BadValue(f"Nodes need numbers x and y, and edges a length: {error!r}.") from None
     ends = np.array([(row_of[u], row_of[v]) for u, v in graph.edges()], np.int64).reshape(-1, 2)
     raised = np.array([_is_structure(data) for *_, data in graph.edges(data=True)], np.bool_)
-    z = _spanned(_ground(xy, crs_of(crs)[0], heights), ends, lengths, raised)
+    z = _span_bridges(_find_ground(xy, parse_crs(crs)[0], heights), ends, lengths, raised)
     for node, height in zip(graph, z.tolist(), strict=True):
         graph.nodes[node]["z"] = height
-    for (*_, data), grade in zip(graph.edges(data=True), grades(z, ends, lengths).tolist(), strict=True):
+    for (*_, data), grade in zip(graph.edges(data=True), compute_grades(z, ends, lengths).tolist(), strict=True):
         data["grade"] = grade
 
 
 def _is_structure(tags: Mapping[str, Any]) -> bool:
     """Return whether a road is on a bridge or in a tunnel."""
-    return any(word not in _AT_GROUND for key in ("bridge", "tunnel") for word in words_of(tags.get(key)))
+    return any(word not in _AT_GROUND for key in ("bridge", "tunnel") for word in split_words(tags.get(key)))
 
 
-def _ground(xy: FloatArray, crs: str | None, elevation: Elevation) -> FloatArray:
+def _find_ground(xy: FloatArray, crs: str | None, elevation: Elevation) -> FloatArray:
     if crs is None:
         raise BadValue("The graph has no CRS, so its location is unknown.")
     return elevation.heights(project(xy, crs, WGS84))
 
 
-def _spanned(z: FloatArray, ends: IntArray, lengths: FloatArray, raised: BoolArray) -> FloatArray:
+def _span_bridges(z: FloatArray, ends: IntArray, lengths: FloatArray, raised: BoolArray) -> FloatArray:
     """Return the heights of nodes, to the millimeter; bridges and tunnels rise evenly from end to end.
 
     The ground there is above or below the road. The heights of nodes without another road are those for which the

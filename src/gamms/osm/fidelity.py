@@ -15,51 +15,51 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
-from gamms.ir.geometry import are_inside, distances_to, lines_near, nearest_lines
+from gamms.ir.geometry import are_inside, find_lines_near, find_nearest_lines, measure_distances
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import ellipsoid_lengths, turned
+from gamms.ir.projection import ellipsoid_lengths, turn_longitudes
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import (
     Clip,
     ModeOfTravel,
     RoadSelection,
-    network_in_metres,
+    make_network_in_metres,
+    make_recipe,
+    make_selection,
     part_of,
     read_network,
-    recipe_of,
-    selection_of,
 )
-from gamms.osm.modes import WayFilter, as_travel, filter_of_words, modes, name_of, paced_rule, tolerance_of
+from gamms.osm.modes import WayFilter, as_travel, filter_of_words, find_tolerance, make_paced_rule, modes, name_of
 from gamms.osm.network import (
     OsmRoads,
     OSMType,
     RoadNetwork,
     Rule,
     along,
-    both_ways,
-    chosen_roads,
-    classic_closed_rule,
-    classic_ignored_values,
-    classic_rule,
     components,
+    compute_offsets,
     connected,
-    network_of_columns,
-    network_of_lines,
-    offsets_of,
-    segment_starts,
-    segments_of,
-    ways_back,
+    cut_segments,
+    find_segment_starts,
+    find_ways_back,
+    list_classic_ignored_values,
+    make_classic_closed_rule,
+    make_classic_rule,
+    make_network_of_columns,
+    make_network_of_lines,
+    make_two_way,
+    select_roads,
 )
-from gamms.osm.networkx_bridge import columns_in_waiting, network_of_graph
-from gamms.osm.objects import number_of, plain_tags
+from gamms.osm.networkx_bridge import find_waiting_columns, make_network_of_graph
+from gamms.osm.objects import normalize_tags, parse_number
 from gamms.osm.osmium_reader import MapFile, as_file
 from gamms.osm.reader import read_ways
 from gamms.osm.speeds import speed_kph
-from gamms.osm.topology import chains_of, consolidate, degrees, simplify
+from gamms.osm.topology import consolidate, count_road_ends, find_chains, simplify
 from gamms.osm.turns import RestrictionCounts, count_restrictions
 from gamms.progress import progress
-from gamms.text import printable_line, shown
+from gamms.text import make_printable_line, shown
 from gamms.typing import IGraphEngine
 
 if TYPE_CHECKING:
@@ -172,22 +172,22 @@ class Report(NamedTuple):
             *([] if self.source_length is None else [("source", f"{self.source_length:,.1f} m of ways")]),
             ("length before", f"{self.length_before:,.1f} m"),
             ("length after", f"{self.length_after:,.1f} m"),
-            ("closed by class", self._closed_in_words("highway")),
-            ("closed by access", self._closed_in_words("")),
-            ("closed as areas", self._closed_in_words("area")),
+            ("closed by class", self._describe_closed("highway")),
+            ("closed by access", self._describe_closed("")),
+            ("closed as areas", self._describe_closed("area")),
             ("other parts", f"{self.other_parts:,.1f} m left out"),
             ("no way back", f"{self.no_way_back:,.1f} m left out"),
             *([("by filter", f"{self.filtered:,.1f} m left out")] if self.filtered else []),
             *([("outside of clip", f"{self.clipped:,.1f} m left out")] if self.clipped else []),
             ("across squares", f"{self.across:,.1f} m of lines that are on no map"),
             *([("at barriers", f"{self.doubled:,.1f} m twice, because some modes stop there")] if self.doubled else []),
-            *([("not understood", _in_words(self.ignored_values))] if self.ignored_values else []),
+            *([("not understood", _describe_counts(self.ignored_values))] if self.ignored_values else []),
             ("barriers", f"{self.barriers:,} end roads"),
             (
                 "ignored",
                 f"{self.turn_restrictions_ignored:,} turn restrictions, {self.conditional_ignored:,} conditional",
             ),
-            ("turns", self._turns_in_words()),
+            ("turns", self._describe_turns()),
             ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
             ("deviation", f"{self.deviation_max:.2f} m at most, {self.deviation_mean:.4f} m on average"),
             ("off the map", f"{self.surplus_max:.2f} m at most"),
@@ -209,7 +209,7 @@ class Report(NamedTuple):
             ("source accounted", f"{yes[self.source_kept]}: open, closed and left out are all of it"),
         ]
 
-    def _turns_in_words(self) -> str:
+    def _describe_turns(self) -> str:
         """Return how many turn restrictions hold, and why others do not."""
         conditional = self.turn_restrictions_conditional
         of_others = self.turn_restrictions_of_others
@@ -217,7 +217,7 @@ class Report(NamedTuple):
         ignored = f"{conditional:,} conditional, {of_others:,} of others, {rest:,} unclear or elsewhere"
         return f"{self.turn_restrictions:,} restrictions hold; ignored are {ignored}"
 
-    def _closed_in_words(self, key: str) -> str:
+    def _describe_closed(self, key: str) -> str:
         """Return which ways are closed by `highway`, by `area`, or for an empty key by other tags."""
         of_key = {why: metres for why, metres in self.closed.items() if _group(why) == key}
         parts = [f"{why} {metres:,.1f} m" for why, metres in of_key.items()]
@@ -231,11 +231,11 @@ class Report(NamedTuple):
         return "\n".join(f"{title:<{width}}  {text}" for title, text in rows)
 
 
-def _in_words(counts: Mapping[str, int]) -> str:
+def _describe_counts(counts: Mapping[str, int]) -> str:
     """Return the first tags, with the number of ways of each."""
     parts = [f"{tag} on {count:,} ways" for tag, count in counts.items()]
     more = f", {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
-    return printable_line(", ".join(parts[:_MOST_NAMED])) + more
+    return make_printable_line(", ".join(parts[:_MOST_NAMED])) + more
 
 
 def report(
@@ -268,7 +268,7 @@ def report(
         BadType: graph or source has a wrong type.
         FileNotFoundError, BadFile, MissingExtra: see `graph_from_file`.
     """
-    edges, about = _edges_of(graph)
+    edges, about = _make_edges(graph)
     edges = connected(edges)
     length = as_float(resolution if resolution is not None else about.get("resolution", np.nan), "resolution")
     if not length > 0.0:
@@ -277,38 +277,38 @@ def report(
         about["tolerance"] = as_range(tolerance, "tolerance")
     everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all
     selection = part_of(
-        _selection(about, everything, osm_type),
+        _make_selection(about, everything, osm_type),
         filter_of_words(about.get("filter", "")) if filter is None else filter,
         json.loads(about.get("clip") or "null") if clip is None else clip,
     )
-    before = _source_network(source, selection)
-    about = {**about, **_own_count(source, selection)}
+    before = _make_source_network(source, selection)
+    about = {**about, **_count_ways(source, selection)}
     if None not in (before.crs, edges.crs) and before.crs != edges.crs:
         raise BadValue(f"The source is in {before.crs} and the graph in {edges.crs}: they cannot be compared.")
     is_file = isinstance(source, (str, os.PathLike))
     about["has_speeds"] = not is_file or osm_type is not None or "mode" in about
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else type(source).__name__
-    return _compared(edges, before, {**about, "resolution": length, "source": name})
+    return _compare_networks(edges, before, {**about, "resolution": length, "source": name})
 
 
-def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) -> Report:
+def _compare_networks(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) -> Report:
     resolution = about["resolution"]
-    roads = _roads_once(edges)
+    roads = _join_directions(edges)
     one_way = np.fromiter((bool(roads.tags[way].get("oneway")) for way in roads.ways), np.bool_, len(roads.ways))
-    is_cut, is_parted = _pieces_of(roads, source, resolution)
-    away = deviations(source, roads)
+    is_cut, is_parted = _find_pieces(roads, source, resolution)
+    away = measure_deviations(source, roads)
     uncut = np.flatnonzero(~is_cut)
     regular = roads.lengths[is_cut & ~is_parted] / resolution
-    untrue = _untrue_lengths(roads, uncut, source)
+    untrue = _count_untrue_lengths(roads, uncut, source)
     before = float(source.lengths.sum())
     after = float(roads.lengths.sum())
-    merged = min(_merged(source, about), key=lambda one: abs(before - after - one.merged.length_m))
-    against, alone = _directions(edges, source, merged, about)
-    speeds = _wrong_speeds(edges, source, merged) if about["has_speeds"] else 0.0
-    joints = _wrong_joints(roads, source, about.get("tolerance", _WIDEST_DEFAULT))
+    merged = min(_merge_junctions(source, about), key=lambda one: abs(before - after - one.merged.length_m))
+    against, alone = _measure_wrong_directions(edges, source, merged, about)
+    speeds = _measure_wrong_speeds(edges, source, merged) if about["has_speeds"] else 0.0
+    joints = _count_wrong_joints(roads, source, about.get("tolerance", _WIDEST_DEFAULT))
     if "tolerance" in about:
-        joints = max(joints, _wrong_joints(roads, merged, 0.0))
-    off_map = _surplus(roads, source)
+        joints = max(joints, _count_wrong_joints(roads, merged, 0.0))
+    off_map = _measure_surplus(roads, source)
     signs = about.get("turn_signs", RestrictionCounts(held=source.turn_restrictions))
     least = LEAST_PIECE - _SLACK
     most = MOST_PIECE + _SLACK
@@ -345,9 +345,9 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         deviation_mean=float(away.mean()) if len(away) else 0.0,
         surplus_max=off_map,
         nodes_merged=merged.merged.nodes,
-        dead_ends=int((degrees(roads) == 1).sum()),
+        dead_ends=int((count_road_ends(roads) == 1).sum()),
         components=len(np.unique(components(roads.sources, roads.targets, len(roads.xy)))),
-        parallel_roads=_parallel_roads(roads),
+        parallel_roads=_count_parallel_roads(roads),
         one_way_share=float(roads.lengths[one_way].sum() / after) if after else 0.0,
         roads_uncut=len(uncut),
         roads_uncut_untrue=untrue,
@@ -355,7 +355,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         pieces_parted=int(is_parted.sum()),
         piece_min=float(regular.min() * resolution) if len(regular) else np.nan,
         piece_max=float(regular.max() * resolution) if len(regular) else np.nan,
-        spacing=_histogram(edges.lengths / resolution),
+        spacing=_make_histogram(edges.lengths / resolution),
         length_kept=_are_equal(before - merged.merged.length_m, after),
         spacing_kept=bool(in_bounds and (roads.lengths[uncut] < _MOST_UNCUT * resolution + _SLACK).all()),
         uncut_kept=untrue == 0,
@@ -367,32 +367,32 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     )
 
 
-def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
+def _make_edges(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
     several = str(getattr(graph, "graph", {}).get("mode", "")) if hasattr(graph, "is_directed") else ""
     names = (*_JUDGED_TAGS, *(several.split(",") if "," in several else ()))
-    waiting = columns_in_waiting(graph, names)
+    waiting = find_waiting_columns(graph, names)
     if waiting is not None:
-        return network_of_columns(waiting[0]), dict(waiting[1])
+        return make_network_of_columns(waiting[0]), dict(waiting[1])
     get = getattr(graph, "columns", None)
     columns = get() if callable(get) else graph
     if isinstance(columns, GraphColumns):
-        return network_of_columns(columns), {}
+        return make_network_of_columns(columns), {}
     if isinstance(graph, GraphColumns | IGraphEngine) or not hasattr(graph, "is_directed"):
         raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {shown(graph)}.")
     is_drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
     if not is_drawn:
-        return network_in_metres(graph), dict(graph.graph)
-    return replace(network_of_graph(graph, names), crs=graph.graph.get("crs")), dict(graph.graph)
+        return make_network_in_metres(graph), dict(graph.graph)
+    return replace(make_network_of_graph(graph, names), crs=graph.graph.get("crs")), dict(graph.graph)
 
 
-def _selection(
+def _make_selection(
     about: dict[str, Any], retain_all: bool, osm_type: ModeOfTravel | Sequence[ModeOfTravel] | None
 ) -> RoadSelection:
     """Return the selection of roads that are compared with a graph; `about` is the graph's description."""
     name = about.get("mode", "")
     classic = about.get("osm_type", "")
     strong = bool(about.get("strong", osm_type is not None)) and not retain_all
-    recipe = recipe_of(1.0, 0.0, None, retain_all)._replace(
+    recipe = make_recipe(1.0, 0.0, None, retain_all)._replace(
         bidirectional=about.get("bidirectional"),
         mode=name,
         strong=strong,
@@ -400,44 +400,44 @@ def _selection(
     )
     if osm_type is not None:
         travel = as_travel(osm_type)
-        return selection_of(recipe._replace(mode=name_of(travel)), travel)
+        return make_selection(recipe._replace(mode=name_of(travel)), travel)
     names = name.split(",") if name else []
     if custom := next((one for one in names if one not in modes()), None):
         raise BadValue(f"The graph was made for the custom mode {custom!r}. Give it again: report(…, osm_type=…).")
     if names:
-        return selection_of(recipe, as_travel(names[0] if len(names) == 1 else names))
+        return make_selection(recipe, as_travel(names[0] if len(names) == 1 else names))
     kind = OSMType[classic] if classic else None
     every_way = bool(about.get("every_way", False))
-    closed = None if every_way else classic_closed_rule(kind)
-    rule = classic_rule(kind, every_way=every_way)
+    closed = None if every_way else make_classic_closed_rule(kind)
+    rule = make_classic_rule(kind, every_way=every_way)
     if kind is not None:
-        rule = _at_speeds_of(kind, rule)
+        rule = _add_speeds(kind, rule)
     return RoadSelection(
         *(rule, "", retain_all, strong and not recipe.bidirectional, closed),
         around_buildings=recipe.around_buildings,
-        ignored=classic_ignored_values,
+        ignored=list_classic_ignored_values,
     )
 
 
-def _at_speeds_of(kind: OSMType, rule: Rule) -> Rule:
+def _add_speeds(kind: OSMType, rule: Rule) -> Rule:
     """Return the rule with the speeds of graphs of a place."""
-    paced = paced_rule(modes()[kind.name.lower()], kind)
+    paced = make_paced_rule(modes()[kind.name.lower()], kind)
     return lambda osmid, tags: None if rule(osmid, tags) is None else paced(osmid, tags)
 
 
-def _source_network(source: Source, selection: RoadSelection) -> RoadNetwork:
+def _make_source_network(source: Source, selection: RoadSelection) -> RoadNetwork:
     if isinstance(source, RoadNetwork):
         return source
     if isinstance(source, GraphColumns):
-        return network_of_columns(source)
+        return make_network_of_columns(source)
     if not isinstance(source, (str, os.PathLike)):
-        return network_in_metres(source)
+        return make_network_in_metres(source)
     with progress() as show:
         file = as_file(source)
         return read_network(file, show, selection, is_geojson=is_geojson(file))
 
 
-def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
+def _count_ways(source: Source, selection: RoadSelection) -> dict[str, Any]:
     """Count all ways of a file with a key of the mode, open or not, and features of theirs that a graph ignores.
 
     Each way counts once. A closed way, or the rim of a closed area, counts as open if it is the rim of an open area.
@@ -453,7 +453,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool]:
         closed = None if selection.closed is None else selection.closed(osmid, tags)
-        conditional = any(name.endswith(":conditional") for name in plain_tags(tags))
+        conditional = any(name.endswith(":conditional") for name in normalize_tags(tags))
         ignored = [tag for one in parts if one.ignored is not None for tag in one.ignored(tags)]
         is_taken = closed is not None or any(one.rule is None or one.rule(osmid, tags) is not None for one in parts)
         why = "" if is_taken else _FILTER
@@ -467,18 +467,18 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         is_open = set[tuple[int, int, int]]()
         for one in parts:
             open_ways = read_ways(map_file, show, one.rule, areas=one.areas, keys=one.keys)
-            is_open |= {*_pieces_of_ways(open_ways)}
+            is_open |= {*_list_pieces(open_ways)}
         signs = max(count_restrictions(ways.signs, one.vehicles) for one in parts)
-    pieces = segments_of(ways)
+    pieces = cut_segments(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
     known = np.ones(len(pieces.lonlat), np.bool_)
     if selection.clip is not None:
-        known = are_inside(selection.clip, turned(pieces.lonlat, 0.0))
+        known = are_inside(selection.clip, turn_longitudes(pieces.lonlat, 0.0))
     inside = known[pieces.sources] & known[pieces.targets]
     of_ways = np.bincount(pieces.ways, weights=metres * inside, minlength=len(ways.tags)).tolist()
     found: dict[str, float] = {}
     ignored = Counter[str]()
-    for piece, tags, length in zip(_pieces_of_ways(ways), ways.tags, of_ways, strict=True):
+    for piece, tags, length in zip(_list_pieces(ways), ways.tags, of_ways, strict=True):
         if length > 0.0:
             ignored.update(set(tags["ignored"]))
         if length > 0.0 and tags["why"] and piece not in is_open:
@@ -496,7 +496,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
     }
 
 
-def _pieces_of_ways(ways: OsmRoads) -> list[tuple[int, int, int]]:
+def _list_pieces(ways: OsmRoads) -> list[tuple[int, int, int]]:
     """Return the id of each way, and its first two nodes, which only one of the pieces of a way has."""
     first = ways.offsets[:-1]
     return [*zip(ways.ids, ways.refs[first].tolist(), ways.refs[first + 1].tolist(), strict=True)]
@@ -518,23 +518,23 @@ def _are_equal(length: float, other: float) -> bool:
     return bool(abs(length - other) <= _ROUNDING_M + _SLACK * other)
 
 
-def _merged(source: RoadNetwork, about: Mapping[str, Any]) -> list[RoadNetwork]:
+def _merge_junctions(source: RoadNetwork, about: Mapping[str, Any]) -> list[RoadNetwork]:
     """Return the source with merged junctions, for the graph's tolerance or each possible default."""
     if not len(source.sources):
         return [source]
     roads = simplify(source) if about.get("simplify", True) else source
-    defaults = {0.0, *map(tolerance_of, (None, *modes().values()))}
+    defaults = {0.0, *map(find_tolerance, (None, *modes().values()))}
     tolerances = {about["tolerance"]} if "tolerance" in about else defaults
     return [consolidate(roads, tolerance) for tolerance in sorted(tolerances)]
 
 
-def _directions(
+def _measure_wrong_directions(
     edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork, about: Mapping[str, Any]
 ) -> tuple[float, float]:
-    """Return the result of `_wrong_directions` for a graph that may allow or forbid going against the traffic."""
+    """Return the result of `_find_wrong_directions` for a graph that may allow or forbid going against the traffic."""
     may = [about["bidirectional"]] if "bidirectional" in about else [True, False]
-    networks = [[both_ways(one) if both else one for one in (source, merged)] for both in may]
-    return min((_wrong_directions(edges, *some) for some in networks), key=sum)
+    networks = [[make_two_way(one) if both else one for one in (source, merged)] for both in may]
+    return min((_find_wrong_directions(edges, *some) for some in networks), key=sum)
 
 
 def _group(why: str) -> str:
@@ -543,13 +543,13 @@ def _group(why: str) -> str:
     return key if key in ("highway", "area") else ""
 
 
-def _parallel_roads(roads: RoadNetwork) -> int:
-    ends = np.sort(chains_of(roads).ends, axis=1)
+def _count_parallel_roads(roads: RoadNetwork) -> int:
+    ends = np.sort(find_chains(roads).ends, axis=1)
     ends = ends[ends[:, 0] != ends[:, 1]]
     return len(ends) - len(np.unique(ends, axis=0))
 
 
-def _histogram(shares: FloatArray) -> dict[str, int]:
+def _make_histogram(shares: FloatArray) -> dict[str, int]:
     starts = ("0", *(f"{share:g}" for share in _SHARES))
     names = [*(f"{low}-{high}" for low, high in pairwise(starts)), f"{starts[-1]} and more"]
     counts = np.bincount(np.searchsorted(_SHARES, shares, side="right"), minlength=len(names))
@@ -559,7 +559,7 @@ def _histogram(shares: FloatArray) -> dict[str, int]:
 # -- measures between a graph and its source ---------------------------------------------------------------------
 
 
-def _roads_once(edges: RoadNetwork) -> RoadNetwork:
+def _join_directions(edges: RoadNetwork) -> RoadNetwork:
     """Join the edges of both directions between two nodes into one road if their lengths are exactly equal."""
     low = np.minimum(edges.sources, edges.targets)
     high = np.maximum(edges.sources, edges.targets)
@@ -572,10 +572,10 @@ def _roads_once(edges: RoadNetwork) -> RoadNetwork:
     back = np.bincount(group, minlength=int(new.sum())) - there
     copies = np.maximum(there, back).astype(np.int64)
     rows = np.repeat(order[new], copies)
-    return chosen_roads(edges, rows)
+    return select_roads(edges, rows)
 
 
-def _pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tuple[BoolArray, BoolArray]:
+def _find_pieces(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tuple[BoolArray, BoolArray]:
     """Recognize cut roads: at a cut two pieces of exactly equal length meet where the source has no vertex.
 
     Returns:
@@ -588,7 +588,7 @@ def _pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tu
     shortest = np.full(len(roads.xy), np.inf)
     np.maximum.at(longest, nodes, lengths)
     np.minimum.at(shortest, nodes, lengths)
-    chains = chains_of(roads, (longest == shortest) & ~np.isin(_complex(roads.xy), _complex(source.points)))
+    chains = find_chains(roads, (longest == shortest) & ~np.isin(_make_complex(roads.xy), _make_complex(source.points)))
     number = np.bincount(chains.of_road, minlength=len(chains.lengths))
     short_pair = (number == 2) & (chains.lengths < _MOST_UNCUT * resolution)
     small_loop = (number == 3) & (chains.ends[:, 0] == chains.ends[:, 1]) & (chains.lengths < 2.5 * resolution)
@@ -596,29 +596,29 @@ def _pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tu
     return (number > 1)[chains.of_road], parted
 
 
-def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
+def measure_deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
     """Return the exact distance of every vertex of the source from the nearest of these roads, meters."""
     used = np.unique(np.concatenate((source.sources, source.targets)))
-    vertices = np.unique(_complex(np.concatenate((source.xy[used], source.points))))
-    away = np.flatnonzero(~np.isin(vertices, _complex(roads.points)))
+    vertices = np.unique(_make_complex(np.concatenate((source.xy[used], source.points))))
+    away = np.flatnonzero(~np.isin(vertices, _make_complex(roads.points)))
     result = np.zeros(len(vertices))
     if not len(away) or not len(roads.points):
         result[away] = np.inf
         return result
-    start = segment_starts(roads.offsets)
+    start = find_segment_starts(roads.offsets)
     places = np.column_stack((vertices[away].real, vertices[away].imag))
-    _, result[away] = nearest_lines(places, roads.points[start], roads.points[start + 1])
+    _, result[away] = find_nearest_lines(places, roads.points[start], roads.points[start + 1])
     return result
 
 
-def _untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> int:
+def _count_untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> int:
     """Return the number of these uncut roads whose length differs from the pieces of the source that they follow.
 
     Roads without a counterpart in the source, because they lead to a merged junction, are not compared.
     """
-    chosen = chosen_roads(roads, rows)
-    ours, _, line = _segments(chosen)
-    theirs, source_share, source_line = _segments(source)
+    chosen = select_roads(roads, rows)
+    ours, _, line = _list_segments(chosen)
+    theirs, source_share, source_line = _list_segments(source)
     places, numbers = np.unique(np.concatenate((ours, theirs)), return_inverse=True)
     pairs = numbers.reshape(-1, 2) @ (len(places), 1)  # one number per pair of points
     wanted = pairs[: len(ours)]
@@ -634,51 +634,51 @@ def _untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> 
     return int((judged & wrong).sum())
 
 
-def _surplus(roads: RoadNetwork, source: RoadNetwork) -> float:
+def _measure_surplus(roads: RoadNetwork, source: RoadNetwork) -> float:
     """Return the largest distance of the roads from the map: at vertices, middles of straight pieces, and every 25 m.
 
     A piece whose two ends lie on one straight piece of the source runs along it, because the distance is a convex
     function. Only other pieces are examined at more points.
     """
-    mine = segment_starts(roads.offsets)
-    theirs = segment_starts(source.offsets)
+    mine = find_segment_starts(roads.offsets)
+    theirs = find_segment_starts(source.offsets)
     if not len(mine) or not len(theirs):
         return math.inf if len(mine) else 0.0
     here = roads.points[mine]
     there = roads.points[mine + 1]
     start = source.points[theirs]
     end = source.points[theirs + 1]
-    near, _ = nearest_lines((here + there) / 2.0, start, end)
-    off = np.maximum(*(distances_to(places, start[near], end[near]) for places in (here, there)))
+    near, _ = find_nearest_lines((here + there) / 2.0, start, end)
+    off = np.maximum(*(measure_distances(places, start[near], end[near]) for places in (here, there)))
     astray = off > _EXACT
-    places = _places_along(here[astray], there[astray])
-    closely = nearest_lines(places, start, end)[1].max() if len(places) else 0.0
+    places = _sample_lines(here[astray], there[astray])
+    closely = find_nearest_lines(places, start, end)[1].max() if len(places) else 0.0
     return max(float(closely), float(off[~astray].max(initial=0.0)))
 
 
-def _places_along(here: FloatArray, there: FloatArray) -> FloatArray:
+def _sample_lines(here: FloatArray, there: FloatArray) -> FloatArray:
     """Return points on straight lines (lines, 2): their ends, their middle, and at least one every 25 m."""
     parts = np.maximum(np.ceil(np.hypot(*(there - here).T) / _STEP_M), 2.0).astype(np.int64)
     line = np.repeat(np.arange(len(parts)), parts + 1)
-    share = (np.arange(len(line)) - offsets_of(parts + 1)[line]) / parts[line]
+    share = (np.arange(len(line)) - compute_offsets(parts + 1)[line]) / parts[line]
     return np.asarray(here[line] + (there - here)[line] * share[:, None])
 
 
-def _wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> tuple[float, float]:
+def _find_wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> tuple[float, float]:
     """Return the meters of edges against the traffic, and of edges that are the only direction of a two-way road.
 
     An edge is compared with the roads under the middle of its longest straight piece: roads of the source or, if
     merging has moved it, of the source with merged junctions.
     """
-    alone = _without_way_back(edges)
+    alone = _find_roads_without_way_back(edges)
     judged = np.flatnonzero(alone | ~source.two_way.all())
     if not len(judged) or not len(source.sources):
         return 0.0, 0.0
-    chosen = chosen_roads(edges, judged)
-    counts = _directions_below(chosen, source)
+    chosen = select_roads(edges, judged)
+    counts = _count_directions_below(chosen, source)
     moved = np.flatnonzero(counts[0] == 0)
     if len(moved):
-        counts[:, moved] = _directions_below(chosen_roads(chosen, moved), merged)
+        counts[:, moved] = _count_directions_below(select_roads(chosen, moved), merged)
     found, allowed, both = counts
     lengths = edges.lengths[judged]
     against = (found > 0) & (allowed == 0)
@@ -686,7 +686,7 @@ def _wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwo
     return float(lengths[against].sum()), float(lengths[only].sum())
 
 
-def _without_way_back(edges: RoadNetwork) -> BoolArray:
+def _find_roads_without_way_back(edges: RoadNetwork) -> BoolArray:
     """Return a mask of edges without an edge of the same length in the other direction."""
     count = len(edges.sources)
     ends = np.stack((edges.sources, edges.targets))
@@ -700,37 +700,37 @@ def _without_way_back(edges: RoadNetwork) -> BoolArray:
     return np.asarray(~is_there[group[count:]])
 
 
-def _directions_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
+def _count_directions_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
     """Return (3, edges): the number of source roads under each edge, those in its direction, and two-way ones."""
-    below = _roads_below(edges, source)
+    below = _find_roads_below(edges, source)
     is_two_way = source.two_way[below.roads]
     kinds = (np.ones(len(below.edges), np.bool_), is_two_way | below.are_along, is_two_way)
     return np.stack([np.bincount(below.edges[rows], minlength=len(edges.sources)) for rows in kinds])
 
 
-def _wrong_speeds(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> float:
+def _measure_wrong_speeds(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> float:
     """Return the meters of edges that have another speed than each source road under them, in their direction.
 
-    The speeds of several modes are compared one by one. Edges are compared as in `_wrong_directions`; an edge that
+    The speeds of several modes are compared one by one. Edges are compared as in `_find_wrong_directions`; an edge that
     states no speed is not compared.
     """
     is_wrong = np.zeros(len(edges.lengths), np.bool_)
     for name in ("speed_kph", *source.modes):
-        stated = np.array([number_of(of_edge.get(name)) for of_edge in edges.tags], np.float64)[edges.ways]
+        stated = np.array([parse_number(of_edge.get(name)) for of_edge in edges.tags], np.float64)[edges.ways]
         judged = np.flatnonzero(~np.isnan(stated))
         if not len(judged) or not len(source.sources):
             continue
-        chosen = chosen_roads(edges, judged)
-        counts = _speeds_below(chosen, stated[judged], source, name)
+        chosen = select_roads(edges, judged)
+        counts = _count_speeds_below(chosen, stated[judged], source, name)
         moved = np.flatnonzero(counts[0] == 0)
         if len(moved):
-            counts[:, moved] = _speeds_below(chosen_roads(chosen, moved), stated[judged[moved]], merged, name)
+            counts[:, moved] = _count_speeds_below(select_roads(chosen, moved), stated[judged[moved]], merged, name)
         found, equal = counts
         is_wrong[judged] |= (found > 0) & (equal == 0)
     return float(edges.lengths[is_wrong].sum())
 
 
-def _speeds_below(edges: RoadNetwork, speeds: FloatArray, source: RoadNetwork, name: str) -> IntArray:
+def _count_speeds_below(edges: RoadNetwork, speeds: FloatArray, source: RoadNetwork, name: str) -> IntArray:
     """Return (2, edges): the number of source roads under each edge, and those that have its speed (edges,).
 
     Args:
@@ -739,10 +739,10 @@ def _speeds_below(edges: RoadNetwork, speeds: FloatArray, source: RoadNetwork, n
         source: the roads.
         name: the attribute with the speed, `speed_kph` or a mode of travel.
     """
-    below = _roads_below(edges, source)
-    of_ways = [speed_kph(of_way) if name == "speed_kph" else number_of(of_way.get(name)) for of_way in source.tags]
+    below = _find_roads_below(edges, source)
+    of_ways = [speed_kph(of_way) if name == "speed_kph" else parse_number(of_way.get(name)) for of_way in source.tags]
     of_tags = np.array(of_ways, np.float64)
-    rows = np.where(below.are_along, source.ways[below.roads], ways_back(source)[below.roads])
+    rows = np.where(below.are_along, source.ways[below.roads], find_ways_back(source)[below.roads])
     are_equal = np.isclose(of_tags[rows], speeds[below.edges], rtol=_SAME_SPEED, atol=0.0)
     counts = [np.bincount(found, minlength=len(edges.sources)) for found in (below.edges, below.edges[are_equal])]
     return np.stack(counts)
@@ -756,83 +756,83 @@ class _RoadsBelow(NamedTuple):
     are_along: BoolArray  # (pairs,)  whether the road has the direction of the edge, not the opposite one
 
 
-def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> _RoadsBelow:
-    mine = segment_starts(edges.offsets)
-    theirs = segment_starts(source.offsets)
+def _find_roads_below(edges: RoadNetwork, source: RoadNetwork) -> _RoadsBelow:
+    mine = find_segment_starts(edges.offsets)
+    theirs = find_segment_starts(source.offsets)
     size = np.hypot(*(edges.points[mine + 1] - edges.points[mine]).T)
-    line = _lines_of_pieces(edges)
+    line = _find_lines_of_pieces(edges)
     order = np.lexsort((size, line))
     mine = mine[order[np.append(np.diff(line[order]) > 0, True)]]  # the longest piece of each edge
     step = edges.points[mine + 1] - edges.points[mine]
     steps = source.points[theirs + 1] - source.points[theirs]
     middles = edges.points[mine] + step / 2.0
-    edge, piece = lines_near(middles, source.points[theirs], source.points[theirs + 1], _ON_LINE_M)
+    edge, piece = find_lines_near(middles, source.points[theirs], source.points[theirs + 1], _ON_LINE_M)
     onward = (step[edge] * steps[piece]).sum(axis=1)
     aside = step[edge][:, 0] * steps[piece][:, 1] - step[edge][:, 1] * steps[piece][:, 0]
     alike = np.abs(aside) <= _PARALLEL * np.abs(onward)
-    return _RoadsBelow(edge[alike], _lines_of_pieces(source)[piece[alike]], onward[alike] > 0.0)
+    return _RoadsBelow(edge[alike], _find_lines_of_pieces(source)[piece[alike]], onward[alike] > 0.0)
 
 
-def _wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> int:
+def _count_wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> int:
     """Return the number of places where the numbers of roads that meet or end differ from the source.
 
     Places that may be a merged junction, or were merged into one, are not counted.
     """
     source = consolidate(source, 0.0)
-    ours = _joints(roads.xy, degrees(roads))
-    theirs = _joints(source.xy, degrees(source))
+    ours = _find_joints(roads.xy, count_road_ends(roads))
+    theirs = _find_joints(source.xy, count_road_ends(source))
     two_way = source.two_way
     ends = (
         np.concatenate((source.sources, source.targets[two_way])),
         np.concatenate((source.targets, source.sources[two_way])),
     )
     lengths = np.concatenate((source.lengths, source.lengths[two_way]))
-    pairs = _roads_once(
-        network_of_lines(source.xy, ends, {}, lengths, [], None)
+    pairs = _join_directions(
+        make_network_of_lines(source.xy, ends, {}, lengths, [], None)
     )  # one-way roads of both directions count once
-    once = _joints(source.xy, degrees(pairs))
+    once = _find_joints(source.xy, count_road_ends(pairs))
     new = np.array([place for place, met in ours.items() if met not in (theirs.get(place), once.get(place))], complex)
     gone = np.array([place for place in theirs.keys() & once.keys() if place not in ours], complex)
     if tolerance > 0.0 and len(gone):
         reach = _WIDEST * tolerance + _EXACT
-        new = new[_near(new, gone, reach) == 0]  # every node of a merged junction is gone
-        gone = gone[_near(gone, gone, reach) < 2]
+        new = new[_count_near(new, gone, reach) == 0]  # every node of a merged junction is gone
+        gone = gone[_count_near(gone, gone, reach) < 2]
     return len(new) + len(gone)
 
 
-def _joints(xy: FloatArray, degree: IntArray) -> dict[complex, list[int]]:
+def _find_joints(xy: FloatArray, degree: IntArray) -> dict[complex, list[int]]:
     """Return place -> numbers of roads that meet at its nodes, without nodes that merely continue a road."""
     found: dict[complex, list[int]] = {}
     rows = np.flatnonzero((degree != 0) & (degree != 2))
     for place, met in sorted(
-        zip(_complex(xy[rows]).tolist(), degree[rows].tolist(), strict=True), key=lambda one: one[1]
+        zip(_make_complex(xy[rows]).tolist(), degree[rows].tolist(), strict=True), key=lambda one: one[1]
     ):
         found.setdefault(place, []).append(met)
     return found
 
 
-def _near(places: _Places, others: _Places, reach: float) -> IntArray:
+def _count_near(places: _Places, others: _Places, reach: float) -> IntArray:
     """Return the number of others within reach of each place."""
     here, there = (np.column_stack((some.real, some.imag)) for some in (places, others))
-    rows, _ = lines_near(here, there, there, reach)
+    rows, _ = find_lines_near(here, there, there, reach)
     return np.bincount(rows, minlength=len(places))
 
 
-def _lines_of_pieces(network: RoadNetwork) -> IntArray:
+def _find_lines_of_pieces(network: RoadNetwork) -> IntArray:
     """Return the road of each straight piece."""
     return np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
 
 
-def _segments(network: RoadNetwork) -> tuple[_Places, FloatArray, IntArray]:
+def _list_segments(network: RoadNetwork) -> tuple[_Places, FloatArray, IntArray]:
     """Return the ends (segments, 2) of every straight piece, sorted, its share of its road, and the road."""
-    start = segment_starts(network.offsets)
-    line = _lines_of_pieces(network)
+    start = find_segment_starts(network.offsets)
+    line = _find_lines_of_pieces(network)
     position = along(network.offsets, network.points)
     total = position[network.offsets[1:] - 1][line]
     share = (position[start + 1] - position[start]) / np.where(total > 0.0, total, 1.0)
-    places = _complex(network.points)
+    places = _make_complex(network.points)
     return np.sort(np.column_stack((places[start], places[start + 1])), axis=1), share, line
 
 
-def _complex(xy: FloatArray) -> _Places:
+def _make_complex(xy: FloatArray) -> _Places:
     return np.ascontiguousarray(xy).view(np.complex128)[:, 0]

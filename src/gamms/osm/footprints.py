@@ -15,7 +15,7 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import WGS84, project, turned, utm_crs
+from gamms.ir.projection import WGS84, find_utm_crs, project, turn_longitudes
 from gamms.limits import refuse_above
 from gamms.text import shown
 
@@ -76,8 +76,8 @@ class WallRules:
     def __init__(
         self, tags: TagFilter | None, estimates: HeightEstimates, barriers: Mapping[str, float] | None = None
     ) -> None:
-        self._tags = None if tags is None else checked_filter(tags)
-        self._estimates = _checked_estimates(estimates)
+        self._tags = None if tags is None else check_filter(tags)
+        self._estimates = _check_estimates(estimates)
         self._rank = {row: rank for rank, row in enumerate(self._estimates)}
         self._barriers = dict(barriers or {})
         self.keys = sorted({key for key, _ in self._estimates})
@@ -87,20 +87,20 @@ class WallRules:
         """Return the walls around an area with these tags, or None."""
         if _is_off_the_ground(tags) or not (self._tags is None or is_asked_for(tags, self._tags)):
             return None
-        row = self._row_of(tags)
+        row = self._find_row(tags)
         if row is None:
             return None
         estimate, type = self._estimates[row]
-        return _wall(tags, estimate, type, row[0])
+        return _make_wall(tags, estimate, type, row[0])
 
     def barrier_of(self, tags: Mapping[str, str]) -> WallProfile | None:
         """Return the wall along a line with these tags, or None."""
         estimate = self._barriers.get(tags.get("barrier", ""))
         if estimate is None or _is_off_the_ground(tags):
             return None
-        return _wall(tags, estimate, BARRIER_TYPE, "barrier")
+        return _make_wall(tags, estimate, BARRIER_TYPE, "barrier")
 
-    def _row_of(self, tags: Mapping[str, str]) -> tuple[str, str] | None:
+    def _find_row(self, tags: Mapping[str, str]) -> tuple[str, str] | None:
         given = [(key, tags[key]) for key in self.keys if key in tags]
         exact = [row for row in given if row in self._rank]
         others = [(key, ANY) for key, value in given if value not in _NO_WALLS and (key, ANY) in self._rank]
@@ -110,42 +110,42 @@ class WallRules:
 def _is_off_the_ground(tags: Mapping[str, str]) -> bool:
     """Return whether an object lies under the ground, or on a roof, such as solar panels."""
     location = tags.get("location")
-    return location in _BURIED or location in _ON_ROOFS or layer_of(tags) < 0
+    return location in _BURIED or location in _ON_ROOFS or find_layer(tags) < 0
 
 
 def is_in_the_way(tags: Mapping[str, str]) -> bool:
     """Return whether an area with these tags blocks ways: it is a building that stands on the ground."""
     is_building = tags.get("building", "no") not in _NO_WALLS and not _is_off_the_ground(tags)
-    return is_building and not (metres_of(tags.get("min_height")) or _levels(tags.get("building:min_level")))
+    return is_building and not (parse_height(tags.get("min_height")) or _parse_levels(tags.get("building:min_level")))
 
 
-def layer_of(tags: Mapping[str, str]) -> int:
+def find_layer(tags: Mapping[str, str]) -> int:
     """Return the layer in the tags: negative below other objects; 0 by default."""
     text = tags.get("layer", "")
     return int(text) if _WHOLE.fullmatch(text) else 0
 
 
-def _wall(tags: Mapping[str, str], estimate: float, type: int, key: str) -> WallProfile:
-    said = metres_of(tags.get("height")) or metres_of(tags.get("est_height")) or _storeys(tags)
+def _make_wall(tags: Mapping[str, str], estimate: float, type: int, key: str) -> WallProfile:
+    said = parse_height(tags.get("height")) or parse_height(tags.get("est_height")) or _find_height_of_stories(tags)
     top = said or estimate
-    base = metres_of(tags.get("min_height")) or _levels(tags.get("building:min_level")) or 0.0
+    base = parse_height(tags.get("min_height")) or _parse_levels(tags.get("building:min_level")) or 0.0
     return WallProfile(base if base < top else 0.0, top, type, key, said is not None)
 
 
-def _storeys(tags: Mapping[str, str]) -> float | None:
+def _find_height_of_stories(tags: Mapping[str, str]) -> float | None:
     """Return the height of the tagged stories, with the roof."""
-    body = _levels(tags.get("building:levels"))
+    body = _parse_levels(tags.get("building:levels"))
     if body is None:
         return None
-    roof = metres_of(tags.get("roof:height")) or _levels(tags.get("roof:levels")) or 0.0
+    roof = parse_height(tags.get("roof:height")) or _parse_levels(tags.get("roof:levels")) or 0.0
     return min(body + roof, _TALLEST_M)
 
 
-def _levels(text: str | None) -> float | None:
-    return metres_of(text, {"": _LEVEL_M})
+def _parse_levels(text: str | None) -> float | None:
+    return parse_height(text, {"": _LEVEL_M})
 
 
-def metres_of(text: str | None, units: Mapping[str, float] = _UNITS) -> float | None:
+def parse_height(text: str | None, units: Mapping[str, float] = _UNITS) -> float | None:
     """Return a height as mappers write it, such as "12", "12.5 m", "12 ft 6 in" or "4 storeys", in meters.
 
     A range such as "10-12" gives its lower end, which is certain. None if the text is not a height, is not positive, or
@@ -158,11 +158,11 @@ def metres_of(text: str | None, units: Mapping[str, float] = _UNITS) -> float | 
         return None
     number, unit, inches, other, other_unit, other_inches = found.groups()
     sizes = [(number, unit or other_unit, inches), (other, other_unit or unit, other_inches)]
-    heights = [_metres(*size, units) for size in sizes if size[0] is not None]
+    heights = [_parse_metres(*size, units) for size in sizes if size[0] is not None]
     return min((metres for metres in heights if 0.0 < metres <= _TALLEST_M), default=None)
 
 
-def _metres(number: str, unit: str | None, inches: str | None, units: Mapping[str, float]) -> float:
+def _parse_metres(number: str, unit: str | None, inches: str | None, units: Mapping[str, float]) -> float:
     factor = units.get(unit or "", math.nan)
     if inches is not None and factor != _FOOT_M:
         return math.nan
@@ -172,7 +172,7 @@ def _metres(number: str, unit: str | None, inches: str | None, units: Mapping[st
 # -- the tables of a caller -------------------------------------------------------------------------------------
 
 
-def checked_filter(tags: object) -> dict[str, tuple[str, ...] | None]:
+def check_filter(tags: object) -> dict[str, tuple[str, ...] | None]:
     """Return a checked filter of tags: key -> the values, or None for any.
 
     Raises:
@@ -195,11 +195,11 @@ def checked_filter(tags: object) -> dict[str, tuple[str, ...] | None]:
 
 
 def is_asked_for(tags: Mapping[str, str], wanted: Mapping[str, Collection[str] | None]) -> bool:
-    """Return whether an object has one of the wanted tags; `wanted` comes from `checked_filter`."""
+    """Return whether an object has one of the wanted tags; `wanted` comes from `check_filter`."""
     return any(values is None or tags[key] in values for key, values in wanted.items() if key in tags)
 
 
-def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, int]]:
+def _check_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, int]]:
     if not isinstance(estimates, Mapping):
         raise BadType(f"height_estimates must be a dict, not {shown(estimates)}. Start from HEIGHT_ESTIMATES_TYPES.")
     checked: dict[tuple[str, str], tuple[float, int]] = {}
@@ -236,7 +236,7 @@ class Outlines:
     about: Sequence[Any]  # (footprints,)  the wall of each, or its tags
 
 
-def outlines_of_ways(
+def make_outlines_of_ways(
     offsets: IntArray, lonlat: FloatArray, rows_of: Sequence[Sequence[int]], about: Sequence[Any]
 ) -> Outlines:
     """Return the lines around each footprint, without lines through places that the map lacks.
@@ -256,12 +256,12 @@ def outlines_of_ways(
     return Outlines(offsets, lonlat[positions], owners, about)
 
 
-def rows_around(ids: Iterable[int], rows_of: Mapping[int, Sequence[int]]) -> list[int]:
+def find_rows_around(ids: Iterable[int], rows_of: Mapping[int, Sequence[int]]) -> list[int]:
     """Return the rows of the ways with these ids, each once and in the order of the ids; `rows_of` is by id."""
     return list(chain.from_iterable(rows_of[id] for id in sorted({*ids} & rows_of.keys())))
 
 
-def known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> Outlines:
+def split_known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> Outlines:
     """Return the pieces of lines between places that the map lacks.
 
     Args:
@@ -279,7 +279,7 @@ def known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> 
     return Outlines(pieces, lonlat[known[positions]], line[known[first[rows]]], about)
 
 
-def footprints_of(outlines: Outlines) -> Shapes:
+def make_footprints(outlines: Outlines) -> Shapes:
     """Return one polygonal shape per footprint, in degrees; empty if its lines enclose nothing.
 
     A ring inside another ring is a courtyard, and a ring in a courtyard is built upon, whatever the order and the
@@ -293,16 +293,16 @@ def footprints_of(outlines: Outlines) -> Shapes:
     last = outlines.lonlat[outlines.offsets[1:] - 1]
     is_ring = is_alone & (first == last).all(axis=1) & (np.diff(outlines.offsets) > 3)
     # A closed way keeps its points and their order; other footprints are assembled from lines.
-    points, row = _chosen(outlines, is_ring)
-    shapes[outlines.owners[is_ring]] = polygons_of(points, row)
-    points, row = _chosen(outlines, ~is_ring)
+    points, row = _select_lines(outlines, is_ring)
+    shapes[outlines.owners[is_ring]] = make_polygons(points, row)
+    points, row = _select_lines(outlines, ~is_ring)
     lines = shapely.linestrings(points, indices=row)
     owners, bundle = np.unique(outlines.owners[~is_ring], return_inverse=True)
-    shapes[owners] = _enclosed(shapely.multilinestrings(lines, indices=bundle))
+    shapes[owners] = _find_enclosed_areas(shapely.multilinestrings(lines, indices=bundle))
     return shapes
 
 
-def polygons_of(points: FloatArray, row: IntArray) -> Shapes:
+def make_polygons(points: FloatArray, row: IntArray) -> Shapes:
     """Return polygons from closed lines through points (points, 2); `row` is the line of each point."""
     import shapely
 
@@ -310,14 +310,14 @@ def polygons_of(points: FloatArray, row: IntArray) -> Shapes:
     return polygons
 
 
-def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
+def _select_lines(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
     """Return the points (points, 2) of the chosen lines, and the line of each point."""
     sizes = np.diff(outlines.offsets)
     points = outlines.lonlat[np.repeat(is_chosen, sizes)]
     return points, np.repeat(np.arange(int(is_chosen.sum())), sizes[is_chosen])
 
 
-def shapes_of(given: "Sequence[BaseGeometry]") -> Shapes:
+def convert_shapes(given: "Sequence[BaseGeometry]") -> Shapes:
     """Return a caller's shapes as an array; shapes that are neither lines nor areas become empty."""
     import shapely
 
@@ -327,7 +327,7 @@ def shapes_of(given: "Sequence[BaseGeometry]") -> Shapes:
     return shapes
 
 
-def points_of(shapes: Shapes) -> FloatArray:
+def list_points(shapes: Shapes) -> FloatArray:
     """Return all points (points, 2) of some shapes."""
     import shapely
 
@@ -335,11 +335,11 @@ def points_of(shapes: Shapes) -> FloatArray:
     return points
 
 
-def lines_of(outlines: Outlines) -> Shapes:
+def make_lines(outlines: Outlines) -> Shapes:
     """Return each line as a shape."""
     import shapely
 
-    points, row = _chosen(outlines, np.ones(len(outlines.owners), np.bool_))
+    points, row = _select_lines(outlines, np.ones(len(outlines.owners), np.bool_))
     lines: Shapes = shapely.linestrings(points, indices=row)
     return lines
 
@@ -387,7 +387,7 @@ class BuildingIndex:
     def _tree(self) -> "STRtree":
         import shapely
 
-        return shapely.STRtree(repaired(self._read()))
+        return shapely.STRtree(repair(self._read()))
 
     @cached_property
     def _middle(self) -> float:
@@ -407,7 +407,7 @@ class BuildingIndex:
         import shapely
 
         line, row, _ = self.crossings(start, end)
-        around = shapely.transform(around, lambda lonlat: turned(lonlat, self._middle))
+        around = shapely.transform(around, lambda lonlat: turn_longitudes(lonlat, self._middle))
         covered = shapely.area(shapely.intersection(self._tree.geometries[row], around))
         return np.isin(np.arange(len(start)), line[covered < around.area / 2.0])
 
@@ -419,7 +419,7 @@ class BuildingIndex:
         """
         import shapely
 
-        start, end = (turned(some, self._middle) for some in (start, end))
+        start, end = (turn_longitudes(some, self._middle) for some in (start, end))
         lines = shapely.linestrings(np.stack((start, end), axis=1))
         line, row = self._tree.query(lines, predicate="intersects")
         lines = lines[line]
@@ -431,33 +431,33 @@ class BuildingIndex:
         return line[through][enters], row[through][enters], far[enters]
 
 
-def area_of(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":
+def unite_outlines(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":
     """Return the union of GeoJSON outlines, as a shapely shape."""
     import shapely
 
     return shapely.union_all([shapely.geometry.shape(one) for one in geojson])
 
 
-def widened(area: "BaseGeometry", metres: float) -> "BaseGeometry":
+def widen(area: "BaseGeometry", metres: float) -> "BaseGeometry":
     """Return an area of degrees with a margin in meters, as a shapely shape in degrees."""
-    crs, in_metres = _in_metres(area)
-    return _in_degrees(in_metres.buffer(metres), crs)
+    crs, in_metres = _project_to_metres(area)
+    return _project_to_degrees(in_metres.buffer(metres), crs)
 
 
-def outlines_of(area: "BaseGeometry", most_m2: float) -> list[FloatArray]:
+def outline_area(area: "BaseGeometry", most_m2: float) -> list[FloatArray]:
     """Return simple outlines in degrees that together cover an area of degrees, none larger than `most_m2`."""
     import shapely
 
-    crs, in_metres = _in_metres(area)
+    crs, in_metres = _project_to_metres(area)
     hull = in_metres.convex_hull
     if in_metres.geom_type == "Polygon" and in_metres.area <= most_m2:
         hull = in_metres
     parts = [hull] if hull.area <= most_m2 else [part.convex_hull for part in shapely.get_parts(in_metres)]
-    cells = list(chain.from_iterable(_cells(part, most_m2) for part in parts))
-    return [shapely.get_coordinates(_in_degrees(cell, crs).exterior) for cell in cells]
+    cells = list(chain.from_iterable(_split_area(part, most_m2) for part in parts))
+    return [shapely.get_coordinates(_project_to_degrees(cell, crs).exterior) for cell in cells]
 
 
-def _cells(area: "BaseGeometry", most_m2: float) -> "list[BaseGeometry]":
+def _split_area(area: "BaseGeometry", most_m2: float) -> "list[BaseGeometry]":
     """Return a convex area, cut into squares if it is too large."""
     import shapely
 
@@ -475,31 +475,31 @@ def _cells(area: "BaseGeometry", most_m2: float) -> "list[BaseGeometry]":
     return [cell for cell in cut if cell.geom_type == "Polygon" and cell.area]
 
 
-def _in_metres(area: "BaseGeometry") -> "tuple[str, BaseGeometry]":
+def _project_to_metres(area: "BaseGeometry") -> "tuple[str, BaseGeometry]":
     import shapely
 
-    crs = utm_crs(shapely.get_coordinates(area))
+    crs = find_utm_crs(shapely.get_coordinates(area))
     return crs, shapely.transform(area, lambda points: project(points, WGS84, crs))
 
 
-def _in_degrees(area: "BaseGeometry", crs: str) -> "BaseGeometry":
+def _project_to_degrees(area: "BaseGeometry", crs: str) -> "BaseGeometry":
     import shapely
 
     return shapely.transform(area, lambda points: project(points, crs, WGS84))
 
 
-def repaired(shapes: Shapes) -> Shapes:
+def repair(shapes: Shapes) -> Shapes:
     """Return the shapes with self-crossing polygons assembled again from their lines."""
     import shapely
 
     broken = ~shapely.is_valid(shapes) & (shapely.get_dimensions(shapes) == 2)
     if broken.any():
         shapes = shapes.copy()
-        shapes[broken] = _enclosed(shapely.boundary(shapes[broken]))
+        shapes[broken] = _find_enclosed_areas(shapely.boundary(shapes[broken]))
     return shapes
 
 
-def _enclosed(lines: Shapes) -> Shapes:
+def _find_enclosed_areas(lines: Shapes) -> Shapes:
     """Return the areas that bundles of lines enclose."""
     import shapely
 

@@ -13,14 +13,14 @@ import numpy as np
 from msgspec import Meta
 
 from gamms.errors import BadFile
-from gamms.ir.geometry import NearLines, nearest_on
+from gamms.ir.geometry import NearLines, find_nearest_point
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.projection import WGS84, project, utm_crs
+from gamms.ir.projection import WGS84, find_utm_crs, project
 from gamms.limits import refuse_above
-from gamms.osm.network import OsmRoads, Rule, components, offsets_of, with_signs
-from gamms.osm.objects import LEAST_NODES, is_against, is_one_way, plain_tags, read_edge_values
+from gamms.osm.network import OsmRoads, Rule, add_signs, components, compute_offsets
+from gamms.osm.objects import LEAST_NODES, is_against, is_one_way, normalize_tags, read_edge_values
 from gamms.osm.osmium_reader import as_file
-from gamms.plain import why_not_plain
+from gamms.plain import describe_flaw
 from gamms.progress import Show
 from gamms.text import shown
 
@@ -64,8 +64,8 @@ def read_lines(
     show(f"Reading {file.name}")
     refuse_above(_MEMORY_PER_BYTE * file.stat().st_size, f"reading {str(file)!r}")
     try:
-        ways = _ways(file.read_bytes().removeprefix(b"\xef\xbb\xbf"))
-        return snapped(ways, snap) if snap else ways
+        ways = _read_ways(file.read_bytes().removeprefix(b"\xef\xbb\xbf"))
+        return snap_ends(ways, snap) if snap else ways
     except (ValueError, RecursionError, MemoryError, msgspec.MsgspecError) as error:
         raise BadFile(f"{str(file)!r} cannot be used: {str(error)[:200]}. {_WAY_OUT}") from None
 
@@ -80,7 +80,7 @@ def is_geojson(filepath: str | os.PathLike[str]) -> bool:
         return stream.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
 
 
-def _ways(text: bytes) -> OsmRoads:
+def _read_ways(text: bytes) -> OsmRoads:
     document = msgspec.json.decode(text, type=_GeoJsonObject)
     if document.crs and not msgspec.json.encode(document.crs).decode().rstrip('"} ').endswith(_WGS84):
         raise ValueError(f"its crs is {str(document.crs)[:80]}, and GeoJSON is in WGS 84. Convert it first")
@@ -94,28 +94,28 @@ def _ways(text: bytes) -> OsmRoads:
     tags = []
     against = []
     for number, feature in enumerate(features, 1):
-        oneway = plain_tags(feature.properties or {}).get("oneway")
-        for line in _lines_of(feature.geometry):
+        oneway = normalize_tags(feature.properties or {}).get("oneway")
+        for line in _list_lines(feature.geometry):
             try:
-                lonlat = _lonlat(msgspec.convert(line, _Line))
+                lonlat = _read_lonlat(msgspec.convert(line, _Line))
             except ValueError as error:
                 raise ValueError(f"feature {number} has an invalid line: {error}") from None
             if len(lonlat) < LEAST_NODES:
                 continue
             lines.append(lonlat)
-            tags.append(_tags(feature, number))
+            tags.append(_read_tags(feature, number))
             against.append(is_against(oneway))
     if not lines:
         raise ValueError("it has no lines; only LineString and MultiLineString are roads")
     lonlat = np.concatenate(lines)
     places, refs = np.unique(lonlat @ (1.0, 1.0j), return_inverse=True)
-    offsets = offsets_of(np.array([len(line) for line in lines], np.int64))
+    offsets = compute_offsets(np.array([len(line) for line in lines], np.int64))
     credit = next((text for text in (document.attribution, document.copyright) if isinstance(text, str)), None)
     lonlat = np.column_stack((places.real, places.imag))[refs]
     return OsmRoads(offsets, refs.astype(np.int64), lonlat, np.array(against, np.bool_), tags, credit, nodes=None)
 
 
-def _lines_of(geometry: _GeoJsonObject | None, level: int = 0) -> Iterator[Any]:
+def _list_lines(geometry: _GeoJsonObject | None, level: int = 0) -> Iterator[Any]:
     """Yield the coordinates of the lines in a geometry."""
     if geometry is None:  # a feature without a geometry
         return
@@ -127,10 +127,10 @@ def _lines_of(geometry: _GeoJsonObject | None, level: int = 0) -> Iterator[Any]:
         yield from msgspec.convert(geometry.coordinates, list[Any])
     elif geometry.type == "GeometryCollection":
         for part in msgspec.convert(geometry.geometries, list[_GeoJsonObject]):
-            yield from _lines_of(part, level + 1)
+            yield from _list_lines(part, level + 1)
 
 
-def _lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
+def _read_lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     lonlat = np.array([place[:2] for place in line], np.float64).reshape(-1, 2)
     outside = (np.abs(lonlat) > (180.0, 90.0)).any(axis=1)
     if outside.any():
@@ -139,21 +139,21 @@ def _lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     return lonlat
 
 
-def _tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
+def _read_tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
     """Return the properties of a feature; `osmid` is the first id with a number in it, such as way/123."""
     given = feature.properties or {}
     kept = {name: value for name, value in given.items() if name not in _NO_TAGS and value is not None}
     for name, value in kept.items():
-        if flaw := why_not_plain(value):
+        if flaw := describe_flaw(value):
             raise ValueError(f"the property {shown(name)} of feature {number}{flaw}")
     ids = (str(id) for id in (given.get("osmid"), given.get("@id"), feature.id))
     found = next((match for id in ids if (match := _ID.fullmatch(id))), None)
-    plain = plain_tags(given)
+    plain = normalize_tags(given)
     oneway = plain.get("oneway")
     tags = {"osmid": number if found is None else int(found[1]), **kept}
     tags["oneway"] = is_one_way(oneway, plain.get("junction"))
     tags = read_edge_values(tags, f"feature {number}")
-    return with_signs(tags, kept, against=is_against(oneway))
+    return add_signs(tags, kept, against=is_against(oneway))
 
 
 # -- lines that nearly meet ---------------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ _MOST_NEAR = 1_000  # lines around an end, on average
 _FEW_NEAR = 1_000_000
 
 
-def snapped(ways: OsmRoads, metres: float) -> OsmRoads:
+def snap_ends(ways: OsmRoads, metres: float) -> OsmRoads:
     """Return lines whose ends are joined to the nearest other line, if it is at most `metres` away.
 
     An end joins a near vertex of that line, or else becomes a new vertex of it. Crossing lines stay apart, because one
@@ -172,7 +172,7 @@ def snapped(ways: OsmRoads, metres: float) -> OsmRoads:
     Raises:
         ValueError: joining would take hours, because very many lines are near each other.
     """
-    xy = project(ways.lonlat, WGS84, utm_crs(ways.lonlat))
+    xy = project(ways.lonlat, WGS84, find_utm_crs(ways.lonlat))
     lines = [slice(a, b) for a, b in pairwise(ways.offsets.tolist())]
     counts = np.bincount(ways.refs)
     whole = [line for line, rows in enumerate(lines) if rows.stop - rows.start > 1]
@@ -180,7 +180,7 @@ def snapped(ways: OsmRoads, metres: float) -> OsmRoads:
     for line in whole:
         ends = (lines[line].start, lines[line].stop - 1)
         open_ends += [(line, at) for at in ends if counts[ways.refs[at]] == 1]
-    found = _nearest_lines({line: xy[lines[line]] for line in whole}, open_ends, xy, metres) if whole else {}
+    found = _find_nearest_lines({line: xy[lines[line]] for line in whole}, open_ends, xy, metres) if whole else {}
     joined = []  # places; line -> [(distance along it, place)]
     inserted = dict[int, list[tuple[float, int]]]()
     for (_, at), line in found.items():
@@ -190,17 +190,17 @@ def snapped(ways: OsmRoads, metres: float) -> OsmRoads:
         if off[vertex] <= metres:
             joined.append((ways.refs[at], ways.refs[lines[line].start + vertex]))
         else:
-            inserted.setdefault(line, []).append((nearest_on(points, (xy[at, 0], xy[at, 1]))[0], at))
+            inserted.setdefault(line, []).append((find_nearest_point(points, (xy[at, 0], xy[at, 1]))[0], at))
     pairs = np.array(joined, np.int64).reshape(-1, 2)
     label = components(pairs[:, 0], pairs[:, 1], len(counts))
-    order = _with_places(xy, lines, inserted)
+    order = _insert_places(xy, lines, inserted)
     refs = label[ways.refs][order]
     lonlat = ways.lonlat[np.unique(ways.refs, return_index=True)[1]][refs]
     sizes = np.diff(ways.offsets) + np.array([len(inserted.get(line, ())) for line in range(len(lines))])
-    return replace(ways, offsets=offsets_of(sizes), refs=refs, lonlat=lonlat)
+    return replace(ways, offsets=compute_offsets(sizes), refs=refs, lonlat=lonlat)
 
 
-def _nearest_lines(
+def _find_nearest_lines(
     lines: dict[int, FloatArray], ends: list[tuple[int, int]], xy: FloatArray, metres: float
 ) -> dict[tuple[int, int], int]:
     """Return (line, position) of an end -> the nearest other line within `metres`."""
@@ -223,7 +223,7 @@ def _nearest_lines(
     return found
 
 
-def _with_places(xy: FloatArray, lines: list[slice], inserted: dict[int, list[tuple[float, int]]]) -> IntArray:
+def _insert_places(xy: FloatArray, lines: list[slice], inserted: dict[int, list[tuple[float, int]]]) -> IntArray:
     """Return the positions of all lines in order, with inserted places at their distances along the lines."""
     order: list[int] = []
     for line, rows in enumerate(lines):

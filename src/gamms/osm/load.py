@@ -16,39 +16,39 @@ from gamms.arguments import (
     as_context,
     as_positive,
     as_range,
-    names_keywords,
+    explain_call_errors,
+    find_signature,
+    refuse_context,
     refuse_keywords,
-    signature_of,
-    takes_no_context,
-    with_options,
+    spell_out_options,
 )
 from gamms.errors import BadFile, BadValue
-from gamms.ir.geometry import area_of
+from gamms.ir.geometry import make_area
 from gamms.ir.graph import GraphColumns
-from gamms.ir.projection import check_metres, crs_of, scale_fault
+from gamms.ir.projection import check_metres, parse_crs, scale_fault
 from gamms.osm import topology
-from gamms.osm.areas import length_across, with_ways_across
+from gamms.osm.areas import add_ways_across, measure_across
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
 from gamms.osm.geojson import read_lines
 from gamms.osm.mode_union import ModeRoads, choose_modes, open_both_ways, unite
 from gamms.osm.modes import (
     Mode,
+    ModeCombination,
     ModeFunction,
-    SeveralModes,
     Travel,
     WayFilter,
     as_travel,
-    closed_rule,
     filter_in_words,
-    filtered,
+    filter_rule,
+    find_stops,
+    find_tolerance,
+    find_vehicles,
     honour_traffic,
-    keeping,
-    keys_of,
+    keep_more_tags,
+    list_mode_keys,
+    make_closed_rule,
+    make_rule,
     name_of,
-    rule_of,
-    stops_of,
-    tolerance_of,
-    vehicles_of,
 )
 from gamms.osm.network import (
     ROADS,
@@ -57,31 +57,31 @@ from gamms.osm.network import (
     RoadNetwork,
     Rule,
     Stops,
+    add_stated_times,
     along,
-    both_ways,
-    classic_closed_rule,
-    classic_ignored_values,
-    classic_rule,
     components,
     connected,
-    in_metres,
-    in_true_metres,
-    joined_directions,
-    network_of_columns,
-    network_of_part,
-    network_of_segments,
-    only_read,
-    projected,
-    segments_of,
+    cut_segments,
+    describe_read_ways,
+    join_directions,
+    list_classic_ignored_values,
+    make_classic_closed_rule,
+    make_classic_rule,
+    make_network_of_columns,
+    make_network_of_part,
+    make_network_of_segments,
+    make_two_way,
+    project_network,
+    project_to_metres,
+    project_to_true_metres,
     split_directions,
-    with_stated_times,
 )
-from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
+from gamms.osm.networkx_bridge import make_network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.objects import as_tags
 from gamms.osm.osmium_reader import MapFile, as_file
 from gamms.osm.reader import read_ways
 from gamms.osm.topology import resample
-from gamms.osm.turns import restrictions_of
+from gamms.osm.turns import parse_restrictions
 from gamms.progress import Show, progress
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
@@ -185,7 +185,7 @@ class FileOptions(MapOptions, total=False):
     """
 
 
-for_a_graph = takes_no_context("ctx.graph.attach_networkx_graph(gamms.osm.{name}(…))")
+for_a_graph = refuse_context("ctx.graph.attach_networkx_graph(gamms.osm.{name}(…))")
 
 
 @for_a_graph
@@ -220,12 +220,12 @@ def graph_from_xml(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium is not installed.
     """
-    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all)._replace(every_way=True)
-    return _graph(filepath, recipe, selection_of(recipe, None))
+    recipe = make_recipe(resolution, tolerance, bidirectional, retain_all)._replace(every_way=True)
+    return _make_graph(filepath, recipe, make_selection(recipe, None))
 
 
 @for_a_graph
-@with_options(tags=(), elevation=None, around_buildings=True, filter=None, clip=None)
+@spell_out_options(tags=(), elevation=None, around_buildings=True, filter=None, clip=None)
 def graph_from_file(
     filepath: FilePath,
     resolution: float = 10.0,
@@ -262,17 +262,17 @@ def graph_from_file(
 
     Raises: as `graph_from_xml`.
     """
-    refuse_keywords(more, signature_of(graph_from_file).parameters, "graph_from_file")
+    refuse_keywords(more, find_signature(graph_from_file).parameters, "graph_from_file")
     tags = as_tags(more.get("tags", ()))
     mode = None if osm_type is None else as_travel(osm_type, tags)
-    tolerance = tolerance_of(mode) if tolerance is None else tolerance
-    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
-    recipe = for_mode(recipe, mode, bidirectional, strong)
+    tolerance = find_tolerance(mode) if tolerance is None else tolerance
+    recipe = make_recipe(resolution, tolerance, bidirectional, retain_all, simplify)
+    recipe = adapt_recipe(recipe, mode, bidirectional, strong)
     recipe = recipe._replace(around_buildings=as_bool(more.get("around_buildings", True), "around_buildings"))
-    selection = part_of(selection_of(recipe, mode, tags), more.get("filter"), more.get("clip"))
+    selection = part_of(make_selection(recipe, mode, tags), more.get("filter"), more.get("clip"))
     area = "" if selection.clip is None else json.dumps(selection.clip.__geo_interface__)
     recipe = recipe._replace(clip=area, filter=filter_in_words(more.get("filter")))
-    return _graph(filepath, recipe, selection, as_ground(more.get("elevation"), mode))
+    return _make_graph(filepath, recipe, selection, as_ground(more.get("elevation"), mode))
 
 
 def part_of(selection: RoadSelection, given: "WayFilter | None", clip: object) -> RoadSelection:
@@ -281,12 +281,14 @@ def part_of(selection: RoadSelection, given: "WayFilter | None", clip: object) -
     Raises:
         BadType, BadValue: the filter or the area is impossible.
     """
-    area = None if clip is None else area_of(clip, "clip")
-    of_modes = tuple(one._replace(rule=filtered(one.rule, given), clip=area) for one in selection.of_modes)
-    return selection._replace(rule=filtered(selection.rule, given), clip=area, of_modes=of_modes)
+    area = None if clip is None else make_area(clip, "clip")
+    of_modes = tuple(one._replace(rule=filter_rule(one.rule, given), clip=area) for one in selection.of_modes)
+    return selection._replace(rule=filter_rule(selection.rule, given), clip=area, of_modes=of_modes)
 
 
-def for_mode(recipe: GraphRecipe, mode: Travel | None, bidirectional: bool | None, strong: bool | None) -> GraphRecipe:
+def adapt_recipe(
+    recipe: GraphRecipe, mode: Travel | None, bidirectional: bool | None, strong: bool | None
+) -> GraphRecipe:
     """Return the recipe for a mode of travel: its directions, and only strongly connected roads."""
     if mode is not None:
         both = None if bidirectional is None else recipe.bidirectional
@@ -295,34 +297,38 @@ def for_mode(recipe: GraphRecipe, mode: Travel | None, bidirectional: bool | Non
     return recipe._replace(strong=strong and not recipe.retain_all)
 
 
-def selection_of(recipe: GraphRecipe, mode: Travel | None, tags: tuple[str, ...] = ()) -> RoadSelection:
+def make_selection(recipe: GraphRecipe, mode: Travel | None, tags: tuple[str, ...] = ()) -> RoadSelection:
     """Return the selection of roads for a recipe; `mode` may be None if the recipe names none."""
-    if isinstance(mode, SeveralModes):
-        of_modes = [selection_of(recipe._replace(mode=name_of(one)), one, tags) for one in mode.modes]
+    if isinstance(mode, ModeCombination):
+        of_modes = [make_selection(recipe._replace(mode=name_of(one)), one, tags) for one in mode.modes]
         return of_modes[0]._replace(
             mode=recipe.mode,
             both_ways=bool(recipe.bidirectional),
-            closed=_closed_to_all(of_modes),
+            closed=_make_closing_rule(of_modes),
             keys=tuple(dict.fromkeys(key for one in of_modes for key in one.keys)),
             of_modes=(*of_modes,),
         )
     strong = recipe.strong and not recipe.bidirectional
     if mode is None:
-        closed = None if recipe.every_way else classic_closed_rule(None)
-        rule = classic_rule(None, every_way=recipe.every_way)
-        chosen = RoadSelection(keeping(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way)
-        chosen = chosen._replace(ignored=classic_ignored_values)
+        closed = None if recipe.every_way else make_classic_closed_rule(None)
+        rule = make_classic_rule(None, every_way=recipe.every_way)
+        chosen = RoadSelection(
+            keep_more_tags(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way
+        )
+        chosen = chosen._replace(ignored=list_classic_ignored_values)
     else:
         mode = honour_traffic(mode) if recipe.bidirectional is False else mode
-        rule = keeping(rule_of(mode), tags)
-        stops = stops_of(mode)
-        chosen = RoadSelection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
-        chosen = chosen._replace(vehicles=vehicles_of(mode), keys=keys_of(mode))
+        rule = keep_more_tags(make_rule(mode), tags)
+        stops = find_stops(mode)
+        chosen = RoadSelection(
+            rule, recipe.mode, recipe.retain_all, strong, make_closed_rule(mode), areas=True, stops=stops
+        )
+        chosen = chosen._replace(vehicles=find_vehicles(mode), keys=list_mode_keys(mode))
         chosen = chosen._replace(ignored=mode.ignored_values if isinstance(mode, Mode) else None)
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 
 
-def _closed_to_all(selections: Sequence[RoadSelection]) -> Rule:
+def _make_closing_rule(selections: Sequence[RoadSelection]) -> Rule:
     """Return the rule for the ways that are closed to each mode, with the tag that closes them to the first."""
 
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
@@ -367,11 +373,11 @@ def graph_from_geojson(
         BadFile: the file is damaged, not GeoJSON, too large, not in degrees, or has no lines.
         BadValue, BadType: an argument is impossible, or the lines are too far apart or north for one projection.
     """
-    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
+    recipe = make_recipe(resolution, tolerance, bidirectional, retain_all, simplify)
     if (metres := as_range(snap, "snap")) > _WIDEST_JUNCTION_M:
         raise BadValue(f"snap must be at most {_WIDEST_JUNCTION_M:g} meters, not {metres}.")
-    selection = selection_of(recipe, None)._replace(snap=metres)
-    return _graph(filepath, recipe, selection, as_ground(elevation, None), is_geojson=True)
+    selection = make_selection(recipe, None)._replace(snap=metres)
+    return _make_graph(filepath, recipe, selection, as_ground(elevation, None), is_geojson=True)
 
 
 def process_osm_graph(
@@ -395,10 +401,10 @@ def process_osm_graph(
         BadValue: a node lacks a position, or the CRS, a length or the resolution is impossible.
         MissingExtra: the graph has a CRS that is not a UTM zone and pyproj is not installed.
     """
-    recipe = recipe_of(resolution, 0.0, bidirectional)
+    recipe = make_recipe(resolution, 0.0, bidirectional)
     with progress() as show:
         show("Reading the graph")
-        network = network_in_metres(osmg)
+        network = make_network_in_metres(osmg)
         if bidirectional is None and not network.two_way.all():
             _warn_of_opened_streets()
         return cut(network, recipe, show)
@@ -424,10 +430,10 @@ def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int
 
     Raises: as `process_osm_graph`.
     """
-    tolerance = _tolerance(tolerance)
+    tolerance = _check_tolerance(tolerance)
     with progress() as show:
         show("Joining roads")
-        network = topology.consolidate(network_in_metres(osmg), tolerance)
+        network = topology.consolidate(make_network_in_metres(osmg), tolerance)
         return to_multidigraph(network)
 
 
@@ -440,12 +446,12 @@ def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectio
     Raises:
         BadType, BadValue: the resolution is impossible, or an edge has an impossible direction, speed or time.
     """
-    recipe = recipe_of(resolution, 0.0, bidirectional)
+    recipe = make_recipe(resolution, 0.0, bidirectional)
     with progress() as show:
-        network = network_of_columns(columns)
+        network = make_network_of_columns(columns)
         if scale_fault(columns.crs, columns.xy):
-            network = connected(in_true_metres(network, crs_of(columns.crs)[0]))
-        network = joined_directions(network) if network.turns else network
+            network = connected(project_to_true_metres(network, parse_crs(columns.crs)[0]))
+        network = join_directions(network) if network.turns else network
         return cut(network, recipe, show)
 
 
@@ -463,12 +469,12 @@ def as_ground(elevation: "ElevationPath | Elevation | None", mode: Travel | None
         FileNotFoundError, BadFile, BadType: the heights do not exist or are not valid.
     """
     heights = as_elevation(elevation)
-    modes = mode.modes if isinstance(mode, SeveralModes) else (mode,)
+    modes = mode.modes if isinstance(mode, ModeCombination) else (mode,)
     walked = [isinstance(one, Mode) and one.slope == "walked" for one in modes]
     return None if heights is None else ElevationSource(heights, tuple(walked))
 
 
-def _graph(
+def _make_graph(
     filepath: FilePath,
     recipe: GraphRecipe,
     selection: RoadSelection,
@@ -490,39 +496,39 @@ def cut(
 ) -> "nx.DiGraph[int]":
     """Cut joined roads as the recipe says, and make the graph."""
     show(f"Cutting {len(network.sources)} roads")
-    pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
+    pieces = resample(make_two_way(network) if recipe.bidirectional else network, recipe.resolution)
     pieces = replace(pieces, buildings=None)  # they take memory
     if pieces.refs is not None:
-        pieces = replace(pieces, tunnels=topology.tunnels_of(pieces))
+        pieces = replace(pieces, tunnels=topology.number_tunnels(pieces))
     if ground is not None:
         pieces = on_ground(pieces, ground.elevation, are_walked=ground.are_walked)
     show(f"Making a graph of {len(pieces.sources)} pieces")
-    return to_digraph(pieces, _about(recipe, network))
+    return to_digraph(pieces, _make_entries(recipe, network))
 
 
-def _about(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:
+def _make_entries(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:
     """Return the entries of `G.graph`: the recipe, and the lengths of merged and omitted roads."""
     merged = {"merged_nodes": network.merged.nodes, "merged_length": network.merged.length_m}
     return {**recipe._asdict(), **merged, **network.left_out._asdict(), "turn_restrictions": network.turn_restrictions}
 
 
-def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
+def make_network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
     """Return the roads of a networkx graph, projected to true meters if necessary; both directions become one road."""
-    network = network_of_graph(osmg)
+    network = make_network_of_graph(osmg)
     crs = osmg.graph.get("crs")
     if crs is None:
         drawn = along(network.offsets, network.points)[network.offsets[1:] - 1]
         check_metres(network.xy, drawn, "The graph has no CRS (osmg.graph['crs'])")
-    name, in_degrees = (None, False) if crs is None else crs_of(crs)
+    name, in_degrees = (None, False) if crs is None else parse_crs(crs)
     if name is not None and not in_degrees:
-        network = in_true_metres(network, name)
+        network = project_to_true_metres(network, name)
     elif name is not None and len(network.xy) and (np.abs(network.xy) <= (180.0, 90.0)).all():
-        network = projected(network, name)  # otherwise the CRS is out of date: these cannot be degrees
+        network = project_network(network, name)  # otherwise the CRS is out of date: these cannot be degrees
     network = connected(network)
-    return joined_directions(network) if osmg.is_directed() else both_ways(network)
+    return join_directions(network) if osmg.is_directed() else make_two_way(network)
 
 
-def recipe_of(
+def make_recipe(
     resolution: float,
     tolerance: float,
     bidirectional: bool | None,
@@ -540,10 +546,10 @@ def recipe_of(
     retain_all = as_bool(retain_all, "retain_all")
     simplify = as_bool(simplify, "simplify")
     name = "" if osm_type is None else osm_type.name
-    return GraphRecipe(metres, _tolerance(tolerance), both, retain_all, simplify, name)
+    return GraphRecipe(metres, _check_tolerance(tolerance), both, retain_all, simplify, name)
 
 
-def _tolerance(tolerance: float) -> float:
+def _check_tolerance(tolerance: float) -> float:
     number = as_range(tolerance, "tolerance")
     if number > _WIDEST_JUNCTION_M:
         raise BadValue(
@@ -566,16 +572,16 @@ def read_network(file: Path, show: Show, selection: RoadSelection, *, is_geojson
         ways = read_lines(file, show, snap=selection.snap)
     else:
         ways = _read_with_squares(MapFile(file), show, selection)
-    segments = segments_of(ways)
+    segments = cut_segments(ways)
     if not len(segments.sources):
-        raise BadFile(f"{str(file)!r} {_why_no_roads(ways, selection)}")
+        raise BadFile(f"{str(file)!r} {_explain_no_roads(ways, selection)}")
     show(f"Projecting {len(segments.lonlat)} nodes")
     if selection.retain_all:
-        network = network_of_segments(segments, ways.tags)
+        network = make_network_of_segments(segments, ways.tags)
     else:
-        network = network_of_part(segments, ways.tags, strong=selection.strong)
+        network = make_network_of_part(segments, ways.tags, strong=selection.strong)
     if not len(network.sources):
-        raise BadFile(f"{str(file)!r} {_no_way_back('')}")
+        raise BadFile(f"{str(file)!r} {_explain_no_way_back('')}")
     if ways.nodes is None and network.left_out.other_parts_m:
         lost = network.left_out.other_parts_m / (network.left_out.other_parts_m + float(network.lengths.sum()))
         parts = len(np.unique(components(segments.sources, segments.targets, len(segments.lonlat))))
@@ -583,7 +589,7 @@ def read_network(file: Path, show: Show, selection: RoadSelection, *, is_geojson
             f"{file.name} has {len(ways.tags)} lines in {parts} parts; {lost:.1%} of their length is not joined to the "
             "largest one and left out. snap= joins ends that are near, retain_all=True keeps all parts."
         )
-    left_out = network.left_out._replace(barriers=len(ways.barriers), across_m=length_across(ways))
+    left_out = network.left_out._replace(barriers=len(ways.barriers), across_m=measure_across(ways))
     network = replace(network, left_out=left_out, buildings=ways.buildings)
     if selection.is_classic or ways.nodes is None:
         return replace(network, attribution=ways.attribution, refs=None)
@@ -603,9 +609,9 @@ def _read_with_squares(
         keys=selection.keys,
     )
     if selection.vehicles:
-        ways = replace(ways, restrictions=restrictions_of(ways.signs, {selection.mode: selection.vehicles}))
-    ways = with_stated_times(ways)
-    return with_ways_across(ways if buildings is None else replace(ways, buildings=buildings))
+        ways = replace(ways, restrictions=parse_restrictions(ways.signs, {selection.mode: selection.vehicles}))
+    ways = add_stated_times(ways)
+    return add_ways_across(ways if buildings is None else replace(ways, buildings=buildings))
 
 
 def _read_modes(file: Path, show: Show, selection: RoadSelection) -> RoadNetwork:
@@ -617,21 +623,21 @@ def _read_modes(file: Path, show: Show, selection: RoadSelection) -> RoadNetwork
     parts = list[ModeRoads]()
     for one in selection.of_modes:
         ways = _read_with_squares(source, show, one, parts[0].ways.buildings if parts else None)
-        segments = segments_of(ways)
+        segments = cut_segments(ways)
         if not len(segments.sources):
-            raise BadFile(f"{str(file)!r} {_why_no_roads(ways, one)}")
+            raise BadFile(f"{str(file)!r} {_explain_no_roads(ways, one)}")
         parts.append(ModeRoads(one.mode, ways, segments))
     roads = unite(parts, both_ways=selection.both_ways)
     if selection.retain_all:
-        return in_metres(roads.network)
+        return project_to_metres(roads.network)
     kept = [part.are_in_largest(strong=selection.strong) for part in parts]
     for part, of_mode in zip(parts, kept, strict=True):
         if not of_mode.any():
-            raise BadFile(f"{str(file)!r} {_no_way_back(part.name)}")
-    return in_metres(roads.keep(kept))
+            raise BadFile(f"{str(file)!r} {_explain_no_way_back(part.name)}")
+    return project_to_metres(roads.keep(kept))
 
 
-def _no_way_back(mode: str) -> str:
+def _explain_no_way_back(mode: str) -> str:
     """Return the rest of the error for a file whose one-way streets lead nowhere and back."""
     whose = f" for the mode {mode!r}" if mode else ""
     return (
@@ -640,10 +646,10 @@ def _no_way_back(mode: str) -> str:
     )
 
 
-def _why_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:
+def _explain_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:
     """Return the rest of the error for a file without roads."""
     whose = f" for the mode {selection.mode!r}" if selection.mode else ""
-    only = f"{only_read(selection.keys)}; osm_type={{'railway': ['rail']}} reads other networks, "
+    only = f"{describe_read_ways(selection.keys)}; osm_type={{'railway': ['rail']}} reads other networks, "
     only += "and graph_from_geojson lines of any kind."
     if selection.clip is not None:
         west, south, east, north = selection.clip.bounds
@@ -654,7 +660,7 @@ def _why_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:
     return f"has no roads{whose}. {only} Export the area with its roads."
 
 
-@names_keywords
+@explain_call_errors
 def helsinki(
     ctx: IContext,
     resolution: float = 10.0,
@@ -681,20 +687,20 @@ def helsinki(
     graph = as_context(ctx, "helsinki").graph.graph
     if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
         raise BadValue("The context already has a graph or obstacles. Load the map into a new context.")
-    recipe = recipe_of(resolution, 0.0, bidirectional)
+    recipe = make_recipe(resolution, 0.0, bidirectional)
     travel = None if osm_type is None else as_travel(osm_type)
     if travel is not None:
         _check_modes_of_helsinki(travel, bidirectional)
         both_ways = recipe.bidirectional if bidirectional else None
         recipe = recipe._replace(bidirectional=both_ways, osm_type=name_of(travel).upper(), mode=name_of(travel))
-    is_list = isinstance(travel, SeveralModes)
-    pieces, columns = _pieces_of_helsinki(
+    is_list = isinstance(travel, ModeCombination)
+    pieces, columns = _cut_helsinki(
         recipe.resolution, recipe.mode, is_list=is_list, bidirectional=bool(recipe.bidirectional)
     )
-    streets = to_digraph(pieces, _about(recipe, pieces), columns)
+    streets = to_digraph(pieces, _make_entries(recipe, pieces), columns)
     ctx.graph.attach_networkx_graph(streets)
     if buildings:
-        walls = _helsinki(_FILE).obstacle_columns()
+        walls = _pack_helsinki(_FILE).obstacle_columns()
         ctx.graph.add_obstacles(walls.corners, walls.ids, walls.types)
     if buildings is not False:
         graph.scenery = "helsinki"
@@ -716,26 +722,26 @@ def _check_modes_of_helsinki(travel: Travel, bidirectional: bool | None) -> None
 
 
 @cache
-def _helsinki(file: Path) -> IPackedGraph:
+def _pack_helsinki(file: Path) -> IPackedGraph:
     return packed_graphs["gamms"](file.read_bytes())
 
 
 @lru_cache(maxsize=4)
-def _pieces_of_helsinki(
+def _cut_helsinki(
     resolution: float, mode: str, *, is_list: bool, bidirectional: bool
 ) -> tuple[RoadNetwork, GraphColumns]:
     """Return the shipped streets, cut; cached, because contexts copy them."""
-    network = _streets_of_helsinki(mode.split(","), is_list=is_list, both_ways=bidirectional) if mode else None
+    network = _load_helsinki(mode.split(","), is_list=is_list, both_ways=bidirectional) if mode else None
     if network is None:
-        network = network_of_columns(_helsinki(_FILE).columns())
-        network = both_ways(network) if bidirectional else network
+        network = make_network_of_columns(_pack_helsinki(_FILE).columns())
+        network = make_two_way(network) if bidirectional else network
     pieces = resample(network, resolution)
     return pieces, to_columns(pieces)
 
 
-def _streets_of_helsinki(names: Sequence[str], *, is_list: bool, both_ways: bool) -> RoadNetwork:
+def _load_helsinki(names: Sequence[str], *, is_list: bool, both_ways: bool) -> RoadNetwork:
     """Return the shipped streets for modes of travel; the edges of a mode that is no list have `speed_kph` alone."""
-    stored = network_of_columns(_helsinki(_MODES_FILE).columns())
+    stored = make_network_of_columns(_pack_helsinki(_MODES_FILE).columns())
     tags, back = split_directions(stored.tags)
     back_ways = None if back is None else back[stored.ways]
     network = replace(stored, tags=tags, back_ways=back_ways, modes=_MODES_OF_HELSINKI)

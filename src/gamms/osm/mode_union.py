@@ -20,18 +20,18 @@ from gamms.osm.network import (
     OsmRoads,
     RoadNetwork,
     RoadSegments,
-    chosen_roads,
     components,
-    in_largest,
-    network_in_degrees,
-    one_way_segments,
-    reversed_points,
+    find_nodes_in_largest,
+    find_one_way_segments,
+    find_strong_components,
+    find_ways_back,
+    make_network_in_degrees,
+    reverse_points,
+    select_roads,
     split_directions,
-    strong_components,
-    ways_back,
 )
 from gamms.osm.objects import NodeTags
-from gamms.osm.topology import without_unused_nodes
+from gamms.osm.topology import remove_unused_nodes
 from gamms.osm.turns import ForbiddenTurns, Paths, renumber
 
 _ACROSS_ID = -1  # of lines across squares, which are no ways
@@ -46,8 +46,8 @@ class ModeRoads(NamedTuple):
 
     def are_in_largest(self, *, strong: bool) -> BoolArray:
         """Return a mask of the segments in the largest part; see `largest_part`."""
-        one_way = one_way_segments(self.segments, self.ways.tags) if strong else None
-        inside = in_largest(self.segments, one_way)
+        one_way = find_one_way_segments(self.segments, self.ways.tags) if strong else None
+        inside = find_nodes_in_largest(self.segments, one_way)
         return np.asarray(inside[self.segments.sources] & inside[self.segments.targets])
 
     def refs(self) -> IntArray:
@@ -83,14 +83,14 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
         parts: the roads of each mode, read from one map.
         both_ways: let all modes go against one-way traffic.
     """
-    keys = np.concatenate([_keys_of(part) for part in parts])
+    keys = np.concatenate([_make_keys(part) for part in parts])
     roads, firsts = kernels.first_seen(np.unique(keys, axis=0, return_inverse=True)[1].ravel())
     bounds = np.cumsum([len(part.segments.ways) for part in parts])
     of_modes = tuple(np.split(roads, bounds[:-1]))
     refs = np.concatenate([part.refs() for part in parts])[firsts]
     lonlat = np.concatenate([part.segments.lonlat[part.ends()] for part in parts])[firsts]
-    nodes, seen = kernels.first_seen(_node_keys(refs, keys[firsts]))
-    uses = [_uses_of(part, of_mode, refs) for part, of_mode in zip(parts, of_modes, strict=True)]
+    nodes, seen = kernels.first_seen(_make_node_keys(refs, keys[firsts]))
+    uses = [_find_uses(part, of_mode, refs) for part, of_mode in zip(parts, of_modes, strict=True)]
     speeds = np.stack([use.speeds for use in uses], axis=2)
     two_way = np.asarray((speeds[:, 1] > 0.0).any(axis=1))
     starts = np.cumsum([0, *(len(use.tags) for use in uses)])
@@ -98,14 +98,14 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
     first = (speeds > 0.0).argmax(axis=2)
     row = np.take_along_axis(rows, first[:, :, None], axis=2)[:, :, 0]
     names = tuple(part.name for part in parts)
-    tags, row = _tags_with_speeds([tags for use in uses for tags in use.tags], row, speeds, names, ~two_way)
+    tags, row = _add_speeds([tags for use in uses for tags in use.tags], row, speeds, names, ~two_way)
     segments = RoadSegments(lonlat.reshape(-1, 2)[seen], nodes[0::2], nodes[1::2], row[:, 0], refs.ravel()[seen])
     segments = replace(
         segments,
         turns=_join_turns(parts, of_modes, refs),
         turn_restrictions=max(part.segments.turn_restrictions for part in parts),
     )
-    network = network_in_degrees(segments, two_way=two_way, tags=tags, back_ways=row[:, 1])
+    network = make_network_in_degrees(segments, two_way=two_way, tags=tags, back_ways=row[:, 1])
     barriers = {ref for part in parts for ref in part.ways.barriers}
     is_across = np.array([ACROSS in of_way for of_way in tags], np.bool_)[network.ways]
     is_again = np.ones(len(network.ways), np.bool_)
@@ -141,7 +141,7 @@ def _join_node_tags(parts: Sequence[ModeRoads]) -> NodeTags:
     return NodeTags(of, frozenset(ref for one in marked for ref in one.staying))
 
 
-def _keys_of(part: ModeRoads) -> IntArray:
+def _make_keys(part: ModeRoads) -> IntArray:
     """Return numbers (segments, 6) that are equal for one piece of road in two modes, and for no other piece.
 
     They are the id of the way, the ids of both nodes in ascending order, whether each of them is a barrier to the mode,
@@ -159,12 +159,12 @@ def _keys_of(part: ModeRoads) -> IntArray:
     return np.column_stack((keys, before))
 
 
-def _node_keys(refs: IntArray, keys: IntArray) -> IntArray:
+def _make_node_keys(refs: IntArray, keys: IntArray) -> IntArray:
     """Return numbers that are equal for ends of roads at one node; an end at a barrier is a node of its own.
 
     Args:
         refs: (roads, 2) of the nodes at the ends.
-        keys: (roads, 6) as of `_keys_of`.
+        keys: (roads, 6) as of `_make_keys`.
     """
     is_low = refs == keys[:, 1:2]
     is_barrier = np.where(is_low, keys[:, 3:4], keys[:, 4:5]).ravel() > 0
@@ -181,13 +181,13 @@ class _Uses(NamedTuple):
     tags: Sequence[Mapping[str, Any]]
 
 
-def _uses_of(part: ModeRoads, roads: IntArray, refs: IntArray) -> _Uses:
+def _find_uses(part: ModeRoads, roads: IntArray, refs: IntArray) -> _Uses:
     """Return the use of all roads by a mode; `roads` are those of its segments, `refs` (roads, 2) the nodes of all."""
     tags, back = split_directions(part.ways.tags)
     ways = part.segments.ways
     rows = np.column_stack((ways, ways if back is None else back[ways]))
     speeds = np.array([of_way["speed_kph"] for of_way in tags], np.float64)[rows]
-    speeds[one_way_segments(part.segments, part.ways.tags), 1] = 0.0
+    speeds[find_one_way_segments(part.segments, part.ways.tags), 1] = 0.0
     is_turned = part.refs()[:, 0] != refs[roads, 0]
     speeds[is_turned] = speeds[is_turned, ::-1]
     rows[is_turned] = rows[is_turned, ::-1]
@@ -197,7 +197,7 @@ def _uses_of(part: ModeRoads, roads: IntArray, refs: IntArray) -> _Uses:
     return every
 
 
-def _tags_with_speeds(
+def _add_speeds(
     tags: Sequence[Mapping[str, Any]], rows: IntArray, speeds: FloatArray, names: Sequence[str], one_way: BoolArray
 ) -> tuple[list[Mapping[str, Any]], IntArray]:
     """Return the tags of both directions of roads with the speeds of modes, and their rows (roads, 2).
@@ -227,11 +227,11 @@ def _tags_with_speeds(
     return result, found
 
 
-def speeds_of_modes(network: RoadNetwork) -> FloatArray:
+def find_speeds(network: RoadNetwork) -> FloatArray:
     """Return the speeds (roads, 2, modes) of modes along roads and back, in km/h; 0: closed."""
     shape = (len(network.tags), len(network.modes))
     of_tags = np.array([[of_way[name] for name in network.modes] for of_way in network.tags], np.float64).reshape(shape)
-    speeds = of_tags[np.column_stack((network.ways, ways_back(network)))]
+    speeds = of_tags[np.column_stack((network.ways, find_ways_back(network)))]
     speeds[~network.two_way, 1] = 0.0
     return speeds
 
@@ -246,11 +246,11 @@ def choose_modes(network: RoadNetwork, names: Sequence[str]) -> RoadNetwork:
 
 def open_both_ways(network: RoadNetwork) -> RoadNetwork:
     """Return the network in which each mode may use its roads in both directions, at the speed along its traffic."""
-    speeds = speeds_of_modes(network)
+    speeds = find_speeds(network)
     speeds = np.where(speeds > 0.0, speeds, speeds[:, ::-1])
-    rows = np.column_stack((network.ways, ways_back(network)))
+    rows = np.column_stack((network.ways, find_ways_back(network)))
     one_way = np.array([bool(of_way["oneway"]) for of_way in network.tags], np.bool_)[network.ways]
-    tags, rows = _tags_with_speeds(network.tags, rows, speeds, network.modes, one_way)
+    tags, rows = _add_speeds(network.tags, rows, speeds, network.modes, one_way)
     two_way = np.ones(len(rows), np.bool_)
     return replace(network, tags=tags, ways=rows[:, 0], back_ways=rows[:, 1], two_way=two_way)
 
@@ -264,15 +264,15 @@ def keep_uses(network: RoadNetwork, kept: BoolArray) -> RoadNetwork:
         network: roads of several modes.
         kept: (roads, modes) the uses to keep.
     """
-    speeds: FloatArray = speeds_of_modes(network) * kept[:, None, :]
+    speeds: FloatArray = find_speeds(network) * kept[:, None, :]
     is_open = np.asarray((speeds > 0.0).any(axis=2))
     are_two_way = np.asarray(is_open.all(axis=1))
     one_way = np.array([bool(of_way["oneway"]) for of_way in network.tags], np.bool_)[network.ways]
-    rows = np.column_stack((network.ways, ways_back(network)))
-    tags, rows = _tags_with_speeds(network.tags, rows, speeds, network.modes, one_way | ~are_two_way)
+    rows = np.column_stack((network.ways, find_ways_back(network)))
+    tags, rows = _add_speeds(network.tags, rows, speeds, network.modes, one_way | ~are_two_way)
     turned = ~is_open[:, 0] & is_open[:, 1]
     mirrored = np.repeat(turned, np.diff(network.offsets))
-    points = network.points[np.where(mirrored, reversed_points(network.offsets), np.arange(len(network.points)))]
+    points = network.points[np.where(mirrored, reverse_points(network.offsets), np.arange(len(network.points)))]
     rows_of = np.arange(len(turned))
     numbers = np.column_stack((2 * rows_of + turned, 2 * rows_of + ~turned)).ravel()
     result = replace(
@@ -293,24 +293,24 @@ def keep_uses(network: RoadNetwork, kept: BoolArray) -> RoadNetwork:
         other_parts_m=network.left_out.other_parts_m + float(network.lengths[~is_left & ~near].sum()),
         no_way_back_m=network.left_out.no_way_back_m + float(network.lengths[~is_left & near].sum()),
     )
-    return replace(without_unused_nodes(chosen_roads(result, np.flatnonzero(is_left))), left_out=gaps)
+    return replace(remove_unused_nodes(select_roads(result, np.flatnonzero(is_left))), left_out=gaps)
 
 
-def in_largest_parts(network: RoadNetwork, *, strong: bool) -> BoolArray:
+def find_uses_in_largest_parts(network: RoadNetwork, *, strong: bool) -> BoolArray:
     """Return a mask (roads, modes) of the uses in the largest part of each mode.
 
     Args:
         network: roads of several modes.
         strong: whether every node of a part has to be reachable from every other, in the directions of the mode.
     """
-    is_open = speeds_of_modes(network) > 0.0
+    is_open = find_speeds(network) > 0.0
     kept = np.zeros(is_open[:, 0].shape, np.bool_)
     count = len(network.xy)
     for mode in range(len(network.modes)):
         there, back = is_open[:, :, mode].T
         sources = np.concatenate((network.sources[there], network.targets[back]))
         targets = np.concatenate((network.targets[there], network.sources[back]))
-        label = strong_components(sources, targets, count) if strong else components(sources, targets, count)
+        label = find_strong_components(sources, targets, count) if strong else components(sources, targets, count)
         inside = label == np.bincount(label).argmax()
         kept[:, mode] = (there | back) & inside[network.sources] & inside[network.targets]
     return kept

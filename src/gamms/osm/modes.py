@@ -26,11 +26,11 @@ from gamms.osm.network import (
     OSMType,
     Rule,
     Stops,
-    attributes_of,
-    closing_tag,
-    kept_tags,
-    with_directions,
-    with_signs,
+    add_directions,
+    add_signs,
+    find_closing_tag,
+    keep_tags,
+    make_attributes,
 )
 from gamms.osm.objects import (
     AGAINST,
@@ -39,11 +39,19 @@ from gamms.osm.objects import (
     TWO_WAY,
     VARYING,
     has_direction,
-    number_of,
-    plain_tags,
-    words_of,
+    normalize_tags,
+    parse_number,
+    split_words,
 )
-from gamms.osm.speeds import duration_s, network_speed_kph, sign_in_force, sign_keys, sign_of, speed_kph, unread_signs
+from gamms.osm.speeds import (
+    find_network_speed_kph,
+    list_unread_signs,
+    parse_duration_s,
+    sign_in_force,
+    sign_keys,
+    sign_of,
+    speed_kph,
+)
 from gamms.text import shown
 
 _FILE = Path(__file__).parent.parent / "data" / "modes.toml"
@@ -129,8 +137,8 @@ class Mode:
 
     def __call__(self, tags: Mapping[str, str]) -> Access | None:
         """Return how a way with these tags may be used; None: it is closed."""
-        plain = plain_tags(tags)
-        forward, backward = (not why for why in self._closing_tags(plain))
+        plain = normalize_tags(tags)
+        forward, backward = (not why for why in self._find_closing_tags(plain))
         if not forward and not backward:
             return None
         there, back = (self.speed_kph(plain, direction) for direction in DIRECTIONS)
@@ -140,17 +148,17 @@ class Mode:
 
     def why_closed(self, tags: Mapping[str, str]) -> str:
         """Return the tag that closes a way to this mode, such as "access=private"; empty if it is open."""
-        plain = plain_tags(tags)
-        forward, backward = self._closing_tags(plain)
+        plain = normalize_tags(tags)
+        forward, backward = self._find_closing_tags(plain)
         if not forward or not backward:
             return ""
-        return backward if forward == self._against_traffic(plain)[0] else forward
+        return backward if forward == self._find_one_way_tags(plain)[0] else forward
 
     def is_stopped_by(self, tags: Mapping[str, str]) -> bool:
         """Return whether agents cannot pass a node with these tags, such as a bollard or a locked gate."""
-        plain = plain_tags(tags)
-        barriers = words_of(plain.get("barrier"))
-        signed = self._signed(plain, "")
+        plain = normalize_tags(tags)
+        barriers = split_words(plain.get("barrier"))
+        signed = self._find_signed_access(plain, "")
         if signed.is_open is None:
             return any(word in self.barriers for word in barriers)
         return bool(barriers) and not signed.is_open
@@ -162,8 +170,8 @@ class Mode:
             tags: of the way.
             direction: "forward", along its vertices, or "backward"; "": by the signs for both directions.
         """
-        plain = plain_tags(tags)
-        highway = self._class_of(plain)
+        plain = normalize_tags(tags)
+        highway = self._find_class(plain)
         listed = self.highways.get(highway, self.by_permission.get(highway))
         roads = [kph for name, kph in self.highways.items() if "=" not in name]
         usual = min(speed_kph(plain), max(roads, default=_FASTEST_KPH)) if listed is None else listed
@@ -174,14 +182,14 @@ class Mode:
 
     def ignored_values(self, tags: Mapping[str, str]) -> list[str]:
         """Return the tags for access, direction and speed with a word that the mode does not know, as "key=word"."""
-        plain = plain_tags(tags)
+        plain = normalize_tags(tags)
         found = list[str]()
         for key in (f"{key}{suffix}" for key in self.access for suffix in ("", *(f":{one}" for one in DIRECTIONS))):
-            found += [f"{key}={word}" for word in words_of(plain.get(key)) if not self._is_access(word)]
+            found += [f"{key}={word}" for word in split_words(plain.get(key)) if not self._is_access(word)]
         for key in self.oneway:
-            found += [f"{key}={word}" for word in words_of(plain.get(key)) if not self._is_direction(key, word)]
-            found += [f"{key}={word}" for word in words_of(plain.get(key)) if word in VARYING]
-        return found if self.maxspeed == "ignored" else [*found, *unread_signs(plain, self.vehicles)]
+            found += [f"{key}={word}" for word in split_words(plain.get(key)) if not self._is_direction(key, word)]
+            found += [f"{key}={word}" for word in split_words(plain.get(key)) if word in VARYING]
+        return found if self.maxspeed == "ignored" else [*found, *list_unread_signs(plain, self.vehicles)]
 
     @property
     def vehicles(self) -> tuple[str, ...]:
@@ -196,8 +204,8 @@ class Mode:
 
     def stated_seconds(self, tags: Mapping[str, str]) -> float | None:
         """Return the time that a way of another network than roads takes by its `duration`, such as a ferry."""
-        plain = plain_tags(tags)
-        return duration_s(plain.get("duration")) if "=" in self._class_of(plain) else None
+        plain = normalize_tags(tags)
+        return parse_duration_s(plain.get("duration")) if "=" in self._find_class(plain) else None
 
     def decisive_keys(self) -> frozenset[str]:
         """Return the keys of all tags that the mode reads."""
@@ -210,14 +218,14 @@ class Mode:
         """Return the signs of speed along the vertices of a way and against them; see `speeds.sign_in_force`."""
         if self.maxspeed == "ignored":
             return [{}, {}]
-        return [sign_in_force(plain_tags(tags), self.vehicles, direction) for direction in DIRECTIONS]
+        return [sign_in_force(normalize_tags(tags), self.vehicles, direction) for direction in DIRECTIONS]
 
-    def _class_of(self, tags: Mapping[str, str]) -> str:
+    def _find_class(self, tags: Mapping[str, str]) -> str:
         """Return the class of a way, of several the first that is known."""
-        classes = words_of(tags.get("highway"))
+        classes = split_words(tags.get("highway"))
         names = [*classes]
         for key in self.keys:
-            words = words_of(tags.get(key)) if key != "highway" else []
+            words = split_words(tags.get(key)) if key != "highway" else []
             names += [name for word in words for name in (f"{key}={word}", f"{key}=*")]
         known = (one for one in names if one in self.highways or one in self.by_permission)
         return next(known, ";".join(classes) or "no")
@@ -228,17 +236,17 @@ class Mode:
         key = name.partition("=")[0] if "=" in name else next(iter(keys), "highway")
         if key == "highway" or "highway" in tags:
             return f"highway={name}"
-        return f"{key}={';'.join(words_of(tags[key]))}"
+        return f"{key}={';'.join(split_words(tags[key]))}"
 
-    def _closing_tags(self, tags: Mapping[str, str]) -> tuple[str, str]:
+    def _find_closing_tags(self, tags: Mapping[str, str]) -> tuple[str, str]:
         """Return the tags that close a way along its vertices and against them; empty where it is open."""
-        there, back = self._against_traffic(tags)
+        there, back = self._find_one_way_tags(tags)
         if has_direction(tags):
-            return self._closing_tag(tags, "forward", there), self._closing_tag(tags, "backward", back)
-        closing = self._closing_tag(tags, "", "")
+            return self._find_closing_tag(tags, "forward", there), self._find_closing_tag(tags, "backward", back)
+        closing = self._find_closing_tag(tags, "", "")
         return closing or there, closing or back
 
-    def _closing_tag(self, tags: Mapping[str, str], direction: str, against_traffic: str) -> str:
+    def _find_closing_tag(self, tags: Mapping[str, str], direction: str, against_traffic: str) -> str:
         """Return the tag that closes a way in one direction; empty if it is open.
 
         Args:
@@ -246,24 +254,24 @@ class Mode:
             direction: "forward" or "backward"; "": both.
             against_traffic: the tag by which the way is one-way in the other direction.
         """
-        highway = self._class_of(tags)
-        never = _closed_by(self.never, tags, direction)
+        highway = self._find_class(tags)
+        never = _find_closing_words(self.never, tags, direction)
         if never or (highway not in self.highways and highway not in self.by_permission):
             return never or self._tag_of_class(highway, tags)
-        signed = self._signed(tags, direction)
+        signed = self._find_signed_access(tags, direction)
         if signed.is_open is False:
             return signed.tag
         if signed.is_open is None:
-            closing = _closed_by(self.closed, tags, direction)
+            closing = _find_closing_words(self.closed, tags, direction)
             closing = closing if highway in self.highways else self._tag_of_class(highway, tags)
             return closing or against_traffic
         return "" if signed.is_directed else against_traffic
 
-    def _signed(self, tags: Mapping[str, str], direction: str) -> "_SignedAccess":
+    def _find_signed_access(self, tags: Mapping[str, str], direction: str) -> "_SignedAccess":
         """Return what access keys say about an object in one direction; "" for both."""
         for key in self.access:
             for name in (f"{key}:{direction}", key) if direction else (key,):
-                words = [word for word in words_of(tags.get(name)) if self._is_access(word) and word != "unknown"]
+                words = [word for word in split_words(tags.get(name)) if self._is_access(word) and word != "unknown"]
                 if not words:
                     continue
                 tag = f"{name}={';'.join(words)}"
@@ -277,9 +285,9 @@ class Mode:
         """Return whether a word is a known value of access keys."""
         return word in self.refused or word in _OPENING or word in _NEUTRAL or word == "unknown"
 
-    def _against_traffic(self, tags: Mapping[str, str]) -> tuple[str, str]:
+    def _find_one_way_tags(self, tags: Mapping[str, str]) -> tuple[str, str]:
         """Return the tags that close a one-way street along its vertices and against them; empty where it is open."""
-        signs = ((key, word) for key in self.oneway for word in words_of(tags.get(key)))
+        signs = ((key, word) for key in self.oneway for word in split_words(tags.get(key)))
         key, word = next(((key, word) for key, word in signs if self._is_direction(key, word)), ("", ""))
         closing = ("", "")
         if not key:
@@ -304,18 +312,18 @@ class _SignedAccess(NamedTuple):
     is_directed: bool = False  # whether the key names the direction
 
 
-def _closed_by(rules: _Values, tags: Mapping[str, str], direction: str) -> str:
+def _find_closing_words(rules: _Values, tags: Mapping[str, str], direction: str) -> str:
     """Return the first tag for a direction whose words all close a way, as "key=words", or ""."""
     for key, values in rules.items():
         directed = f"{key}:{direction}"
-        if closing := closing_tag(tags, directed if directed in tags else key, values):
+        if closing := find_closing_tag(tags, directed if directed in tags else key, values):
             return closing
     return ""
 
 
 def _tag_among(rules: _Values, tags: Mapping[str, str]) -> str:
     """Return the first tag that has one of these values, as "key=word", or ""."""
-    found = (f"{key}={word}" for key, values in rules.items() for word in words_of(tags.get(key)) if word in values)
+    found = (f"{key}={word}" for key, values in rules.items() for word in split_words(tags.get(key)) if word in values)
     return next(found, "")
 
 
@@ -330,17 +338,17 @@ def modes(filepath: object = None) -> dict[str, Mode]:
         BadFile: the file is not TOML, or a field is missing, unknown or impossible.
     """
     if filepath is None:
-        return dict(_shipped())
+        return dict(_load_shipped())
     file = as_path(filepath, "filepath")
-    return _read(file, {name: _fields_of(mode) for name, mode in _shipped().items()})
+    return _read(file, {name: _list_fields(mode) for name, mode in _load_shipped().items()})
 
 
 @cache
-def _shipped() -> dict[str, Mode]:
+def _load_shipped() -> dict[str, Mode]:
     return _read(_FILE, {})
 
 
-def _fields_of(mode: Mode) -> dict[str, Any]:
+def _list_fields(mode: Mode) -> dict[str, Any]:
     return {field.name: getattr(mode, field.name) for field in fields(Mode) if field.name != "name"}
 
 
@@ -377,7 +385,7 @@ def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) ->
 
 
 @dataclass(slots=True, frozen=True)
-class SeveralModes:
+class ModeCombination:
     """The modes of travel of one graph, in the order in which they give its edges their `speed_kph`."""
 
     modes: tuple[ModeFunction, ...]
@@ -388,7 +396,7 @@ class SeveralModes:
         return tuple(name_of(mode) for mode in self.modes)
 
 
-Travel = ModeFunction | SeveralModes
+Travel = ModeFunction | ModeCombination
 """The mode of travel of a graph, or its several modes."""
 
 _NO_NAMES = OWN_NAMES | {
@@ -414,7 +422,7 @@ def as_travel(value: object, tags: Collection[str] = ()) -> Travel:
     """
     if not isinstance(value, (list, tuple)):
         return as_mode(value)
-    several = SeveralModes(tuple(as_mode(one) for one in value))
+    several = ModeCombination(tuple(as_mode(one) for one in value))
     if not several.modes:
         raise BadValue("osm_type is an empty list. Name the modes of travel, such as ['walk', 'drive'].")
     for row, name in enumerate(several.names):
@@ -428,7 +436,7 @@ def as_travel(value: object, tags: Collection[str] = ()) -> Travel:
     return several
 
 
-def _network_mode(given: Mapping[Any, object]) -> Mode:
+def _make_network_mode(given: Mapping[Any, object]) -> Mode:
     """Return the mode of a network that is no road: all ways with one of these tags.
 
     Args:
@@ -450,17 +458,17 @@ def _network_mode(given: Mapping[Any, object]) -> Mode:
             if not isinstance(value, str):
                 raise BadType(f"osm_type[{key!r}] must have texts as values, not {shown(value)}.")
             word = value.strip().lower()
-            kph = listed[value] if isinstance(listed, Mapping) else network_speed_kph(key, word)
-            if not 0.0 < number_of(kph) <= _FASTEST_KPH:
+            kph = listed[value] if isinstance(listed, Mapping) else find_network_speed_kph(key, word)
+            if not 0.0 < parse_number(kph) <= _FASTEST_KPH:
                 raise BadValue(
                     f"osm_type[{key!r}][{value!r}] must be a speed up to {_FASTEST_KPH:g} km/h, not {shown(kph)}."
                 )
-            classes[word if key == "highway" else f"{key}={word}"] = number_of(kph)
+            classes[word if key == "highway" else f"{key}={word}"] = parse_number(kph)
             names.append(key if word == "*" else word)
     if not classes:
         raise BadValue("osm_type is an empty dict. Name keys and values, such as {'railway': ['rail', 'tram']}.")
-    never = _shipped()["walk"].never
-    cars = _shipped()["drive"]
+    never = _load_shipped()["walk"].never
+    cars = _load_shipped()["drive"]
     return replace(
         cars,
         name="_".join(names),
@@ -477,7 +485,7 @@ def _network_mode(given: Mapping[Any, object]) -> Mode:
     )
 
 
-def keys_of(mode: ModeFunction) -> tuple[str, ...]:
+def list_mode_keys(mode: ModeFunction) -> tuple[str, ...]:
     """Return the keys of which a way needs one to be read for a mode.
 
     A function is asked about other networks than roads if it closes a way without tags: one that opens it, or fails,
@@ -508,38 +516,38 @@ def as_mode(value: object) -> ModeFunction:
     if callable(value) and not isinstance(value, type):
         return value
     if isinstance(value, Mapping):
-        return _network_mode(value)
+        return _make_network_mode(value)
     name = value.name if isinstance(value, OSMType) else value
-    mode = _shipped().get(name.rpartition(".")[2].lower()) if isinstance(name, str) else None
+    mode = _load_shipped().get(name.rpartition(".")[2].lower()) if isinstance(name, str) else None
     if mode is None:
         raise BadType(
             "osm_type must be OSMType.WALK, BIKE or DRIVE, one of the names "
-            f"{', '.join(_shipped())}, a Mode, a function, a dict of tags or a list of these, not {shown(value)}."
-            f"{explain_name(value, _shipped())}"
+            f"{', '.join(_load_shipped())}, a Mode, a function, a dict of tags or a list of these, not {shown(value)}."
+            f"{explain_name(value, _load_shipped())}"
         )
     return mode
 
 
 def name_of(mode: Travel) -> str:
     """Return the name of a mode for a graph, such as "drive", or that of the function; of several, "walk,drive"."""
-    if isinstance(mode, SeveralModes):
+    if isinstance(mode, ModeCombination):
         return ",".join(mode.names)
     return mode.name if isinstance(mode, Mode) else str(getattr(mode, "__name__", type(mode).__name__))
 
 
-def tolerance_of(mode: Travel | None) -> float:
+def find_tolerance(mode: Travel | None) -> float:
     """Return the default tolerance of loaders, in meters; of several modes the least."""
-    if isinstance(mode, SeveralModes):
-        return min(map(tolerance_of, mode.modes))
+    if isinstance(mode, ModeCombination):
+        return min(map(find_tolerance, mode.modes))
     return mode.tolerance if isinstance(mode, Mode) else _TOLERANCE_M
 
 
-def stops_of(mode: ModeFunction | None) -> Stops | None:
+def find_stops(mode: ModeFunction | None) -> Stops | None:
     """Return the test for nodes that agents of a mode cannot pass; None: they pass all."""
     return mode.is_stopped_by if isinstance(mode, Mode) else None
 
 
-def vehicles_of(mode: ModeFunction | None) -> tuple[str, ...]:
+def find_vehicles(mode: ModeFunction | None) -> tuple[str, ...]:
     """Return the names of a mode in turn restrictions, the most specific first; empty if none hold for it.
 
     They hold for vehicles, so not for walkers; nothing is known about the vehicle of a function.
@@ -551,14 +559,14 @@ def honour_traffic(mode: ModeFunction) -> ModeFunction:
     """Return the mode for agents that obey the one-way streets of cars; a function is returned unchanged."""
     if not isinstance(mode, Mode) or "oneway" in mode.oneway:
         return mode
-    cars = _shipped()["drive"]
+    cars = _load_shipped()["drive"]
     oneway = {**mode.oneway, "oneway": cars.oneway["oneway"]}
     return replace(mode, oneway=oneway, implied_oneway=cars.implied_oneway)
 
 
-def closed_rule(mode: ModeFunction) -> Rule:
+def make_closed_rule(mode: ModeFunction) -> Rule:
     """Return the rule for reading the ways that are closed to a mode, with the closing tag as `why`."""
-    rule = rule_of(mode)
+    rule = make_rule(mode)
 
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         if rule(osmid, tags) is not None:
@@ -569,9 +577,9 @@ def closed_rule(mode: ModeFunction) -> Rule:
     return closed
 
 
-def rule_of(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
+def make_rule(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
     """Return the rule for reading the ways of a mode of travel; `names` are the tags to keep."""
-    decide = _remembered(mode) if isinstance(mode, Mode) else lambda tags: (mode(tags), _NO_SIGNS)
+    decide = _cache_answers(mode) if isinstance(mode, Mode) else lambda tags: (mode(tags), _NO_SIGNS)
     kept = (*names, *(key for key in mode.keys if key not in names)) if isinstance(mode, Mode) else names
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
@@ -586,37 +594,37 @@ def rule_of(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
         speed, forward, backward = access
         back = speed if access.backward_kph is None else access.backward_kph
         for kph in (speed, back):
-            if not 0.0 < number_of(kph) < math.inf:
+            if not 0.0 < parse_number(kph) < math.inf:
                 raise BadValue(
                     f"{name_of(mode)} gives way {osmid} the speed {shown(kph)}: it must be more than 0 km/h."
                 )
         if not forward and not backward:
             return None
-        found = {**attributes_of(osmid, tags, kept), "oneway": not (forward and backward)}
+        found = {**make_attributes(osmid, tags, kept), "oneway": not (forward and backward)}
         seconds = mode.stated_seconds(tags) if isinstance(mode, Mode) and "duration" in tags else None
         if seconds is not None:
             return {**found, "speed_kph": float(speed), STATED_SECONDS: seconds}, not forward
         if "maxspeed" in names:
-            found = with_directions(found, signs, against=not forward)
+            found = add_directions(found, signs, against=not forward)
         speeds = [{"speed_kph": float(speed)}, {"speed_kph": float(back)}]
-        return with_directions(found, speeds, against=not forward), not forward
+        return add_directions(found, speeds, against=not forward), not forward
 
     return rule
 
 
-def paced_rule(mode: ModeFunction, osm_type: OSMType, names: Iterable[str] = KEPT_TAGS) -> Rule:
-    """Return the rule that takes all ways, with the directions of `kept_tags` and the speeds and signs of a mode.
+def make_paced_rule(mode: ModeFunction, osm_type: OSMType, names: Iterable[str] = KEPT_TAGS) -> Rule:
+    """Return the rule that takes all ways, with the directions of `keep_tags` and the speeds and signs of a mode.
 
     The speeds are those of signs and classes if the mode is a function, which knows no speeds of ways that it closes.
     """
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool]:
-        kept, against = kept_tags(osmid, tags, osm_type, names)
+        kept, against = keep_tags(osmid, tags, osm_type, names)
         if not isinstance(mode, Mode):
-            return with_signs(kept, tags, against=against), against
+            return add_signs(kept, tags, against=against), against
         speeds = [{"speed_kph": mode.speed_kph(tags, direction)} for direction in DIRECTIONS]
-        signed = with_directions(kept, mode.signs(tags), against=against)
-        return with_directions(signed, speeds, against=against), against
+        signed = add_directions(kept, mode.signs(tags), against=against)
+        return add_directions(signed, speeds, against=against), against
 
     return rule
 
@@ -626,13 +634,13 @@ _LONGEST_KNOWN = 255  # characters of a value
 _NO_SIGNS: Sequence[Mapping[str, Any]] = ({}, {})
 
 
-def _remembered(mode: Mode) -> Callable[[Mapping[str, str]], tuple[Access | None, Sequence[Mapping[str, Any]]]]:
+def _cache_answers(mode: Mode) -> Callable[[Mapping[str, str]], tuple[Access | None, Sequence[Mapping[str, Any]]]]:
     """Return a function from tags to the access and the signs of a mode; it remembers answers: most ways are alike."""
     keys = mode.decisive_keys()
     known: dict[tuple[tuple[str, str], ...], tuple[Access | None, Sequence[Mapping[str, Any]]]] = {}
 
     def decide(tags: Mapping[str, str]) -> tuple[Access | None, Sequence[Mapping[str, Any]]]:
-        plain = plain_tags(tags)
+        plain = normalize_tags(tags)
         read = tuple([(key, value) for key, value in plain.items() if key in keys])
         found = known.get(read)
         if found is None:
@@ -644,7 +652,7 @@ def _remembered(mode: Mode) -> Callable[[Mapping[str, str]], tuple[Access | None
     return decide
 
 
-def keeping(rule: Rule, names: Sequence[str]) -> Rule:
+def keep_more_tags(rule: Rule, names: Sequence[str]) -> Rule:
     """Return a rule by which ways keep further tags."""
 
     def with_tags(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
@@ -657,7 +665,7 @@ def keeping(rule: Rule, names: Sequence[str]) -> Rule:
 WayFilter = Callable[[Mapping[str, str]], object] | Mapping[str, str | bool | Sequence[str]]
 
 
-def filtered(rule: Rule | None, given: WayFilter | None) -> Rule | None:
+def filter_rule(rule: Rule | None, given: WayFilter | None) -> Rule | None:
     """Return a rule that also applies the caller's filter.
 
     Args:
@@ -669,7 +677,7 @@ def filtered(rule: Rule | None, given: WayFilter | None) -> Rule | None:
     """
     if rule is None or given is None:
         return rule
-    keep = _of_values(given) if isinstance(given, Mapping) else given
+    keep = _make_tag_function(given) if isinstance(given, Mapping) else given
     if not callable(keep):
         raise BadType(f"filter must be a function from tags to a bool, or a dict of tags, not {shown(given)}.")
     return lambda osmid, tags: rule(osmid, tags) if keep(tags) else None
@@ -693,7 +701,7 @@ def filter_of_words(text: str) -> WayFilter | None:
     return json.loads(text) if text else None
 
 
-def _of_values(given: Mapping[str, object]) -> Callable[[Mapping[str, str]], bool]:
+def _make_tag_function(given: Mapping[str, object]) -> Callable[[Mapping[str, str]], bool]:
     wanted: dict[str, set[str] | None] = {}
     for tag, values in given.items():
         listed = [values] if isinstance(values, str) else values

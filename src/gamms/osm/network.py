@@ -12,7 +12,7 @@ from gamms.arguments import as_member
 from gamms.errors import BadType
 from gamms.ir.graph import FORBIDDEN_TURNS, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import WGS84, ellipsoid_lengths, ground_scale, is_true, project, utm_crs
+from gamms.ir.projection import WGS84, compute_ground_scale, ellipsoid_lengths, find_utm_crs, is_true, project
 from gamms.osm.footprints import BuildingIndex
 from gamms.osm.objects import (
     DIRECTIONS,
@@ -21,12 +21,20 @@ from gamms.osm.objects import (
     NodeTags,
     is_against,
     is_one_way,
-    plain_tags,
+    normalize_tags,
     read_edge_values,
-    words_of,
+    split_words,
 )
-from gamms.osm.speeds import CARS, has_special_signs, sign_in_force, unread_signs
-from gamms.osm.turns import ForbiddenTurns, RoadPieces, TurnRelation, TurnRestriction, choose, renumber, turns_of_edges
+from gamms.osm.speeds import CARS, has_special_signs, list_unread_signs, sign_in_force
+from gamms.osm.turns import (
+    ForbiddenTurns,
+    RoadPieces,
+    TurnRelation,
+    TurnRestriction,
+    choose,
+    read_turns_of_edges,
+    renumber,
+)
 from gamms.text import shown
 
 KEPT_TAGS = (
@@ -143,7 +151,7 @@ class RoadSegments:
 
 def is_upright(tags: Mapping[str, Any]) -> bool:
     """Return whether a way is stairs or an elevator."""
-    return not _UPRIGHT.isdisjoint(words_of(tags.get("highway")))
+    return not _UPRIGHT.isdisjoint(split_words(tags.get("highway")))
 
 
 Rule = Callable[[int, Mapping[str, str]], tuple[dict[str, Any], bool] | None]
@@ -154,82 +162,83 @@ Stops = Callable[[Mapping[str, str]], bool]
 """From the tags of a node to whether it is a barrier that agents cannot pass."""
 
 
-def classic_rule(osm_type: OSMType | None, *, every_way: bool = False) -> Rule:
+def make_classic_rule(osm_type: OSMType | None, *, every_way: bool = False) -> Rule:
     """Return the rule of OSMnx's network type, with the directions of traffic.
 
     Args:
         osm_type: the network type; None: all roads.
         every_way: take all ways with a `highway` tag, as gamms 1.0.0 does for files, including planned roads.
     """
-    closed = classic_closed_rule(osm_type)
+    closed = make_classic_closed_rule(osm_type)
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         if not every_way and closed(osmid, tags):
             return None
-        kept, against = kept_tags(osmid, tags, osm_type)
-        return with_signs(kept, tags, against=against), against
+        kept, against = keep_tags(osmid, tags, osm_type)
+        return add_signs(kept, tags, against=against), against
 
     return rule
 
 
-def classic_closed_rule(osm_type: OSMType | None) -> Rule:
-    """Return the rule for the ways that `classic_rule` leaves out, with the closing tag as `why`."""
+def make_classic_closed_rule(osm_type: OSMType | None) -> Rule:
+    """Return the rule for the ways that `make_classic_rule` leaves out, with the closing tag as `why`."""
 
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
-        plain = plain_tags(tags)
+        plain = normalize_tags(tags)
         why = next(
-            (found for name, values in CLOSED_TO[osm_type].items() if (found := closing_tag(plain, name, values))), None
+            (found for name, values in CLOSED_TO[osm_type].items() if (found := find_closing_tag(plain, name, values))),
+            None,
         )
         return None if why is None else ({"osmid": osmid, "why": why, "oneway": False}, False)
 
     return closed
 
 
-def classic_ignored_values(tags: Mapping[str, str]) -> list[str]:
+def list_classic_ignored_values(tags: Mapping[str, str]) -> list[str]:
     """Return the tags with the direction and speed of traffic that have no known meaning, as "key=word"."""
-    plain = plain_tags(tags)
-    unknown = (word for word in words_of(plain.get("oneway")) if word not in ONE_WAY | TWO_WAY)
-    return [*(f"oneway={word}" for word in unknown), *unread_signs(plain, CARS)]
+    plain = normalize_tags(tags)
+    unknown = (word for word in split_words(plain.get("oneway")) if word not in ONE_WAY | TWO_WAY)
+    return [*(f"oneway={word}" for word in unknown), *list_unread_signs(plain, CARS)]
 
 
-def closing_tag(tags: Mapping[str, str], name: str, values: Collection[str]) -> str:
+def find_closing_tag(tags: Mapping[str, str], name: str, values: Collection[str]) -> str:
     """Return a tag as "key=words" if all of its words are among these values, else ""."""
-    words = words_of(tags[name]) if name in tags else []
+    words = split_words(tags[name]) if name in tags else []
     return f"{name}={';'.join(words)}" if words and all(word in values for word in words) else ""
 
 
-def attributes_of(osmid: int, tags: Mapping[str, str], names: Iterable[str] = KEPT_TAGS) -> dict[str, Any]:
+def make_attributes(osmid: int, tags: Mapping[str, str], names: Iterable[str] = KEPT_TAGS) -> dict[str, Any]:
     """Return the id of a way and its kept tags."""
     if "highway" not in tags:
         names = (*names, *NETWORK_KEYS, "duration")
     return {"osmid": osmid, **{name: tags[name] for name in names if name in tags}}
 
 
-def kept_tags(
+def keep_tags(
     osmid: int, tags: Mapping[str, str], osm_type: OSMType | None = None, names: Iterable[str] = KEPT_TAGS
 ) -> tuple[dict[str, Any], bool]:
     """Return the attributes of a way, and whether its traffic runs against the order of its vertices.
 
     The attributes are its tags under their own names, and `oneway` as a bool. Bicycles may have their own tag for it.
     """
-    plain = plain_tags(tags)
+    plain = normalize_tags(tags)
     rule = plain.get("oneway")
     if osm_type is OSMType.BIKE:
         rule = plain.get("oneway:bicycle", rule)
     one_way = is_one_way(rule, plain.get("junction"))
-    return {**attributes_of(osmid, tags, names), "oneway": one_way}, is_against(rule)
+    return {**make_attributes(osmid, tags, names), "oneway": one_way}, is_against(rule)
 
 
-def with_signs(attributes: dict[str, Any], tags: Mapping[str, Any], *, against: bool) -> dict[str, Any]:
+def add_signs(attributes: dict[str, Any], tags: Mapping[str, Any], *, against: bool) -> dict[str, Any]:
     """Return the attributes of a way with `maxspeed` as its signs have it for cars, in each direction."""
-    plain = plain_tags(tags)
+    plain = normalize_tags(tags)
     if not has_special_signs(plain):
         return attributes
     signs = [sign_in_force(plain, CARS, direction) for direction in DIRECTIONS]
-    return with_directions(attributes, signs, against=against)
+    return add_directions(attributes, signs, against=against)
 
 
-def with_directions(
+def add_directions(
     attributes: dict[str, Any], directed: Sequence[Mapping[str, Any]], *, against: bool
 ) -> dict[str, Any]:
     """Return the attributes of a way with others that hold in one direction only.
@@ -265,7 +274,7 @@ def split_directions(tags: Sequence[Mapping[str, Any]]) -> tuple[Sequence[Mappin
     return split, rows
 
 
-def with_stated_times(ways: OsmRoads) -> OsmRoads:
+def add_stated_times(ways: OsmRoads) -> OsmRoads:
     """Return the ways with the speeds that follow from their length and the time that the map states for them.
 
     A way of which a node is missing, or that would be faster than 120 km/h, keeps its usual speed.
@@ -283,14 +292,14 @@ def with_stated_times(ways: OsmRoads) -> OsmRoads:
     return replace(ways, tags=tags)
 
 
-def only_read(keys: Sequence[str]) -> str:
+def describe_read_ways(keys: Sequence[str]) -> str:
     """Return which ways are read, for errors."""
     if tuple(keys) == ROADS:
         return "Only ways with a highway tag are read, not railways, ferries or waterways"
     return f"Only ways with one of the tags {', '.join(keys)} are read"
 
 
-def segments_of(ways: OsmRoads) -> RoadSegments:
+def cut_segments(ways: OsmRoads) -> RoadSegments:
     """Cut the ways at every vertex; a vertex that the file lacks leaves a gap, never a line across it.
 
     At a barrier each piece of road ends at a node of its own.
@@ -313,10 +322,10 @@ def segments_of(ways: OsmRoads) -> RoadSegments:
     firsts = positions.ravel()[firsts]
     refs = None if ways.nodes is None else ways.refs[firsts]
     segments = RoadSegments(ways.lonlat[firsts], sources, targets, way, refs)
-    return _with_turns(segments, ways) if ways.restrictions else segments
+    return _add_turns(segments, ways) if ways.restrictions else segments
 
 
-def _with_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
+def _add_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
     """Return the segments of ways with the paths that turn restrictions forbid."""
     named = {id for held in ways.restrictions.values() for one in held for id in one.ways()}
     rows = [row for row, id in enumerate(ways.ids) if id in named]
@@ -339,7 +348,7 @@ def _with_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
     )
 
 
-def largest_part(segments: RoadSegments, one_way: BoolArray | None = None) -> RoadSegments:
+def find_largest_part(segments: RoadSegments, one_way: BoolArray | None = None) -> RoadSegments:
     """Return the connected part with the most nodes; ties go to the part that comes first in the file.
 
     Args:
@@ -347,11 +356,11 @@ def largest_part(segments: RoadSegments, one_way: BoolArray | None = None) -> Ro
         one_way: (segments,) whether they lead from source to target only; if given, return the largest part in which
             every node can be reached from every other.
     """
-    return _within(segments, in_largest(segments, one_way))
+    return _select_segments(segments, find_nodes_in_largest(segments, one_way))
 
 
-def in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
-    """Return a mask of the nodes in the largest part; see `largest_part`."""
+def find_nodes_in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
+    """Return a mask of the nodes in the largest part; see `find_largest_part`."""
     count = len(segments.lonlat)
     sources = segments.sources
     targets = segments.targets
@@ -360,11 +369,11 @@ def in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
     else:
         back = ~one_way
         ends = np.concatenate((sources, targets[back])), np.concatenate((targets, sources[back]))
-        label = strong_components(*ends, count)
+        label = find_strong_components(*ends, count)
     return np.asarray(label == np.bincount(label).argmax())
 
 
-def _within(segments: RoadSegments, inside: BoolArray) -> RoadSegments:
+def _select_segments(segments: RoadSegments, inside: BoolArray) -> RoadSegments:
     kept = inside[segments.sources] & inside[segments.targets]
     row = np.cumsum(inside) - 1
     return replace(
@@ -399,15 +408,15 @@ def components(a: IntArray, b: IntArray, count: int) -> IntArray:
             label = further
 
 
-def strong_components(sources: IntArray, targets: IntArray, count: int) -> IntArray:
+def find_strong_components(sources: IntArray, targets: IntArray, count: int) -> IntArray:
     """Return for each of `count` rows the smallest row in its strongly connected component.
 
     Kosaraju's algorithm: in the reverse order in which a depth-first search leaves them, rows collect the rows that
     lead to them.
     """
-    begins, back = _neighbours(targets, sources, count)
+    begins, back = _list_neighbors(targets, sources, count)
     label = [-1] * count
-    for start in reversed(_left_in_order(*_neighbours(sources, targets, count))):
+    for start in reversed(_order_by_search(*_list_neighbors(sources, targets, count))):
         waiting = [start] if label[start] < 0 else []
         while waiting:
             row = waiting.pop()
@@ -418,13 +427,13 @@ def strong_components(sources: IntArray, targets: IntArray, count: int) -> IntAr
     return smallest[label]
 
 
-def _neighbours(sources: IntArray, targets: IntArray, count: int) -> tuple[list[int], list[int]]:
+def _list_neighbors(sources: IntArray, targets: IntArray, count: int) -> tuple[list[int], list[int]]:
     """Return the offsets of the rows' targets in a list, and that list."""
     offsets, steps = kernels.group_rows(sources, count)
     return offsets.tolist(), targets[steps].tolist()
 
 
-def _left_in_order(begins: list[int], onward: list[int]) -> list[int]:
+def _order_by_search(begins: list[int], onward: list[int]) -> list[int]:
     """Return all rows in the order in which a depth-first search leaves them."""
     seen = bytearray(len(begins) - 1)
     cursor = begins[:-1]
@@ -448,13 +457,13 @@ _SAME = 1e-6  # meters between vertices, and the relative difference of lengths
 _PLANAR = 1e-3  # relative difference of a planar length
 
 
-def reversed_points(offsets: IntArray) -> IntArray:
+def reverse_points(offsets: IntArray) -> IntArray:
     """Return the rows of the points with every line reversed."""
     mirror = np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets))
     return mirror - np.arange(offsets[-1])
 
 
-def segment_starts(offsets: IntArray) -> IntArray:
+def find_segment_starts(offsets: IntArray) -> IntArray:
     """Return the rows of the points at which straight pieces of lines begin; each ends at the next point."""
     return np.delete(np.arange(offsets[-1]), offsets[1:] - 1)
 
@@ -470,7 +479,7 @@ def along(offsets: IntArray, points: FloatArray) -> FloatArray:
     return np.asarray(total - np.repeat(total[offsets[:-1]], np.diff(offsets)))
 
 
-def with_ends(
+def extend_to_ends(
     offsets: IntArray, points: FloatArray, start: FloatArray, end: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Extend every line to begin at `start` and end at `end`, with added points where needed.
@@ -482,7 +491,7 @@ def with_ends(
     tail = points[offsets[1:] - 1]
     before = (head != start).any(axis=1)
     after = (tail != end).any(axis=1)
-    grown = offsets_of(np.diff(offsets) + before + after)
+    grown = compute_offsets(np.diff(offsets) + before + after)
     result = np.empty((grown[-1], 2))
     shift = np.repeat(grown[:-1] + before - offsets[:-1], np.diff(offsets))
     result[np.arange(len(points)) + shift] = points
@@ -491,7 +500,7 @@ def with_ends(
     return grown, result, np.hypot(*(head - start).T) + np.hypot(*(end - tail).T)
 
 
-def moved_ends(
+def move_ends(
     offsets: IntArray, points: FloatArray, start: FloatArray, end: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Move the first point of every line to `start` and its last to `end`.
@@ -502,19 +511,19 @@ def moved_ends(
     moved = points.copy()
     moved[offsets[:-1]] = start
     moved[offsets[1:] - 1] = end
-    before = lengths_of(offsets, points)
-    after = lengths_of(offsets, moved)
+    before = measure_lengths(offsets, points)
+    after = measure_lengths(offsets, moved)
     return moved, np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
 
 
-def lengths_of(offsets: IntArray, points: FloatArray) -> FloatArray:
+def measure_lengths(offsets: IntArray, points: FloatArray) -> FloatArray:
     """Return the drawn length of each line."""
     steps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
     steps[offsets[1:] - 1] = 0.0  # from the end of a line to the beginning of the next
     return np.add.reduceat(steps, offsets[:-1]) if len(offsets) > 1 else np.zeros(0)
 
 
-def offsets_of(counts: IntArray) -> IntArray:
+def compute_offsets(counts: IntArray) -> IntArray:
     """Return the offsets of consecutive groups of these sizes."""
     offsets = np.zeros(len(counts) + 1, np.int64)
     np.cumsum(counts, out=offsets[1:])
@@ -571,7 +580,7 @@ class RoadNetwork:
     turn_restrictions: int = 0  # of the map that hold on these roads
 
 
-def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
+def make_network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
     """Project the largest part of a map to meters; `left_out` of the result counts the rest.
 
     Args:
@@ -579,7 +588,7 @@ def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *
         tags: (ways,) of the map.
         strong: whether every node of the part has to be reachable from every other, in the directions of the roads.
     """
-    inside = in_largest(segments, one_way_segments(segments, tags) if strong else None)
+    inside = find_nodes_in_largest(segments, find_one_way_segments(segments, tags) if strong else None)
     out = ~(inside[segments.sources] & inside[segments.targets])
     sources = segments.sources[out]
     targets = segments.targets[out]
@@ -587,27 +596,27 @@ def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *
     joined = components(segments.sources, segments.targets, len(segments.lonlat))
     near = joined[sources] == joined[inside.argmax()]
     left_out = CoverageGaps(float(metres[~near].sum()), float(metres[near].sum()))
-    return replace(network_of_segments(_within(segments, inside), tags), left_out=left_out)
+    return replace(make_network_of_segments(_select_segments(segments, inside), tags), left_out=left_out)
 
 
-def network_of_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:
+def make_network_of_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:
     """Project pieces of road to meters; lengths are measured on the ellipsoid, not on the map."""
     of_directions, back = split_directions(tags)
-    roads = network_in_degrees(
+    roads = make_network_in_degrees(
         segments,
-        two_way=~one_way_segments(segments, tags),
+        two_way=~find_one_way_segments(segments, tags),
         tags=of_directions,
         back_ways=None if back is None else back[segments.ways],
     )
-    return in_metres(roads)
+    return project_to_metres(roads)
 
 
-def one_way_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> BoolArray:
+def find_one_way_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> BoolArray:
     """Return a mask of the pieces of road that are one-way by the tags of the ways."""
     return np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))[segments.ways]
 
 
-def network_in_degrees(
+def make_network_in_degrees(
     segments: RoadSegments, *, two_way: BoolArray, tags: Sequence[Mapping[str, Any]], back_ways: IntArray | None
 ) -> RoadNetwork:
     """Return pieces of road as a network in degrees, without a CRS; their lengths are in meters.
@@ -619,20 +628,20 @@ def network_in_degrees(
         back_ways: (segments,) rows of `tags` for the way back; None: as the ways.
     """
     lengths = ellipsoid_lengths(segments.lonlat[segments.sources], segments.lonlat[segments.targets])
-    roads = network_of_lines(segments.lonlat, (segments.sources, segments.targets), {}, lengths, tags, None)
+    roads = make_network_of_lines(segments.lonlat, (segments.sources, segments.targets), {}, lengths, tags, None)
     roads = replace(roads, two_way=two_way, ways=segments.ways, back_ways=back_ways, refs=segments.refs)
     return replace(roads, turns=segments.turns, turn_restrictions=segments.turn_restrictions)
 
 
-def in_metres(network: RoadNetwork) -> RoadNetwork:
+def project_to_metres(network: RoadNetwork) -> RoadNetwork:
     """Project straight roads in degrees to UTM; their lengths stay."""
-    crs = utm_crs(network.xy)
+    crs = find_utm_crs(network.xy)
     xy = project(network.xy, WGS84, crs)
     points = xy[np.column_stack((network.sources, network.targets)).ravel()]
     return replace(network, xy=xy, points=points, crs=crs)
 
 
-def network_of_lines(
+def make_network_of_lines(
     xy: FloatArray,
     ends: tuple[IntArray, IntArray],
     polylines: Mapping[int, FloatArray],
@@ -647,7 +656,7 @@ def network_of_lines(
     sources, targets = (np.asarray(rows, np.int64) for rows in ends)
     counts = np.full(len(sources), 2)
     counts[list(polylines)] = [len(polyline) for polyline in polylines.values()]
-    offsets = offsets_of(counts)
+    offsets = compute_offsets(counts)
     points = np.empty((offsets[-1], 2))
     points[offsets[:-1]] = xy[sources]
     points[offsets[1:] - 1] = xy[targets]
@@ -658,10 +667,10 @@ def network_of_lines(
     return RoadNetwork(xy, sources, targets, offsets, points, lengths, two_way, ways, tags, crs)
 
 
-def projected(network: RoadNetwork, source: str) -> RoadNetwork:
+def project_network(network: RoadNetwork, source: str) -> RoadNetwork:
     """Project a network in degrees to UTM; measure unknown lengths on the ellipsoid."""
-    crs = utm_crs(network.xy)
-    start = segment_starts(network.offsets)
+    crs = find_utm_crs(network.xy)
+    start = find_segment_starts(network.offsets)
     steps = ellipsoid_lengths(network.points[start], network.points[start + 1])
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
     measured = np.bincount(line, weights=steps, minlength=len(network.sources))
@@ -674,14 +683,14 @@ def projected(network: RoadNetwork, source: str) -> RoadNetwork:
     )
 
 
-def in_true_metres(network: RoadNetwork, crs: str) -> RoadNetwork:
+def project_to_true_metres(network: RoadNetwork, crs: str) -> RoadNetwork:
     """Return a network in the meters of a CRS; where these are not true to scale, it is projected to UTM.
 
     A length that is the planar one there counts as unknown, because it is not in meters.
     """
-    if is_true(ground_scale(crs, network.xy)):
+    if is_true(compute_ground_scale(crs, network.xy)):
         return replace(network, crs=crs)
-    drawn = lengths_of(network.offsets, network.points)
+    drawn = measure_lengths(network.offsets, network.points)
     is_planar = np.abs(network.lengths - drawn) <= _PLANAR * drawn
     lonlat = replace(
         network,
@@ -689,20 +698,20 @@ def in_true_metres(network: RoadNetwork, crs: str) -> RoadNetwork:
         points=project(network.points, crs, WGS84),
         lengths=np.where(is_planar, np.nan, network.lengths),
     )
-    return projected(lonlat, WGS84)
+    return project_network(lonlat, WGS84)
 
 
 def connected(network: RoadNetwork) -> RoadNetwork:
     """Extend every polyline to its nodes, and set each unknown length to the length of the polyline."""
     start = network.xy[network.sources]
     end = network.xy[network.targets]
-    offsets, points, _ = with_ends(network.offsets, network.points, start, end)
+    offsets, points, _ = extend_to_ends(network.offsets, network.points, start, end)
     on_map = along(offsets, points)[offsets[1:] - 1]
     lengths = np.where(np.isnan(network.lengths), on_map, network.lengths)
     return replace(network, offsets=offsets, points=points, lengths=lengths)
 
 
-def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
+def select_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
     """Return the network with only these roads, in the order of `roads`, and all nodes."""
     taken, offsets = kernels.chosen_runs(network.offsets, roads)
     return replace(
@@ -719,17 +728,17 @@ def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
     )
 
 
-def ways_back(network: RoadNetwork) -> IntArray:
+def find_ways_back(network: RoadNetwork) -> IntArray:
     """Return for each road the row of its tags on the way back."""
     return network.ways if network.back_ways is None else network.back_ways
 
 
-def both_ways(network: RoadNetwork) -> RoadNetwork:
+def make_two_way(network: RoadNetwork) -> RoadNetwork:
     """Return the network with all roads two-way, for agents that may go against the traffic."""
     return replace(network, two_way=np.ones(len(network.sources), np.bool_))
 
 
-def network_of_columns(columns: GraphColumns) -> RoadNetwork:
+def make_network_of_columns(columns: GraphColumns) -> RoadNetwork:
     """Return one road per edge: one-way if its attribute `oneway` is true, two-way otherwise.
 
     Raises:
@@ -740,15 +749,15 @@ def network_of_columns(columns: GraphColumns) -> RoadNetwork:
         for row, value in values.items() if name != FORBIDDEN_TURNS else ():
             given[row][name] = value
     signs = columns.edge_attributes.get(FORBIDDEN_TURNS, {})
-    turns = turns_of_edges(columns.edge_ids.tolist(), signs) if signs else {}
+    turns = read_turns_of_edges(columns.edge_ids.tolist(), signs) if signs else {}
     tags = [read_edge_values(one, f"Edge {id}") for id, one in zip(columns.edge_ids.tolist(), given, strict=True)]
     ends = (columns.sources, columns.targets)
-    roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
+    roads = make_network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
     two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
     return connected(replace(roads, two_way=two_way, turns=turns))
 
 
-def joined_directions(network: RoadNetwork) -> RoadNetwork:
+def join_directions(network: RoadNetwork) -> RoadNetwork:
     """Merge each one-way road with its exact reverse into a two-way road.
 
     Cutting both separately would leave two rows of nearly equal nodes along every street. Both directions keep their
@@ -756,7 +765,7 @@ def joined_directions(network: RoadNetwork) -> RoadNetwork:
     """
     waiting: dict[tuple[int, int], list[int]] = {}
     two_way = network.two_way.copy()
-    back_ways = ways_back(network).copy()
+    back_ways = find_ways_back(network).copy()
     numbers = np.arange(2 * len(network.sources))  # of directed roads
     kept: list[int] = []
     for road, ends in enumerate(zip(network.sources.tolist(), network.targets.tolist(), strict=True)):
@@ -771,7 +780,7 @@ def joined_directions(network: RoadNetwork) -> RoadNetwork:
             numbers[2 * road : 2 * road + 2] = 2 * twin + 1, 2 * twin
             back_ways[twin] = network.ways[road]
     joined = replace(network, two_way=two_way, back_ways=back_ways, turns=renumber(network.turns, numbers))
-    return chosen_roads(joined, np.array(kept, np.int64))
+    return select_roads(joined, np.array(kept, np.int64))
 
 
 def _is_reverse(network: RoadNetwork, road: int, other: int) -> bool:

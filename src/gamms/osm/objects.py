@@ -111,7 +111,7 @@ class ObjectVersions:
         return np.fromiter(found, np.bool_, len(ids))
 
 
-def nodes_at_two_places(ids: IntArray, places: IntArray | FloatArray) -> frozenset[int]:
+def find_nodes_at_two_places(ids: IntArray, places: IntArray | FloatArray) -> frozenset[int]:
     """Return the ids of nodes that are given at different places.
 
     Args:
@@ -166,7 +166,7 @@ class WayRules:
 
 def is_one_way_street(tags: Mapping[str, str]) -> bool:
     """Return whether traffic on a way with these tags is one-way."""
-    plain = plain_tags(tags)
+    plain = normalize_tags(tags)
     return is_one_way(plain.get("oneway"), plain.get("junction"))
 
 
@@ -222,24 +222,24 @@ _ITEM = re.compile(r"""\s*(?:'([^']*)'|"([^"]*)"|([^,]*))\s*(?:,|$)""")  # of a 
 
 def is_against(oneway: object) -> bool:
     """Return whether the traffic of a one-way road runs against the order of its vertices."""
-    return not AGAINST.isdisjoint(_words_of_oneway(oneway))
+    return not AGAINST.isdisjoint(_list_oneway_words(oneway))
 
 
 def is_one_way(oneway: object, junction: object) -> bool:
     """Return whether traffic is one-way; without a word that is known, only in roundabouts."""
-    words = _words_of_oneway(oneway)
+    words = _list_oneway_words(oneway)
     if not ONE_WAY.isdisjoint(words):
         return True
     is_known = any(word in TWO_WAY or word in VARYING for word in words)
-    return not is_known and "roundabout" in words_of(junction)
+    return not is_known and "roundabout" in split_words(junction)
 
 
-def _words_of_oneway(value: object) -> list[str]:
+def _list_oneway_words(value: object) -> list[str]:
     text = value.strip() if isinstance(value, str) else ""
-    return words_of(_WORD_OF_LETTER.get(text, value))
+    return split_words(_WORD_OF_LETTER.get(text, value))
 
 
-def words_of(value: object) -> list[str]:
+def split_words(value: object) -> list[str]:
     """Return the words of a value without the spaces around them, in lower case.
 
     Texts are split at semicolons. A list gives the words of its items, also if it was written as text, as GraphML files
@@ -250,15 +250,15 @@ def words_of(value: object) -> list[str]:
     if type(value) is str and (value.isdecimal() or (value.isidentifier() and value.islower())):  # most values
         return [value]
     found: list[str] = []
-    for item in items_of(value):
+    for item in list_items(value):
         if isinstance(item, (list, tuple)):
-            found += words_of(item)
+            found += split_words(item)
         elif isinstance(item, str) or not is_missing(item):
-            found += [word for part in _text_of(item).split(";") if (word := part.strip().lower())]
+            found += [word for part in _format_item(item).split(";") if (word := part.strip().lower())]
     return found
 
 
-def plain_tags(tags: Mapping[str, Any]) -> Mapping[str, Any]:
+def normalize_tags(tags: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return tags with their keys in lower case and without spaces around them; an exact key comes first."""
     keys = "".join(tags)
     if keys.islower() and len(keys.split(None, 1)) == 1:  # most maps: no key has a space
@@ -273,7 +273,7 @@ def has_direction(tags: Mapping[str, Any]) -> bool:
     return any(":forward" in key or ":backward" in key for key in tags)
 
 
-def items_of(value: object) -> list[Any]:
+def list_items(value: object) -> list[Any]:
     """Return the items of a list, also of one that was written as text; the value itself if it is not a list."""
     plain = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(plain, (list, tuple)):
@@ -291,7 +291,7 @@ def is_missing(value: object) -> bool:
     return value is None or (isinstance(value, float) and math.isnan(value)) or type(value).__name__ == "NAType"
 
 
-def number_of(value: object) -> float:
+def parse_number(value: object) -> float:
     """Return a value as a number, also if it is written as text; NaN if it is not a number."""
     if type(value).__name__ in ("bool", "bool_"):
         return math.nan
@@ -301,16 +301,16 @@ def number_of(value: object) -> float:
         return math.nan
 
 
-def truth_of(value: object) -> bool | None:
+def parse_truth(value: object) -> bool | None:
     """Return a truth, also one that is written as text or number; None if the value is not a truth.
 
     A road that was joined of one-way and other parts is one-way. Words of `oneway` count as truths.
     """
-    truths = [_TRUTH_OF_WORD.get(word) for word in words_of(value)]
+    truths = [_TRUTH_OF_WORD.get(word) for word in split_words(value)]
     return None if not truths or None in truths else any(truths)
 
 
-def _text_of(item: object) -> str:
+def _format_item(item: object) -> str:
     """Return an item as text; a whole number has no decimals."""
     if isinstance(item, str):
         return item
@@ -343,22 +343,22 @@ def read_edge_values(data: Mapping[Any, Any], what: str) -> dict[Any, Any]:
     return read
 
 
-def _speed_of(value: object) -> float | None:
+def _parse_speed(value: object) -> float | None:
     """Return a speed, of several their mean; None if one is not a positive number."""
-    speeds = [number_of(item) for item in items_of(value)]
+    speeds = [parse_number(item) for item in list_items(value)]
     is_valid = bool(speeds) and all(0.0 < speed < math.inf for speed in speeds)
     return sum(speeds) / len(speeds) if is_valid else None
 
 
-def _time_of(value: object) -> float | None:
-    seconds = number_of(value)
+def _parse_time(value: object) -> float | None:
+    seconds = parse_number(value)
     return seconds if 0.0 <= seconds < math.inf else None
 
 
 _READERS = {
-    "oneway": (truth_of, "True or False"),
-    "speed_kph": (_speed_of, "kilometers per hour, as a number"),
-    "travel_time": (_time_of, "seconds, as a number"),
+    "oneway": (parse_truth, "True or False"),
+    "speed_kph": (_parse_speed, "kilometers per hour, as a number"),
+    "travel_time": (_parse_time, "seconds, as a number"),
 }
 
 
@@ -396,12 +396,12 @@ def as_tags(tags: object) -> tuple[str, ...]:
     return names
 
 
-def node_keys(tags: Sequence[str]) -> tuple[str, ...]:
+def find_node_keys(tags: Sequence[str]) -> tuple[str, ...]:
     """Return the keys of node tags to keep if these tags are requested."""
     return ("highway", *(name for name in tags if name != "highway"))
 
 
-def node_tags(given: Mapping[int, Mapping[str, str]], refs: set[int], tags: Sequence[str]) -> NodeTags:
+def select_node_tags(given: Mapping[int, Mapping[str, str]], refs: set[int], tags: Sequence[str]) -> NodeTags:
     """Return the kept tags of nodes, by their ids, if these tags are requested.
 
     Args:
@@ -409,6 +409,6 @@ def node_tags(given: Mapping[int, Mapping[str, str]], refs: set[int], tags: Sequ
         refs: the ids of nodes on roads.
         tags: the requested tags.
     """
-    keys = node_keys(tags)
+    keys = find_node_keys(tags)
     of = {ref: {name: given[ref][name] for name in keys if name in given[ref]} for ref in given.keys() & refs}
     return NodeTags(of, frozenset(ref for ref, kept in of.items() if any(name in kept for name in tags)))

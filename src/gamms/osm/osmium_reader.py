@@ -25,7 +25,16 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError
 from gamms.ir.graph import IntArray
 from gamms.limits import MemoryBudget
-from gamms.osm.objects import NODE, RELATION, WAY, MapElement, ObjectIds, ObjectVersions, Wanted, nodes_at_two_places
+from gamms.osm.objects import (
+    NODE,
+    RELATION,
+    WAY,
+    MapElement,
+    ObjectIds,
+    ObjectVersions,
+    Wanted,
+    find_nodes_at_two_places,
+)
 from gamms.plugins import needing
 from gamms.text import shown
 
@@ -70,7 +79,7 @@ def as_file(path: object) -> Path:
     return file
 
 
-def file_format(file: Path) -> str:
+def find_file_format(file: Path) -> str:
     """Return the format of a map file by osmium's name, judged by its first bytes.
 
     Raises:
@@ -84,7 +93,7 @@ def file_format(file: Path) -> str:
         raise BadFile(f"{str(file)!r} is empty. {WAY_OUT}")
     if b"OSMHeader" in head[:32]:
         # osmium unpacks a block to at most its stated size, and refuses more than 32 MiB: the sum of sizes is a bound.
-        allowance_of(file).charge(_MEMORY_PER_PBF * unpacked_size_of_pbf(file))
+        find_allowance(file).charge(_MEMORY_PER_PBF * measure_pbf(file))
         return "pbf"
     if text.startswith(b"<"):
         return "osm"
@@ -97,12 +106,12 @@ def file_format(file: Path) -> str:
     raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {shown(head[:16])}. {WAY_OUT}")
 
 
-def allowance_of(file: Path) -> MemoryBudget:
+def find_allowance(file: Path) -> MemoryBudget:
     """Return the memory allowance for reading a map file; it is released before the next processing step."""
     return MemoryBudget(file.stat().st_size, repr(str(file)), is_streamed=True)
 
 
-def _opened(file: Path, format: str) -> IO[bytes]:
+def _open_file(file: Path, format: str) -> IO[bytes]:
     """Open a file of XML to read its unpacked text."""
     if format == "osm.gz":
         return cast("IO[bytes]", gzip.GzipFile(file))
@@ -111,16 +120,16 @@ def _opened(file: Path, format: str) -> IO[bytes]:
     return file.open("rb")
 
 
-def _text_of(file: Path, format: str) -> Iterator[bytes]:
+def _unpack_text(file: Path, format: str) -> Iterator[bytes]:
     """Yield the unpacked text of a file in chunks.
 
     Raises:
         BadFile: it is damaged, or expands absurdly.
     """
-    allowance = allowance_of(file)
+    allowance = find_allowance(file)
     cost = 0 if format == "osm" else _MEMORY_PER_XML  # a file that is not packed is as large as it is
     try:
-        with _opened(file, format) as stream:
+        with _open_file(file, format) as stream:
             while chunk := stream.read(_CHUNK):
                 allowance.charge(cost * len(chunk))
                 if len(chunk) == _CHUNK and b">" not in chunk:  # a single tag, which a parser has to keep
@@ -148,12 +157,12 @@ class MapFile:
             import osmium
         self.name = file.name
         self._file = file
-        format = file_format(file)
+        format = find_file_format(file)
         self._opened: io.File | io.FileBuffer = osmium.io.File(str(file), format)
         if format == "pbf":
             self._has_repeats = pbf_has_repeats(file)
         else:
-            found = survey_xml(_text_of(file, format))
+            found = survey_xml(_unpack_text(file, format))
             self._has_repeats = found.has_repeats
             if found.is_foreign:
                 self._opened = osmium.io.FileBuffer(_as_osmium_reads(file, format), "osm")
@@ -165,7 +174,7 @@ class MapFile:
 
     def budget(self) -> MemoryBudget:
         """Return the memory that reading may take; it is released before the next processing step."""
-        return allowance_of(self._file)
+        return find_allowance(self._file)
 
     @contextmanager
     def reading(self) -> Iterator[None]:
@@ -206,7 +215,7 @@ class MapFile:
             objects = objects.with_filter(by_keys)
         if ids and min(ids) >= 0 and max(ids) < _MOST_ID:  # osmium's filter takes no others
             objects = objects.with_filter(IdFilter(ids))
-        for one in self._counting(objects):
+        for one in self._list_current_objects(objects):
             tags = {tag.k: tag.v for tag in one.tags}
             if (not ids or one.id in ids) and (wanted is None or wanted(one.type_str(), tags)):
                 yield _as_element(one, tags, has_places=has_places)
@@ -215,11 +224,11 @@ class MapFile:
         """Yield all nodes; see `MapSource`."""
         from osmium import FileProcessor, osm
 
-        for one in self._counting(FileProcessor(self._opened, osm.NODE)):
+        for one in self._list_current_objects(FileProcessor(self._opened, osm.NODE)):
             place = cast("osm.Node", one).location
             yield one.id, place.x, place.y
 
-    def _counting(self, objects: "FileProcessor") -> "Iterator[_MapObject]":
+    def _list_current_objects(self, objects: "FileProcessor") -> "Iterator[_MapObject]":
         """Yield the objects that are not deleted, in the version that counts."""
         for one in cast("Iterator[_MapObject]", iter(objects)):
             is_last = not self._versions or self._versions[one.type_str()].counts(one.id, one.version)
@@ -249,7 +258,7 @@ class MapFile:
             if kind == NODE:
                 rows = self._versions[kind].are_counting(numbers, versions_of)
                 places = np.column_stack((np.array(x, np.int64), np.array(y, np.int64)))
-                self.unclear = nodes_at_two_places(numbers[rows], places[rows])
+                self.unclear = find_nodes_at_two_places(numbers[rows], places[rows])
 
 
 def _as_element(one: "_MapObject", tags: dict[str, str], *, has_places: bool) -> MapElement:
@@ -271,7 +280,7 @@ def _as_osmium_reads(file: Path, format: str) -> bytes:
         TooLarge: it expands absurdly.
     """
     try:
-        return rewritten_xml(_text_of(file, format), allowance_of(file).charge)
+        return rewrite_xml(_unpack_text(file, format), find_allowance(file).charge)
     except GammsError:
         raise
     except expat.ExpatError as error:
@@ -303,7 +312,7 @@ class XmlSurvey(NamedTuple):
     """The peculiarities of a file.
 
     Attributes:
-        is_foreign: osmium would refuse or misunderstand it; `rewritten_xml` does not.
+        is_foreign: osmium would refuse or misunderstand it; `rewrite_xml` does not.
         has_repeats: it may have objects that are deleted or given several times.
     """
 
@@ -318,7 +327,7 @@ def survey_xml(chunks: Iterable[bytes]) -> XmlSurvey:
     is_special = False
     root: bytes | None = None
     is_in_head = True
-    for chunk in _whole_tags(chunks):
+    for chunk in _split_between_tags(chunks):
         if root is None and (found := _ROOT.search(chunk)):
             root = found[0]
             is_foreign = is_foreign or not _KNOWN_ROOT.search(root)
@@ -341,7 +350,7 @@ def survey_xml(chunks: Iterable[bytes]) -> XmlSurvey:
     return XmlSurvey(is_foreign, is_special or ids.has_repeats())
 
 
-def _whole_tags(chunks: Iterable[bytes]) -> Iterator[bytes]:
+def _split_between_tags(chunks: Iterable[bytes]) -> Iterator[bytes]:
     """Yield the text of a file in chunks that end between tags."""
     rest = b""
     for chunk in chunks:
@@ -354,7 +363,7 @@ def _whole_tags(chunks: Iterable[bytes]) -> Iterator[bytes]:
     yield rest
 
 
-def rewritten_xml(chunks: Iterable[bytes], charge: Callable[[int], None]) -> bytes:
+def rewrite_xml(chunks: Iterable[bytes], charge: Callable[[int], None]) -> bytes:
     """Return the map in a file as osmium reads it.
 
     Objects that an editor has deleted are marked as OpenStreetMap marks them. A node whose place is given only in its
@@ -418,7 +427,7 @@ class _Rewriter:
 
     def _start_object(self, name: str, given: dict[str, str]) -> None:
         if name in _EDITS:
-            raise ValueError(_edits(name))
+            raise ValueError(_find_edits(name))
         if name not in _OBJECTS:
             return
         kept = {key: given[key] for key in _ATTRIBUTES if key in given}
@@ -444,10 +453,10 @@ class _Rewriter:
         if len(self._path) == 1 and name in _OBJECTS:
             self._write(f"</{name}>")
         elif len(self._path) == 1 and name == "remark":
-            raise ValueError(incomplete(self._remark))
+            raise ValueError(make_incomplete_error(self._remark))
 
 
-def incomplete(remark: str) -> str:
+def make_incomplete_error(remark: str) -> str:
     """Return the error for an answer that a server broke off, with its remark."""
     return (
         f"it is incomplete; the server reports {remark.strip()[:_MOST_TEXT]!r}. Ask for a smaller area, or with more "
@@ -462,7 +471,7 @@ def _check_root(name: str, given: dict[str, str]) -> None:
         ValueError: it is not that of a map.
     """
     if name in _EDITS:
-        raise ValueError(_edits(name))
+        raise ValueError(_find_edits(name))
     if name != "osm":
         raise ValueError(f"it begins with the element <{name:.40}>, and maps with <osm>")
     version = given.get("version")
@@ -473,7 +482,7 @@ def _check_root(name: str, given: dict[str, str]) -> None:
         )
 
 
-def _edits(name: str) -> str:
+def _find_edits(name: str) -> str:
     return (
         f"it holds edits of a map (<{name}>), not a map. Apply them to their map: "
         "osmium apply-changes map.osm.pbf changes.osc -o new.osm.pbf"
@@ -514,65 +523,65 @@ class _Blob(NamedTuple):
     content: bytes
 
 
-def unpacked_size_of_pbf(file: Path) -> int:
+def measure_pbf(file: Path) -> int:
     """Return the unpacked bytes of all blocks."""
-    return sum(_number(blob.content, _RAW_SIZE) for blob in _blobs(file))
+    return sum(_read_number(blob.content, _RAW_SIZE) for blob in _read_blobs(file))
 
 
 def pbf_has_repeats(file: Path) -> bool:
     """Return whether an object is there several times; also True if this cannot be known."""
     ids = ObjectIds()
     try:
-        for blob in _blobs(file):
+        for blob in _read_blobs(file):
             if blob.type == b"OSMData":
-                for kind, some in _ids_in(_unpacked(blob.content)):
+                for kind, some in _read_ids(_unpack_block(blob.content)):
                     ids.add(kind, some)
     except (ValueError, IndexError, OverflowError, zlib.error):
         return True
     return ids.has_repeats()
 
 
-def _blobs(file: Path) -> Iterator[_Blob]:
+def _read_blobs(file: Path) -> Iterator[_Blob]:
     with file.open("rb") as stream:
         while len(start := stream.read(4)) == 4:
             size = int.from_bytes(start, "big")
             header = stream.read(size) if size <= _MOST_HEADER else b""
-            blob_size = _number(header, _DATA_SIZE)
+            blob_size = _read_number(header, _DATA_SIZE)
             if not header or blob_size > _MOST_BLOB:
                 return
-            yield _Blob(_bytes(header, _TYPE), stream.read(blob_size))
+            yield _Blob(_read_bytes(header, _TYPE), stream.read(blob_size))
 
 
-def _unpacked(blob: bytes) -> bytes:
+def _unpack_block(blob: bytes) -> bytes:
     """Return the content of a block.
 
     Raises:
         ValueError: it is packed in another way than zlib.
         zlib.error: it is damaged.
     """
-    packed = _bytes(blob, _ZLIB)
+    packed = _read_bytes(blob, _ZLIB)
     if packed:
         return zlib.decompressobj().decompress(packed, _MOST_BLOB)
-    raw = _bytes(blob, _RAW)
+    raw = _read_bytes(blob, _RAW)
     if not raw:
         raise ValueError("an unknown compression")
     return raw
 
 
-def _ids_in(block: bytes) -> Iterator[tuple[str, IntArray]]:
-    for group in (part for field, part in _parts(block) if field == _GROUP):
+def _read_ids(block: bytes) -> Iterator[tuple[str, IntArray]]:
+    for group in (part for field, part in _read_parts(block) if field == _GROUP):
         single: dict[str, list[int]] = {}
-        for field, part in _parts(group):
+        for field, part in _read_parts(group):
             if field == _DENSE:
-                yield _KINDS[field], np.cumsum(_signed(_varints(_bytes(part, _ID))))
+                yield _KINDS[field], np.cumsum(_decode_signed(_read_varints(_read_bytes(part, _ID))))
             elif field in _KINDS:
-                single.setdefault(_KINDS[field], []).append(next(_numbers(part, _ID), 0))
+                single.setdefault(_KINDS[field], []).append(next(_read_numbers(part, _ID), 0))
         for kind, numbers in single.items():
             ids = np.array(numbers, np.uint64).astype(np.int64)
-            yield kind, _signed(ids) if kind == "node" else ids
+            yield kind, _decode_signed(ids) if kind == "node" else ids
 
 
-def _varints(data: bytes) -> IntArray:
+def _read_varints(data: bytes) -> IntArray:
     """Return the unsigned numbers in a packed field."""
     given = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(given < 1 << _BITS)
@@ -586,35 +595,35 @@ def _varints(data: bytes) -> IntArray:
     return values
 
 
-def _signed(numbers: IntArray) -> IntArray:
+def _decode_signed(numbers: IntArray) -> IntArray:
     """Return numbers from the form in which small negative ones are short, too."""
     return ((numbers >> 1) & np.int64(2**63 - 1)) ^ -(numbers & 1)
 
 
-def _number(message: bytes, field: int) -> int:
+def _read_number(message: bytes, field: int) -> int:
     """Return the integer in this field of a message, which is the last one; 0 without any."""
-    return max(enumerate(_numbers(message, field)), default=(0, 0))[1]
+    return max(enumerate(_read_numbers(message, field)), default=(0, 0))[1]
 
 
-def _numbers(message: bytes, field: int) -> Iterator[int]:
-    return (value for name, value in _fields(message) if name == field and isinstance(value, int))
+def _read_numbers(message: bytes, field: int) -> Iterator[int]:
+    return (value for name, value in _read_fields(message) if name == field and isinstance(value, int))
 
 
-def _bytes(message: bytes, field: int) -> bytes:
+def _read_bytes(message: bytes, field: int) -> bytes:
     """Return all bytes in this field of a message."""
-    return b"".join(value for name, value in _parts(message) if name == field)
+    return b"".join(value for name, value in _read_parts(message) if name == field)
 
 
-def _parts(message: bytes) -> Iterator[tuple[int, bytes]]:
-    return ((name, value) for name, value in _fields(message) if isinstance(value, bytes))
+def _read_parts(message: bytes) -> Iterator[tuple[int, bytes]]:
+    return ((name, value) for name, value in _read_fields(message) if isinstance(value, bytes))
 
 
-def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+def _read_fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
     """Yield the integers and the bytes in a message with their fields, up to a value of another type."""
     at = 0
     while at < len(message):
-        key, at = _varint(message, at)
-        value, at = _varint(message, at)
+        key, at = _read_varint(message, at)
+        value, at = _read_varint(message, at)
         if key & 7 == 0:
             yield key >> 3, value
         elif key & 7 == 2:
@@ -624,7 +633,7 @@ def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
             return
 
 
-def _varint(message: bytes, at: int) -> tuple[int, int]:
+def _read_varint(message: bytes, at: int) -> tuple[int, int]:
     """Return the number that begins here, and where the next field begins."""
     value = 0
     shift = 0

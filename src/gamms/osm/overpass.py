@@ -17,22 +17,22 @@ from gamms.errors import BadType, BadValue, GammsError, NetworkError, PlaceError
 from gamms.ir.projection import WGS84, project
 from gamms.limits import MemoryBudget, max_memory
 from gamms.osm import footprints
-from gamms.osm.areas import length_across, with_ways_across
-from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
-from gamms.osm.mode_union import ModeRoads, in_largest_parts, keep_uses, unite
+from gamms.osm.areas import add_ways_across, measure_across
+from gamms.osm.footprints import TagFilter, check_filter, is_asked_for
+from gamms.osm.mode_union import ModeRoads, find_uses_in_largest_parts, keep_uses, unite
 from gamms.osm.modes import (
     Mode,
+    ModeCombination,
     ModeFunction,
-    SeveralModes,
     Travel,
+    find_stops,
+    find_vehicles,
     honour_traffic,
-    keys_of,
+    list_mode_keys,
+    make_paced_rule,
+    make_rule,
     modes,
     name_of,
-    paced_rule,
-    rule_of,
-    stops_of,
-    vehicles_of,
 )
 from gamms.osm.network import (
     CLOSED_TO,
@@ -44,13 +44,13 @@ from gamms.osm.network import (
     RoadNetwork,
     RoadSegments,
     Rule,
-    chosen_roads,
-    in_metres,
-    largest_part,
-    network_of_segments,
-    only_read,
-    segments_of,
-    with_stated_times,
+    add_stated_times,
+    cut_segments,
+    describe_read_ways,
+    find_largest_part,
+    make_network_of_segments,
+    project_to_metres,
+    select_roads,
 )
 from gamms.osm.objects import (
     LEAST_NODES,
@@ -61,13 +61,13 @@ from gamms.osm.objects import (
     NodeTags,
     ObjectVersions,
     Wanted,
-    nodes_at_two_places,
+    find_nodes_at_two_places,
 )
 from gamms.osm.reader import read_buildings, read_footprints, read_lines, read_ways
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
-from gamms.osm.topology import simplify, without_unused_nodes
-from gamms.osm.turns import choose, restrictions_of
+from gamms.osm.topology import remove_unused_nodes, simplify
+from gamms.osm.turns import choose, parse_restrictions
 from gamms.progress import Show, progress
 from gamms.text import shown
 
@@ -103,7 +103,7 @@ class StreetOptions(NamedTuple):
     around_buildings: bool = False
 
 
-def streets_of_place(location: Location, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
+def download_streets_of_place(location: Location, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
     """Download the streets inside the boundary of a place, in UTM meters.
 
     Raises:
@@ -113,22 +113,22 @@ def streets_of_place(location: Location, name: str, options: StreetOptions, show
     """
     _check_location(location)
     servers = MapServers(name, show, offline=options.offline)
-    return _streets(servers, _boundary(servers, location), name, options, show)
+    return _find_streets(servers, _find_boundary(servers, location), name, options, show)
 
 
-def streets_of_polygon(polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show) -> RoadNetwork:
-    """Download the streets inside a shapely Polygon or MultiPolygon in degrees; raises like `streets_of_place`."""
+def download_streets_of_polygon(polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show) -> RoadNetwork:
+    """Download the streets inside a shapely shape in degrees; raises like `download_streets_of_place`."""
     if getattr(polygon, "geom_type", None) not in _RINGS:
         raise BadType(
             f"polygon must be a shapely Polygon or MultiPolygon of (longitude, latitude), not {shown(polygon)}."
         )
-    fault = _fault_of(polygon)
+    fault = _find_fault(polygon)
     if fault:
         raise BadValue(f"The area {name} is impossible: {fault}.")
-    return _streets(MapServers(name, show, offline=options.offline), polygon, name, options, show)
+    return _find_streets(MapServers(name, show, offline=options.offline), polygon, name, options, show)
 
 
-def features_of_place(
+def download_features_of_place(
     location: Location, tags: TagFilter, lines: Sequence[str] = (), *, offline: bool = False
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Download the areas with some of these tags in a place: shapely polygons in degrees, each with all of its tags.
@@ -141,13 +141,13 @@ def features_of_place(
         MissingExtra: requests is not installed.
     """
     _check_location(location)
-    wanted = checked_filter(tags)
+    wanted = check_filter(tags)
     if not wanted:
         raise BadValue("tags must name what to look for, such as {'building': True}, not be empty.")
     name = shown(location)
     with progress(1.0 if offline else 0.0) as show:
         servers = MapServers(name, show, offline=offline)
-        boundary = _boundary(servers, location)
+        boundary = _find_boundary(servers, location)
         show(f"Downloading the features of {name}")
         filters: list[str] = []
         for key, values in wanted.items():
@@ -157,7 +157,7 @@ def features_of_place(
         kinds += [f"way[{json.dumps(key)}]" for key in lines]
         found = _download(servers, boundary, [(kinds, "(._;>;);out;")], read_areas)
         areas = read_footprints(found, _WantedAreas(wanted))
-        shapes = footprints.repaired(footprints.footprints_of(areas))
+        shapes = footprints.repair(footprints.make_footprints(areas))
         rows = np.flatnonzero(footprints.meets(boundary, shapes)).tolist()
         features = [(shapes[row], areas.about[row]) for row in rows if shapes[row].geom_type in _RINGS]
         if not features:
@@ -165,11 +165,11 @@ def features_of_place(
         servers.save_rest()
         others = read_lines(found, lines, lambda tags: None if is_asked_for(tags, wanted) else tags)
         about = [others.about[row] for row in others.owners.tolist()]
-        return [*features, *zip(footprints.lines_of(others).tolist(), about, strict=True)]
+        return [*features, *zip(footprints.make_lines(others).tolist(), about, strict=True)]
 
 
 class _WantedAreas:
-    """The rules for areas with tags that are asked for; `wanted` comes from `checked_filter`."""
+    """The rules for areas with tags that are asked for; `wanted` comes from `check_filter`."""
 
     def __init__(self, wanted: Mapping[str, Collection[str] | None]) -> None:
         self.keys = [*wanted]
@@ -180,11 +180,11 @@ class _WantedAreas:
         return tags if is_asked_for(tags, self._wanted) else None
 
 
-def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
+def _find_boundary(servers: MapServers, location: Location) -> "BaseGeometry":
     """Return the outline of a place, or of several together."""
     queries = [location] if isinstance(location, (str, dict)) else list(location)
-    boundary = footprints.area_of([_outline(servers, query) for query in queries])
-    fault = _fault_of(boundary)
+    boundary = footprints.unite_outlines([_find_outline(servers, query) for query in queries])
+    fault = _find_fault(boundary)
     if fault:
         raise PlaceError(
             f"The boundary of {shown(location)} cannot be used: {fault}. Name a part of it, or use graph_from_bbox."
@@ -192,7 +192,7 @@ def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
     return boundary
 
 
-def _outline(servers: MapServers, query: str | dict[str, str]) -> dict[str, Any]:
+def _find_outline(servers: MapServers, query: str | dict[str, str]) -> dict[str, Any]:
     places = servers.search(query, _read_places)
     outlined = [place for place in places if place.geojson is not None and place.geojson.type in _RINGS]
     if not outlined:
@@ -204,18 +204,18 @@ def _outline(servers: MapServers, query: str | dict[str, str]) -> dict[str, Any]
     return outline
 
 
-def _streets(
+def _find_streets(
     servers: MapServers, polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show
 ) -> RoadNetwork:
     show(f"Downloading the streets of {name}")
-    surroundings = footprints.widened(polygon, _MARGIN_M)
+    surroundings = footprints.widen(polygon, _MARGIN_M)
     if options.custom_filter or options.mode is None:
         filters = options.custom_filter or _filter_of(options.osm_type)
         queries = [([f"way{one}"], "(._;>;);out;") for one in ([filters] if isinstance(filters, str) else filters)]
     else:
-        wanted = [f"way{one}" for one in _filters_of(options.mode)]
+        wanted = [f"way{one}" for one in _list_filters(options.mode)]
         wanted.append('relation["highway"]["type"="multipolygon"]')
-        if any(vehicles_of(mode) for mode in _modes_of(options)):
+        if any(find_vehicles(mode) for mode in _find_modes(options)):
             wanted.append('relation["type"~"^restriction"]')
         queries = [(wanted, "(._;>;);out;")]
     found = _download(servers, surroundings, queries, read_streets)
@@ -224,26 +224,30 @@ def _streets(
         show(f"Downloading the buildings of {name}")
         kinds = ['way["building"]', 'relation["building"]["type"="multipolygon"]']
         buildings = read_buildings(_download(servers, surroundings, [(kinds, "(._;>;);out;")], read_areas))
-    network = _network_of(found, buildings, surroundings, options, show)
+    network = _make_network(found, buildings, surroundings, options, show)
     if network is not None:
-        there = _inside(simplify(network) if options.simplify else network, polygon, options)
+        there = _cut_to_area(simplify(network) if options.simplify else network, polygon, options)
         if len(there.sources):
             servers.save_rest()
             return there
     kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
-    keys = ROADS if options.mode is None else _keys_of(options.mode)
-    only = "" if options.custom_filter else f"{only_read(keys)}; custom_filter='[\"railway\"]' would ask for others. "
+    keys = ROADS if options.mode is None else _list_keys(options.mode)
+    only = (
+        ""
+        if options.custom_filter
+        else f"{describe_read_ways(keys)}; custom_filter='[\"railway\"]' would ask for others. "
+    )
     raise PlaceError(
         f"There are no streets of the type {shown(kind)} in {name}. {only}"
         "Try a larger area, or another osm_type or custom_filter."
     )
 
 
-def _modes_of(options: StreetOptions) -> "tuple[ModeFunction | None, ...]":
-    return options.mode.modes if isinstance(options.mode, SeveralModes) else (options.mode,)
+def _find_modes(options: StreetOptions) -> "tuple[ModeFunction | None, ...]":
+    return options.mode.modes if isinstance(options.mode, ModeCombination) else (options.mode,)
 
 
-def _network_of(
+def _make_network(
     found: "_Answers",
     buildings: "footprints.BuildingIndex | None",
     area: "BaseGeometry",
@@ -252,38 +256,38 @@ def _network_of(
 ) -> RoadNetwork | None:
     """Return the streets in an area in UTM meters; None if there are none for the mode, or for one of several."""
     parts = list[ModeRoads]()
-    for one in _modes_of(options):
+    for one in _find_modes(options):
         mode = honour_traffic(one) if one is not None and options.bidirectional is False else one
-        ways = with_stated_times(_ways(found, mode, options, show))
-        ways = with_ways_across(replace(ways, buildings=buildings))
-        segments = _part(segments_of(ways), area, options)
+        ways = add_stated_times(_read_ways(found, mode, options, show))
+        ways = add_ways_across(replace(ways, buildings=buildings))
+        segments = _select_segments(cut_segments(ways), area, options)
         if not len(segments.sources):
             return None
         parts.append(ModeRoads("" if mode is None else name_of(mode), ways, segments))
-    if isinstance(options.mode, SeveralModes):
-        return in_metres(unite(parts, both_ways=bool(options.bidirectional)).network)
+    if isinstance(options.mode, ModeCombination):
+        return project_to_metres(unite(parts, both_ways=bool(options.bidirectional)).network)
     name, ways, segments = parts[0]
-    network = network_of_segments(segments, ways.tags)
-    gaps = CoverageGaps(barriers=len(ways.barriers), across_m=length_across(ways))
+    network = make_network_of_segments(segments, ways.tags)
+    gaps = CoverageGaps(barriers=len(ways.barriers), across_m=measure_across(ways))
     network = replace(network, nodes=ways.nodes or NodeTags(), buildings=ways.buildings, left_out=gaps)
     return network if name else replace(network, refs=None)
 
 
-def _inside(network: RoadNetwork, area: "BaseGeometry", options: StreetOptions) -> RoadNetwork:
+def _cut_to_area(network: RoadNetwork, area: "BaseGeometry", options: StreetOptions) -> RoadNetwork:
     """Return the streets in an area, possibly none: unless all are wanted, the largest part, or that of each mode."""
     lonlat = project(network.xy, str(network.crs), WGS84)
     roads = RoadSegments(lonlat, network.sources, network.targets, np.arange(len(network.sources)))
     if network.modes:
-        within = chosen_roads(network, _part(roads, area, options._replace(retain_all=True)).ways)
-        return keep_uses(within, options.retain_all | in_largest_parts(within, strong=options.strong))
-    inside = _part(roads, area, options)
-    there = largest_part(inside, ~network.two_way[inside.ways]) if options.strong and len(inside.ways) else inside
+        within = select_roads(network, _select_segments(roads, area, options._replace(retain_all=True)).ways)
+        return keep_uses(within, options.retain_all | find_uses_in_largest_parts(within, strong=options.strong))
+    inside = _select_segments(roads, area, options)
+    there = find_largest_part(inside, ~network.two_way[inside.ways]) if options.strong and len(inside.ways) else inside
     lost = float(network.lengths[inside.ways].sum() - network.lengths[there.ways].sum())
-    kept = chosen_roads(network, there.ways)
-    return without_unused_nodes(replace(kept, left_out=network.left_out._replace(no_way_back_m=lost)))
+    kept = select_roads(network, there.ways)
+    return remove_unused_nodes(replace(kept, left_out=network.left_out._replace(no_way_back_m=lost)))
 
 
-def _part(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) -> RoadSegments:
+def _select_segments(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) -> RoadSegments:
     """Return the segments in an area and, unless all are wanted, only their largest connected part."""
     if not len(segments.sources):
         return segments
@@ -295,27 +299,30 @@ def _part(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) 
     ends = segments.sources[inside], segments.targets[inside]
     turns = choose(segments.turns, np.flatnonzero(inside), len(inside))
     part = replace(segments, sources=ends[0], targets=ends[1], ways=segments.ways[inside], turns=turns)
-    return part if options.retain_all or not inside.any() else largest_part(part)
+    return part if options.retain_all or not inside.any() else find_largest_part(part)
 
 
-def _ways(found: "_Answers", mode: ModeFunction | None, options: StreetOptions, show: Show) -> OsmRoads:
+def _read_ways(found: "_Answers", mode: ModeFunction | None, options: StreetOptions, show: Show) -> OsmRoads:
     """Return the ways as columns, with the speeds of the mode."""
-    keys = () if mode is None or options.custom_filter else keys_of(mode)
+    keys = () if mode is None or options.custom_filter else list_mode_keys(mode)
     ways = read_ways(
-        *(found, show, _rule_of(mode, options), options.tags), areas=mode is not None, stops=stops_of(mode), keys=keys
+        *(found, show, _make_rule(mode, options), options.tags),
+        areas=mode is not None,
+        stops=find_stops(mode),
+        keys=keys,
     )
-    vehicles = {} if mode is None or not vehicles_of(mode) else {name_of(mode): vehicles_of(mode)}
-    return replace(ways, restrictions=restrictions_of(ways.signs, vehicles))
+    vehicles = {} if mode is None or not find_vehicles(mode) else {name_of(mode): find_vehicles(mode)}
+    return replace(ways, restrictions=parse_restrictions(ways.signs, vehicles))
 
 
-def _rule_of(mode: ModeFunction | None, options: StreetOptions) -> Rule:
+def _make_rule(mode: ModeFunction | None, options: StreetOptions) -> Rule:
     """Return the rule for the ways of answers; without a mode, walkers have no one-way streets."""
     useful = [*dict.fromkeys(str(name) for name in (*setting("useful_tags_way"), *options.tags) if name != "oneway")]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
-    of_mode = None if mode is None else rule_of(mode, names)
+    of_mode = None if mode is None else make_rule(mode, names)
     if of_mode is not None and not options.custom_filter:
         return of_mode
-    any_way = paced_rule(mode or modes()[options.osm_type.name.lower()], options.osm_type, names)
+    any_way = make_paced_rule(mode or modes()[options.osm_type.name.lower()], options.osm_type, names)
 
     def rule(id: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         found = None if of_mode is None else of_mode(id, tags)
@@ -335,7 +342,7 @@ def _download(
 ) -> "_Answers":
     """Run each query for the whole area."""
     found: list[_Element] = []
-    for outline in footprints.outlines_of(area, float(setting("max_query_area_size"))):
+    for outline in footprints.outline_area(area, float(setting("max_query_area_size"))):
         corners = " ".join(f"{lat:.6f} {lon:.6f}" for lon, lat in outline.tolist())
         for kinds, output in queries:
             union = "".join(f"{kind}(poly:'{corners}');" for kind in kinds)
@@ -350,13 +357,13 @@ class _Answers:
 
     def __init__(self, given: "Sequence[_Element]") -> None:
         self._of: dict[str, list[Any]] = {  # kind -> elements
-            kind: _last_versions([one for one in given if isinstance(one, type)]) for kind, type in _KINDS.items()
+            kind: _list_last_versions([one for one in given if isinstance(one, type)]) for kind, type in _KINDS.items()
         }
         nodes = self._of["node"]
         lonlat = np.array([(one.lon, one.lat) for one in nodes], np.float64).reshape(-1, 2)
         self._ids = np.array([one.id for one in nodes], np.int64)
         self._places = np.rint(lonlat * _PER_DEGREE).astype(np.int64)
-        self.unclear = nodes_at_two_places(self._ids, lonlat)
+        self.unclear = find_nodes_at_two_places(self._ids, lonlat)
 
     def budget(self) -> MemoryBudget:
         """Return as much memory as elements can take: their number was limited when they were downloaded."""
@@ -396,7 +403,7 @@ class _Answers:
             yield id, x, y
 
 
-def _last_versions(elements: list[_Any]) -> list[_Any]:
+def _list_last_versions(elements: list[_Any]) -> list[_Any]:
     """Return the elements of one kind that are not deleted, in the version that counts."""
     ids = np.array([one.id for one in elements], np.int64)
     versions = np.array([one.version for one in elements], np.int64)
@@ -405,17 +412,17 @@ def _last_versions(elements: list[_Any]) -> list[_Any]:
     return [elements[row] for row in rows.tolist()]
 
 
-def _keys_of(travel: Travel) -> list[str]:
+def _list_keys(travel: Travel) -> list[str]:
     """Return the keys of ways of a mode or of several."""
-    several = travel.modes if isinstance(travel, SeveralModes) else (travel,)
-    return [*dict.fromkeys(key for mode in several for key in keys_of(mode))]
+    several = travel.modes if isinstance(travel, ModeCombination) else (travel,)
+    return [*dict.fromkeys(key for mode in several for key in list_mode_keys(mode))]
 
 
-def _filters_of(travel: Travel) -> list[str]:
+def _list_filters(travel: Travel) -> list[str]:
     """Return Overpass filters, of which the ways of a mode, or of one of several modes, match at least one."""
-    several = travel.modes if isinstance(travel, SeveralModes) else (travel,)
+    several = travel.modes if isinstance(travel, ModeCombination) else (travel,)
     classes = [name for mode in several if isinstance(mode, Mode) for name in (*mode.highways, *mode.by_permission)]
-    functions = [key for mode in several if not isinstance(mode, Mode) for key in keys_of(mode)]
+    functions = [key for mode in several if not isinstance(mode, Mode) for key in list_mode_keys(mode)]
     found = dict.fromkeys(f"[{json.dumps(key)}]" for key in functions)
     for name in classes:
         key, _, value = name.partition("=") if "=" in name else ("highway", "", "*")
@@ -448,7 +455,7 @@ def _check_location(location: object) -> None:
         raise BadValue("location must name a place, not be an empty list.")
 
 
-def _fault_of(polygon: "BaseGeometry") -> str:
+def _find_fault(polygon: "BaseGeometry") -> str:
     """Return why a shapely shape cannot be the area of a map, or ""."""
     if polygon.geom_type not in _RINGS:
         return f"it is a {polygon.geom_type}, not an area"
@@ -473,14 +480,14 @@ _Rings = Annotated[list[Annotated[list[tuple[_Lon, _Lat]], Meta(min_length=4)]],
 _RINGS = {"Polygon": _Rings, "MultiPolygon": list[_Rings]}  # geometry types of areas, and their coordinates
 
 
-class _Typed(msgspec.Struct):
+class _TypedObject(msgspec.Struct):
     type: str
     coordinates: Json = None
 
 
 class _Place(msgspec.Struct):
     importance: float
-    geojson: _Typed | None = None
+    geojson: _TypedObject | None = None
 
 
 class _Element(msgspec.Struct):
@@ -554,7 +561,7 @@ def read_elements(answer: Json, most_cut: float) -> list[_Element]:
         raise ValueError("it has no list of elements") from None
     if given.get("remark"):
         raise ValueError(f"it is incomplete; the server reports {str(given['remark'])[:200]!r}")
-    elements = [element for one in listed if (element := _element(one)) is not None]
+    elements = [element for one in listed if (element := _read_element(one)) is not None]
     nodes = {element.id for element in elements if isinstance(element, _Node)}
     ways = [one for one in elements if isinstance(one, _Way) and len(one.nodes) >= LEAST_NODES]
     cut = [way.id for way in ways if not nodes.issuperset(way.nodes)]
@@ -563,10 +570,10 @@ def read_elements(answer: Json, most_cut: float) -> list[_Element]:
     return elements
 
 
-def _element(one: Json) -> _Element | None:
+def _read_element(one: Json) -> _Element | None:
     """Return a node, a way or a relation; None for other entries of an answer."""
     try:
-        kind = _KINDS.get(msgspec.convert(one, _Typed).type)
+        kind = _KINDS.get(msgspec.convert(one, _TypedObject).type)
         return None if kind is None else msgspec.convert(one, kind)
     except msgspec.ValidationError as error:
         raise ValueError(f"{str(one)[:100]} is not an element: {error}") from None

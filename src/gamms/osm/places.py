@@ -8,27 +8,27 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_float, refuse_keywords, with_options
+from gamms.arguments import as_bool, as_float, refuse_keywords, spell_out_options
 from gamms.errors import BadType, BadValue, PlaceError
-from gamms.ir.geometry import box_of
+from gamms.ir.geometry import check_box
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
-from gamms.ir.projection import WGS84, project, utm_crs
+from gamms.ir.projection import WGS84, find_utm_crs, project
 from gamms.osm.load import (
     ElevationSource,
     GraphRecipe,
     MapOptions,
     ModeOfTravel,
+    adapt_recipe,
     as_ground,
     cut,
     for_a_graph,
-    for_mode,
-    recipe_of,
+    make_recipe,
 )
-from gamms.osm.modes import as_travel, tolerance_of
+from gamms.osm.modes import as_travel, find_tolerance
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.objects import as_tags
-from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
+from gamms.osm.overpass import Location, StreetOptions, download_streets_of_place, download_streets_of_polygon
 from gamms.osm.topology import consolidate
 from gamms.progress import progress
 from gamms.text import shown
@@ -116,10 +116,10 @@ def create_osm_graph(
     """
     rest = (resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline)
     options = StreetOptions(as_osm_type(osm_type), *rest)
-    return _graph(streets_of_place, location, shown(location), options, _recipe(options))
+    return _make_graph(download_streets_of_place, location, shown(location), options, _make_recipe(options))
 
 
-_with_place_options = with_options(**_DEFAULTS)
+_with_place_options = spell_out_options(**_DEFAULTS)
 
 
 @for_a_graph
@@ -130,7 +130,7 @@ def graph_from_place(location: Location, **options: Unpack[PlaceOptions]) -> "nx
     `location` is as for `create_osm_graph`, and `PlaceOptions` explains the other arguments; the result and the
     errors are those of `create_osm_graph`.
     """
-    return _graph_of_area(streets_of_place, location, shown(location), options)
+    return _make_graph_of_area(download_streets_of_place, location, shown(location), options)
 
 
 @for_a_graph
@@ -143,9 +143,9 @@ def graph_from_bbox(
     A box across 180 degrees is refused, because map servers end there; `graph_from_file` reads one with `clip`.
     `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
-    box = box_of((left, bottom, right, top), ("left", "bottom", "right", "top"))
+    box = check_box((left, bottom, right, top), ("left", "bottom", "right", "top"))
     name = f"the box {(left, bottom, right, top)}"
-    return _graph_of_area(streets_of_polygon, box.region(), name, options)
+    return _make_graph_of_area(download_streets_of_polygon, box.region(), name, options)
 
 
 @for_a_graph
@@ -155,9 +155,9 @@ def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[
 
     `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
-    circle = _circle(lat, lon, radius_m)
+    circle = _make_circle(lat, lon, radius_m)
     name = f"the circle of {radius_m} m around lat={lat}, lon={lon}"
-    return _graph_of_area(streets_of_polygon, polygon_of(circle), name, options)
+    return _make_graph_of_area(download_streets_of_polygon, polygon_of(circle), name, options)
 
 
 @for_a_graph
@@ -168,7 +168,7 @@ def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[Plac
     `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
     name = f"the polygon {str(polygon)[:60]}"
-    return _graph_of_area(streets_of_polygon, polygon, name, options)
+    return _make_graph_of_area(download_streets_of_polygon, polygon, name, options)
 
 
 def get_network_type(osm_type: OSMType | str) -> str:
@@ -183,7 +183,7 @@ def get_network_type(osm_type: OSMType | str) -> str:
     return as_osm_type(osm_type).name.lower()
 
 
-def _graph_of_area(
+def _make_graph_of_area(
     streets_of: Callable[..., RoadNetwork], area: "Location | BaseGeometry", name: str, given: PlaceOptions
 ) -> "nx.DiGraph[int]":
     refuse_keywords(given, PlaceOptions.__annotations__, "A graph of an area")
@@ -193,23 +193,23 @@ def _graph_of_area(
     bidirectional = rest["bidirectional"]
     strong = rest.pop("strong")
     if rest["tolerance"] is None:
-        rest["tolerance"] = tolerance_of(mode)
+        rest["tolerance"] = find_tolerance(mode)
     ground = as_ground(rest.pop("elevation"), mode)
     rest["around_buildings"] = as_bool(rest["around_buildings"], "around_buildings")
     options = StreetOptions(**{**rest, "mode": mode})
-    recipe = for_mode(_recipe(options), mode, bidirectional, strong)
+    recipe = adapt_recipe(_make_recipe(options), mode, bidirectional, strong)
     options = options._replace(mode=mode, strong=recipe.strong and not recipe.bidirectional)
-    return _graph(streets_of, area, name, options, recipe, ground)
+    return _make_graph(streets_of, area, name, options, recipe, ground)
 
 
-def _recipe(options: StreetOptions) -> GraphRecipe:
-    return recipe_of(
+def _make_recipe(options: StreetOptions) -> GraphRecipe:
+    return make_recipe(
         *(options.resolution, options.tolerance, options.bidirectional),
         *(options.retain_all, options.simplify, options.osm_type),
     )._replace(around_buildings=options.around_buildings)
 
 
-def _graph(
+def _make_graph(
     streets_of: Callable[..., RoadNetwork],
     place: "Location | BaseGeometry",
     name: str,
@@ -240,7 +240,7 @@ def _check_filter(custom_filter: object) -> None:
         )
 
 
-def _circle(lat: float, lon: float, radius_m: float) -> FloatArray:
+def _make_circle(lat: float, lon: float, radius_m: float) -> FloatArray:
     latitude = as_float(lat, "lat")
     longitude = as_float(lon, "lon")
     radius = as_float(radius_m, "radius_m")
@@ -249,7 +249,7 @@ def _circle(lat: float, lon: float, radius_m: float) -> FloatArray:
     if not 0.0 < radius <= _MOST_RADIUS_M:
         raise BadValue(f"radius_m must be more than 0 and at most {_MOST_RADIUS_M:.0f} m, not {radius}.")
     centre = np.array([[longitude, latitude]])
-    crs = utm_crs(centre)
+    crs = find_utm_crs(centre)
     turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
     rim = project(centre, WGS84, crs) + radius * np.column_stack((np.cos(turn), np.sin(turn)))
     return project(rim, crs, WGS84)

@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from gamms.ir.geometry import are_inside, bounds_by_side
+from gamms.ir.geometry import are_inside, find_bounds_by_side
 from gamms.ir.graph import FloatArray
-from gamms.ir.projection import unrolled
+from gamms.ir.projection import unroll
 from gamms.limits import MemoryBudget, refuse_above
-from gamms.osm.areas import open_squares, rims_of, with_areas
+from gamms.osm.areas import add_areas, find_rims, open_squares
 from gamms.osm.footprints import (
     RING_ROLES,
     BuildingIndex,
     Outlines,
     Shapes,
     WallRules,
-    footprints_of,
+    find_rows_around,
     is_in_the_way,
-    known_parts,
-    outlines_of_ways,
-    rows_around,
+    make_footprints,
+    make_outlines_of_ways,
+    split_known_parts,
 )
-from gamms.osm.network import ROADS, OsmRoads, Rule, Stops, classic_rule
+from gamms.osm.network import ROADS, OsmRoads, Rule, Stops, make_classic_rule
 from gamms.osm.objects import (
     NODE,
     RELATION,
@@ -38,9 +38,9 @@ from gamms.osm.objects import (
     Wanted,
     WayRules,
     check_members,
+    find_node_keys,
     is_one_way_street,
-    node_keys,
-    node_tags,
+    select_node_tags,
 )
 from gamms.osm.turns import TurnRelation, is_restriction
 from gamms.progress import Show
@@ -114,7 +114,7 @@ class _WayVertices:
         self.ids = array("q")
         self.one_way = array("b")
         self.rows_of: dict[int, list[int]] = {}  # way id -> rows
-        self.rules = WayRules(self._first, source.unclear)
+        self.rules = WayRules(self._find_first, source.unclear)
 
     def add(self, way: MapElement, tags: Mapping[str, str], clip: "_ClippedNodes | None" = None) -> bool:
         """Add a way with these tags, if it counts by the rules of `objects.py`; return whether it does.
@@ -137,7 +137,7 @@ class _WayVertices:
         self.offsets.append(len(self.refs))
         return True
 
-    def _first(self, id: int) -> tuple[Sequence[int], bool] | None:
+    def _find_first(self, id: int) -> tuple[Sequence[int], bool] | None:
         """Return the nodes of the first way with an id, and whether it is one-way."""
         if id not in self.rows_of:
             return None
@@ -163,7 +163,7 @@ class _WayVertices:
         units = np.column_stack((np.array(self.x, np.int64), np.array(self.y, np.int64)))
         lonlat = units / _DEGREE
         lonlat[np.any(np.abs(units) > (180 * _DEGREE, 90 * _DEGREE), axis=1)] = np.nan
-        return unrolled(lonlat)
+        return unroll(lonlat)
 
 
 _OUTSIDE = (_NOWHERE, _NOWHERE)
@@ -182,7 +182,7 @@ class _ClippedNodes:
     """
 
     def __init__(self, source: MapSource, region: "Polygon | MultiPolygon") -> None:
-        boxes = [tuple(round(one * _DEGREE) for one in part) for part in bounds_by_side(region)]
+        boxes = [tuple(round(one * _DEGREE) for one in part) for part in find_bounds_by_side(region)]
         ids = array("q")
         places = array("q")
         for id, x, y in source.nodes():
@@ -231,7 +231,7 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
         BadFile, NetworkError: the map contradicts itself, is damaged, or too large.
     """
     lines = _WayVertices(source)
-    rule = rule or classic_rule(None)
+    rule = rule or make_classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
     marked = dict[int, dict[str, str]]()
     texts = dict[str, str]()
@@ -240,7 +240,7 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
     show(f"Reading {source.name}")
     with source.reading():
         part = None if clip is None else _ClippedNodes(source, clip)
-        node_names = node_keys(tags if stops is None else [*tags, "barrier"])
+        node_names = find_node_keys(tags if stops is None else [*tags, "barrier"])
         of_kinds = {NODE: node_names, WAY: keys, RELATION: ("type",)}
         for count, one in enumerate(source.elements(of_kinds, has_places=part is None, wanted=_is_for_roads), 1):
             if part is not None and not part.has_part_of(one):
@@ -251,16 +251,18 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
                 relations.add(one)
             elif one.kind == NODE:
                 lines.budget.charge(_BYTES_PER_POINT)
-                marked[one.id] = _shared({name: given[name] for name in node_keys(tags) if name in given}, texts)
+                marked[one.id] = _share_texts(
+                    {name: given[name] for name in find_node_keys(tags) if name in given}, texts
+                )
                 barriers.update([one.id] if stops is not None and stops(given) else [])
             else:
                 found = rule(one.id, given)
                 if found is not None and lines.add(one, given, part):
-                    kept.append((_shared(found[0], texts), found[1]))
+                    kept.append((_share_texts(found[0], texts), found[1]))
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {source.name}: {count} roads")
         squares = open_squares(relations.with_rings(), rule) if areas else {}
-        rims = rims_of(squares)
+        rims = find_rims(squares)
         missing = rims.keys() - lines.rows_of.keys()
         around = _read_ids(source, missing, part)
         kept += [(rims[way.id], False) for way in around if lines.add(way, {}, part)]
@@ -275,14 +277,14 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
         lines.lonlat(),
         against,
         [of_way for of_way, _ in kept],
-        nodes=node_tags(marked, set(lines.refs), tags),
+        nodes=select_node_tags(marked, set(lines.refs), tags),
         barriers=barriers & set(lines.refs),
         buildings=read_buildings(source, part) if around_buildings else None,
         ids=lines.ids.tolist(),
         without_nodes=lines.rules.without_nodes,
         signs=relations.restrictions(),
     )
-    return with_areas(ways, lines.rows_of, squares) if areas else ways
+    return add_areas(ways, lines.rows_of, squares) if areas else ways
 
 
 def _is_for_roads(kind: str, tags: Mapping[str, str]) -> bool:
@@ -317,7 +319,7 @@ class _Relations:
             yield id, tags, rings
 
 
-def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
+def _share_texts(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
     """Return the tags with equal texts shared: a file may repeat one long text."""
     return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
 
@@ -359,7 +361,7 @@ def read_barriers(source: MapSource, rules: WallRules) -> Outlines:
         return None if is_other else rules.barrier_of(way.tags)
 
     lines, walls = _read_lines(source, ("barrier",) if rules.has_barriers else (), wall_of)
-    return _outlines_of(lines, walls)
+    return _make_outlines(lines, walls)
 
 
 def read_lines(source: MapSource, keys: Collection[str], about_of: _AboutOf) -> Outlines:
@@ -373,18 +375,18 @@ def read_lines(source: MapSource, keys: Collection[str], about_of: _AboutOf) -> 
     Raises:
         BadFile, NetworkError: see `read_footprints`.
     """
-    return _outlines_of(*_read_lines(source, keys, lambda way: about_of(way.tags)))
+    return _make_outlines(*_read_lines(source, keys, lambda way: about_of(way.tags)))
 
 
 def read_line_parts(source: MapSource, keys: Collection[str], about_of: _AboutOf) -> Outlines:
     """Read the lines of a map as `read_lines`, without the parts whose nodes it lacks."""
     lines, about = _read_lines(source, keys, lambda way: about_of(way.tags))
-    return known_parts(np.array(lines.offsets, np.int64), lines.lonlat(), about)
+    return split_known_parts(np.array(lines.offsets, np.int64), lines.lonlat(), about)
 
 
-def _outlines_of(lines: "_WayVertices", about: list[object]) -> Outlines:
+def _make_outlines(lines: "_WayVertices", about: list[object]) -> Outlines:
     rows = [[row] for row in range(len(about))]
-    return outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), rows, about)
+    return make_outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), rows, about)
 
 
 def _read_lines(
@@ -428,7 +430,7 @@ class _FootprintReader:
         relations = _Relations()
         for relation in source.elements({RELATION: self.rules.keys}, wanted=lambda _, tags: tags.get("type") in _AREAS):
             relations.add(relation)
-        ways_of = self._multipolygons(relations)
+        ways_of = self._add_multipolygons(relations)
         own = list[int]()
         for way in source.elements({WAY: self.rules.keys}, has_places=self.part is None):
             wall = self.rules.wall_of(way.tags) if _is_area(way) else None
@@ -441,9 +443,9 @@ class _FootprintReader:
             self.lines.add(way, {}, self.part)
         if self.part is None:
             self.lines.complete(lambda _: None)
-        self.rows_of = [rows_around(ids, self.lines.rows_of) for ids in ways_of] + [[row] for row in own]
+        self.rows_of = [find_rows_around(ids, self.lines.rows_of) for ids in ways_of] + [[row] for row in own]
 
-    def _multipolygons(self, relations: _Relations) -> list[list[int]]:
+    def _add_multipolygons(self, relations: _Relations) -> list[list[int]]:
         """Add the walls of relations, and return the ids of the ways around each."""
         ways_of: list[list[int]] = []
         for _, tags, rings in relations.with_rings():
@@ -458,7 +460,7 @@ class _FootprintReader:
         # Several relations may share a way.
         points = sum(int(offsets[row + 1] - offsets[row]) for row in chain.from_iterable(self.rows_of))
         self.lines.budget.charge(self.lines.bytes_per_point * points)
-        return outlines_of_ways(offsets, self.lines.lonlat(), self.rows_of, self.walls)
+        return make_outlines_of_ways(offsets, self.lines.lonlat(), self.rows_of, self.walls)
 
 
 def read_buildings(source: MapSource, part: "_ClippedNodes | None" = None) -> BuildingIndex:
@@ -471,7 +473,7 @@ def _read_shapes(source: MapSource, part: "_ClippedNodes | None") -> Shapes:
     found = _FootprintReader(_BuildingRules(), _WayVertices(source, _BYTES_PER_CORNER), part)
     with source.reading():
         found.read()
-    return footprints_of(found.outlines())
+    return make_footprints(found.outlines())
 
 
 class _BuildingRules:

@@ -11,18 +11,18 @@ import numpy as np
 
 from gamms.arguments import as_context
 from gamms.errors import BadValue
-from gamms.ir.geometry import rings_of, seamed
+from gamms.ir.geometry import list_rings, seam_rings
 from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import ObstacleColumns
-from gamms.ir.projection import WGS84, crs_of, project
-from gamms.ir.scenery import Scenery, SceneryKind, no_scenery
+from gamms.ir.projection import WGS84, parse_crs, project
+from gamms.ir.scenery import Scenery, SceneryKind, make_empty_scenery
 from gamms.osm import footprints
 from gamms.osm.constants import wall_estimates
-from gamms.osm.footprints import Shapes, WallProfile, WallRules, layer_of
+from gamms.osm.footprints import Shapes, WallProfile, WallRules, find_layer
 from gamms.osm.osmium_reader import MapFile, as_file
-from gamms.osm.overpass import Location, features_of_place
+from gamms.osm.overpass import Location, download_features_of_place
 from gamms.osm.reader import read_footprints, read_line_parts
-from gamms.osm.walls import SimplifyTolerance, faces_of
+from gamms.osm.walls import SimplifyTolerance, make_faces
 from gamms.typing import IContext
 
 if TYPE_CHECKING:
@@ -83,16 +83,16 @@ def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildi
         BadValue: the context has no streets with a CRS in meters, or there is too much scenery around them.
         MissingExtra: osmium or pyproj is not installed.
     """
-    crs, box = _place_of(as_context(ctx, "scenery_from_file", "scenery_from_file('city.osm', ctx)"))
+    crs, box = _find_place(as_context(ctx, "scenery_from_file", "scenery_from_file('city.osm', ctx)"))
     source = MapFile(as_file(filepath))
     rules = _SceneryRules(buildings=buildings)
     areas = read_footprints(source, rules)
-    lines = read_line_parts(source, _LINE_KEYS, _line_of)
+    lines = read_line_parts(source, _LINE_KEYS, _find_line_kind)
     shapes = chain(
-        zip(footprints.footprints_of(areas), areas.about, strict=True),
-        zip(footprints.lines_of(lines), (lines.about[row] for row in lines.owners.tolist()), strict=True),
+        zip(footprints.make_footprints(areas), areas.about, strict=True),
+        zip(footprints.make_lines(lines), (lines.about[row] for row in lines.owners.tolist()), strict=True),
     )
-    return _without_crowds(ctx, _scenery(list(shapes), crs, box))
+    return _limit_buildings(ctx, _make_scenery(list(shapes), crs, box))
 
 
 def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = True, offline: bool = False) -> Scenery:
@@ -105,20 +105,20 @@ def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = Tru
         PlaceError, NetworkError: the place is unknown or empty, or there is no answer.
         MissingExtra: requests or pyproj is not installed.
     """
-    crs, box = _place_of(as_context(ctx, "scenery_from_osm", "scenery_from_osm('Monaco', ctx)"))
+    crs, box = _find_place(as_context(ctx, "scenery_from_osm", "scenery_from_osm('Monaco', ctx)"))
     rules = _SceneryRules(buildings=buildings)
     wanted = dict[str, bool | list[str]]()
     for key, value in _AREAS:
         wanted.setdefault(key, []).append(value)  # type: ignore[union-attr] # a list, as each of them is
     if buildings:
         wanted["building"] = True
-    found = features_of_place(location, wanted, _LINE_KEYS, offline=offline)
+    found = download_features_of_place(location, wanted, _LINE_KEYS, offline=offline)
     about = [
-        rules.wall_of(tags) if shape.geom_type in ("Polygon", "MultiPolygon") else _line_of(tags)
+        rules.wall_of(tags) if shape.geom_type in ("Polygon", "MultiPolygon") else _find_line_kind(tags)
         for shape, tags in found
     ]
-    return _without_crowds(
-        ctx, _scenery([(shape, what) for (shape, _), what in zip(found, about, strict=True) if what], crs, box)
+    return _limit_buildings(
+        ctx, _make_scenery([(shape, what) for (shape, _), what in zip(found, about, strict=True) if what], crs, box)
     )
 
 
@@ -136,29 +136,33 @@ class _SceneryRules:
     def wall_of(self, tags: Tags) -> "WallProfile | SceneryKind | None":
         """Return the walls around an area with these tags, or the kind of an area without walls, or None."""
         wall = None if self._walls is None else self._walls.wall_of(tags)
-        return wall or _kind_of(tags, _AREAS)
+        return wall or _find_kind(tags, _AREAS)
 
 
-def _line_of(tags: Tags) -> SceneryKind | str | None:
+def _find_line_kind(tags: Tags) -> SceneryKind | str | None:
     """Return the kind of a line with these tags: `_COAST` for a coast, None if it is not drawn."""
-    return _COAST if tags.get("natural") == _COAST else _kind_of(tags, _LINES)
+    return _COAST if tags.get("natural") == _COAST else _find_kind(tags, _LINES)
 
 
-def _kind_of(tags: Tags, table: Mapping[tuple[str, str], SceneryKind]) -> SceneryKind | None:
+def _find_kind(tags: Tags, table: Mapping[tuple[str, str], SceneryKind]) -> SceneryKind | None:
     """Return the kind of an object on the ground; None if it lies below, or is not drawn."""
-    if layer_of(tags) < 0 or tags.get("tunnel", "no") != "no" or tags.get("location") in ("underground", "underwater"):
+    if (
+        find_layer(tags) < 0
+        or tags.get("tunnel", "no") != "no"
+        or tags.get("location") in ("underground", "underwater")
+    ):
         return None
     return next((kind for (key, value), kind in table.items() if tags.get(key) == value), None)
 
 
-def _place_of(ctx: IContext) -> tuple[str, "BaseGeometry"]:
+def _find_place(ctx: IContext) -> tuple[str, "BaseGeometry"]:
     """Return the CRS of the streets of a context, and the rectangle around them in meters."""
     import shapely
 
     columns = ctx.graph.columns()
     if columns.crs is None or not len(columns.xy):
         raise BadValue("The context has no streets with a CRS. Load them first: ctx.graph.attach_networkx_graph(…).")
-    crs, in_degrees = crs_of(columns.crs)
+    crs, in_degrees = parse_crs(columns.crs)
     if in_degrees:
         raise BadValue(f"The streets are in {crs}, which is in degrees; scenery needs a CRS in meters.")
     low = columns.xy.min(axis=0) - _MARGIN_M
@@ -166,16 +170,16 @@ def _place_of(ctx: IContext) -> tuple[str, "BaseGeometry"]:
     return crs, shapely.box(*low.tolist(), *high.tolist())
 
 
-def _without_crowds(ctx: IContext, scenery: Scenery) -> Scenery:
+def _limit_buildings(ctx: IContext, scenery: Scenery) -> Scenery:
     """Return a scenery without its buildings if they are too many to be drawn."""
     walls = len(scenery.buildings.ids)
     if walls <= _MOST_WALLS:
         return scenery
     ctx.logger.warning(f"The buildings around the streets have {walls} walls; above {_MOST_WALLS}, they are not drawn.")
-    return replace(scenery, buildings=no_scenery().buildings)
+    return replace(scenery, buildings=make_empty_scenery().buildings)
 
 
-def _scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery:
+def _make_scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery:
     """Return the scenery in a rectangle, from features in degrees."""
     import shapely
 
@@ -193,19 +197,19 @@ def _scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery
     lines = list[FloatArray]()
     for kind in SceneryKind:
         if kind < SceneryKind.WATERWAY:
-            more = _sea(by_kind[_COAST], box) if kind is SceneryKind.WATER else []
-            found = list(_outlines(by_kind[kind], more, box))
+            more = _find_sea(by_kind[_COAST], box) if kind is SceneryKind.WATER else []
+            found = list(_list_outlines(by_kind[kind], more, box))
         else:
-            found = list(_drawn_lines(by_kind[kind], box))
+            found = list(_list_drawn_lines(by_kind[kind], box))
         lines += found
         kinds += [int(kind)] * len(found)
     offsets = np.cumsum([0, *map(len, lines)])
     points = np.round(np.concatenate([np.zeros((0, 2)), *lines]) * _GRID) / _GRID
     about = [features[row][1] for row in walls]
-    return Scenery(np.array(kinds, np.int64), offsets, points, _buildings(shapes[walls], about, to_metres, box))
+    return Scenery(np.array(kinds, np.int64), offsets, points, _make_buildings(shapes[walls], about, to_metres, box))
 
 
-def _buildings(
+def _make_buildings(
     shapes: Shapes, walls: Sequence[WallProfile], to_metres: Callable[[FloatArray], FloatArray], box: "BaseGeometry"
 ) -> ObstacleColumns:
     """Return the walls of the buildings whose center lies in a rectangle."""
@@ -217,22 +221,22 @@ def _buildings(
     )
     chosen = [wall for wall, inside in zip(walls, is_in.tolist(), strict=True) if inside]
     if not chosen:
-        return no_scenery().buildings
-    faces = faces_of(shapes[is_in], chosen, to_metres, _TOLERANCE)
+        return make_empty_scenery().buildings
+    faces = make_faces(shapes[is_in], chosen, to_metres, _TOLERANCE)
     return ObstacleColumns(np.arange(len(faces.types)), np.round(faces.corners * _GRID) / _GRID, faces.types)
 
 
-def _outlines(shapes: Shapes, more: "list[BaseGeometry]", box: "BaseGeometry") -> Iterator[FloatArray]:
+def _list_outlines(shapes: Shapes, more: "list[BaseGeometry]", box: "BaseGeometry") -> Iterator[FloatArray]:
     """Yield the polygons of the union of areas in a rectangle, with holes joined by seams."""
     import shapely
 
-    union = shapely.union_all([*shapely.intersection(footprints.repaired(shapes), box), *more])
+    union = shapely.union_all([*shapely.intersection(footprints.repair(shapes), box), *more])
     for part in shapely.get_parts(shapely.simplify(union, _AREA_M)):
         if shapely.get_type_id(part) == _POLYGON and part.area >= _LEAST_M2:
-            yield seamed(rings_of(part))
+            yield seam_rings(list_rings(part))
 
 
-def _drawn_lines(shapes: Shapes, box: "BaseGeometry") -> Iterator[FloatArray]:
+def _list_drawn_lines(shapes: Shapes, box: "BaseGeometry") -> Iterator[FloatArray]:
     """Yield the lines in a rectangle, joined where they meet."""
     import shapely
 
@@ -244,7 +248,7 @@ def _drawn_lines(shapes: Shapes, box: "BaseGeometry") -> Iterator[FloatArray]:
             yield shapely.get_coordinates(line)
 
 
-def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
+def _find_sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
     """Return the parts of a rectangle that lie right of coastlines, and not left of any."""
     import shapely
 
@@ -260,7 +264,7 @@ def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
     middles = shapely.get_coordinates(shapely.line_interpolate_point(pieces, 0.5, normalized=True))
     right = ways[:, ::-1] / np.hypot(*ways.T)[:, None] * (1.0, -1.0)
     lengths = shapely.length(pieces)
-    cut = shapely.union_all([*shapely.intersection(coasts, box), box.boundary, *_ways_out(coasts, box)])
+    cut = shapely.union_all([*shapely.intersection(coasts, box), box.boundary, *_extend_coasts(coasts, box)])
     parts = shapely.get_parts(shapely.polygonize(shapely.get_parts(cut)))
     found = []
     tree = shapely.STRtree(parts)
@@ -275,7 +279,7 @@ def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
     return found
 
 
-def _ways_out(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
+def _extend_coasts(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
     """Return lines from ends of coasts near the edge of a rectangle to that edge."""
     import shapely
 

@@ -83,8 +83,8 @@ class MapServers:
         self._offline = offline
         self._timeout_s = timeout
         self._folder = Path(setting("cache_folder") or cache_folder("places"))
-        self._nominatim = _address("nominatim_url")
-        self._overpass = _address("overpass_url")
+        self._nominatim = _find_address("nominatim_url")
+        self._overpass = _find_address("overpass_url")
         self._paused_s = 0.0
         self._pauses = 0
         self._unsaved: list[tuple[Path, bytes]] = []
@@ -102,21 +102,21 @@ class MapServers:
         if setting("nominatim_key") is not None:
             asked["key"] = setting("nominatim_key")
         self._show(f"Asking {self._nominatim} where {self._name} is")
-        return self._cached(f"{self._nominatim}/search", asked, read, self._search)
+        return self._get_cached(f"{self._nominatim}/search", asked, read, self._search)
 
     def query(self, query: str, read: Read[T]) -> T:
         """Send Overpass a query in its own language, without its settings; raises like `search`."""
         memory = setting("overpass_memory")
         size = "" if memory is None else f"[maxsize:{memory}]"
         asked = {"data": f"[out:json][timeout:{math.ceil(self._timeout_s)}]{size};{query}"}
-        return self._cached(f"{self._overpass}/interpreter", asked, read, self._interpret)
+        return self._get_cached(f"{self._overpass}/interpreter", asked, read, self._interpret)
 
     def save_rest(self) -> None:
         """Cache also answers without shapes: the map was made, so they were no mistake."""
         for path, content in self._unsaved:
             self._save(path, content)
 
-    def _cached(
+    def _get_cached(
         self, url: str, asked: dict[str, str], read: Read[T], ask: Callable[[str, dict[str, str]], _HttpAnswer]
     ) -> T:
         """Return the answer from the disk, or else from the server."""
@@ -125,7 +125,7 @@ class MapServers:
         damage = ""
         if (setting("use_cache") or self._offline) and path.is_file():
             try:
-                return read(_parsed(path.read_bytes()))
+                return read(_parse_json(path.read_bytes()))
             except (OSError, ValueError, RecursionError) as error:
                 damage = str(error)
         if self._offline:
@@ -136,7 +136,7 @@ class MapServers:
             )
         with _ONE_AT_A_TIME:
             answer = ask(url, asked)
-        data, found = _checked(url, answer, read)
+        data, found = _check_answer(url, answer, read)
         # Without a street or an area, the place may be a mistake: such an answer is cached only when the map is made.
         if isinstance(data, dict) and any(element["type"] != "node" for element in data["elements"]):
             self._save(path, answer.content)
@@ -166,7 +166,7 @@ class MapServers:
     def _interpret(self, url: str, asked: dict[str, str]) -> _HttpAnswer:
         while setting("overpass_rate_limit"):
             status = _request("GET", f"{self._overpass}/status", self._timeout_s, self._show).text
-            pause_s = _seconds_to_slot(status)
+            pause_s = _parse_seconds_to_slot(status)
             if not pause_s:
                 break
             self._pause(url, pause_s)
@@ -188,9 +188,11 @@ class MapServers:
         self._pauses += 1
         self._paused_s += seconds
         if self._paused_s > _MOST_PAUSE_S or self._pauses > _MOST_PAUSES:
-            raise NetworkError(f"{_host(url)} is busy: it asks for a total wait of {self._paused_s:.0f} s. {_LATER}")
+            raise NetworkError(
+                f"{_find_host(url)} is busy: it asks for a total wait of {self._paused_s:.0f} s. {_LATER}"
+            )
         if seconds > 1.0:
-            self._show(f"{_host(url)} is busy: waiting {seconds:.0f} s")
+            self._show(f"{_find_host(url)} is busy: waiting {seconds:.0f} s")
         time.sleep(seconds)
 
 
@@ -223,7 +225,7 @@ def _request(method: str, url: str, patience_s: float, show: Show, **options: di
     while thread.is_alive() and (left := ends - time.monotonic()) > 0.0:
         thread.join(min(left, SIGNALS_S))
     if not outcome:
-        raise _timeout_error(url, patience_s)
+        raise _make_timeout_error(url, patience_s)
     if isinstance(outcome[0], Exception):
         raise outcome[0]
     return outcome[0]
@@ -245,29 +247,29 @@ def _read(
             for chunk in response.iter_content(_CHUNK):
                 content += chunk
                 if len(content) % (1 << 20) < _CHUNK:
-                    show(f"Downloading from {_host(url)}: {len(content) / 1e6:.0f} MB")
+                    show(f"Downloading from {_find_host(url)}: {len(content) / 1e6:.0f} MB")
                 if len(content) > most_bytes:
                     raise TooLarge(
-                        f"The answer of {_host(url)} has more than {most_bytes} bytes. Choose a smaller area, or allow "
-                        "more memory with gamms.limits.allowing('8G')."
+                        f"The answer of {_find_host(url)} has more than {most_bytes} bytes. Choose a smaller area, or "
+                        "allow more memory with gamms.limits.allowing('8G')."
                     )
                 if time.monotonic() > deadline:
-                    raise _timeout_error(url, patience_s)
+                    raise _make_timeout_error(url, patience_s)
             retry_after = response.headers.get("Retry-After", "")
             return _HttpAnswer(response.status_code, str(response.reason), bytes(content), retry_after)
     except requests.exceptions.RequestException as error:
-        reason = _first_cause(error)
+        reason = _find_first_cause(error)
         if isinstance(reason, TimeoutError) or "timed out" in str(error):
-            raise _timeout_error(url, patience_s) from error
+            raise _make_timeout_error(url, patience_s) from error
         raise NetworkError(
-            f"{_host(url)} cannot be reached, or the connection was lost: {reason}. Check the connection and the "
+            f"{_find_host(url)} cannot be reached, or the connection was lost: {reason}. Check the connection and the "
             f"address {url!r} (gamms.osm.settings); earlier downloads work with offline=True."
         ) from error
 
 
-def _checked(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
+def _check_answer(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
     """Return the checked data of an answer, and its converted content."""
-    host = _host(url)
+    host = _find_host(url)
     said = " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
     if answer.status >= HTTPStatus.BAD_REQUEST:
         refusal = f"{host} answers {answer.status} {answer.reason}, saying {said!r}."
@@ -277,7 +279,7 @@ def _checked(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
             raise NetworkError(f"{refusal} It is busy, after {len(_PAUSES_S) + 1} tries. {_LATER}")
         raise NetworkError(f"{refusal} Check the address {url!r} (gamms.osm.settings). {_LATER}")
     try:
-        data = _parsed(answer.content)
+        data = _parse_json(answer.content)
     except (ValueError, RecursionError) as error:
         raise NetworkError(
             f"{host} answered {shown(said)} instead of JSON ({error}). "
@@ -289,7 +291,7 @@ def _checked(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
         raise NetworkError(f"The answer of {host} cannot be used: {error}. Choose a smaller area. {_LATER}") from None
 
 
-def _parsed(content: bytes) -> Json:
+def _parse_json(content: bytes) -> Json:
     return json.loads(content, parse_constant=_refuse_constant)
 
 
@@ -297,7 +299,7 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number")
 
 
-def _seconds_to_slot(status: str) -> float:
+def _parse_seconds_to_slot(status: str) -> float:
     """Return the seconds until Overpass has a free slot, by its own status page; 0 if unknown."""
     if "slots available now" in status or re.search(r"Rate limit: 0\b", status):
         return 0.0
@@ -308,24 +310,24 @@ def _seconds_to_slot(status: str) -> float:
     return _STATUS_PAUSE_S if "Currently running queries" in status else 0.0
 
 
-def _timeout_error(url: str, patience_s: float) -> NetworkError:
+def _make_timeout_error(url: str, patience_s: float) -> NetworkError:
     return NetworkError(
-        f"{_host(url)} timed out: an answer must begin within {patience_s:g} s and be complete within "
+        f"{_find_host(url)} timed out: an answer must begin within {patience_s:g} s and be complete within "
         f"{_ANSWER_FACTOR * patience_s:g} s (gamms.osm.settings.requests_timeout). Choose a smaller area. {_LATER}"
     )
 
 
-def _first_cause(error: BaseException) -> BaseException:
+def _find_first_cause(error: BaseException) -> BaseException:
     """Return the original error: requests wraps it several times."""
     inner = error.__cause__ or error.__context__
-    return error if inner is None else _first_cause(inner)
+    return error if inner is None else _find_first_cause(inner)
 
 
-def _host(url: str) -> str:
+def _find_host(url: str) -> str:
     return urlsplit(url).netloc or url
 
 
-def _address(name: str) -> str:
+def _find_address(name: str) -> str:
     url = str(setting(name))
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from gamms.osm.objects import DIRECTIONS, number_of, words_of
+from gamms.osm.objects import DIRECTIONS, parse_number, split_words
 
 # Kilometers per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
 # Europe and the speed that the shape of such roads allows; ways for walkers have the pace of a walker.
@@ -91,17 +91,17 @@ def speed_kph(tags: Mapping[str, Any]) -> float:
 
     Several signs (a list, or text with semicolons) give their mean; texts that are not speeds are ignored.
     """
-    given = number_of(tags.get("speed_kph"))
+    given = parse_number(tags.get("speed_kph"))
     if 0.0 < given < math.inf:
         return given
     sign = sign_of(tags)
     if sign is not None:
         return sign.kph
-    known = (SPEED_OF_HIGHWAY_KPH[name] for name in words_of(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
+    known = (SPEED_OF_HIGHWAY_KPH[name] for name in split_words(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
     return next(known, UNKNOWN_SPEED_KPH)
 
 
-def network_speed_kph(key: str, value: str) -> float:
+def find_network_speed_kph(key: str, value: str) -> float:
     """Return the usual speed on ways of another network than roads, such as `railway=tram`."""
     known = (SPEED_OF_NETWORK_KPH.get(f"{key}={word}") for word in (value, "*"))
     return next((kph for kph in known if kph is not None), UNKNOWN_SPEED_KPH)
@@ -113,9 +113,9 @@ _ISO_DURATION = re.compile(
 )
 
 
-def duration_s(value: object) -> float | None:
+def parse_duration_s(value: object) -> float | None:
     """Return a `duration` in seconds: `hh:mm`, `hh:mm:ss`, minutes, or ISO 8601 such as `PT1H30M`; else None."""
-    words = words_of(value)
+    words = split_words(value)
     if len(words) != 1:
         return None
     clock = _CLOCK.fullmatch(words[0])
@@ -145,11 +145,11 @@ def sign_of(tags: Mapping[str, Any], vehicles: Sequence[str] = (), direction: st
         vehicles: the names of the vehicle in keys such as `maxspeed:motorcar`, the most specific first.
         direction: "forward", "backward", or "" for signs that hold in both directions.
     """
-    for key in _keys(tuple(vehicles), direction):
-        signs = _signs_of(tags[key]) if key in tags else []
-        if key.startswith("zone:traffic") and not _OWN_LIMITS.isdisjoint(words_of(tags.get("highway"))):
+    for key in _list_keys(tuple(vehicles), direction):
+        signs = _split_signs(tags[key]) if key in tags else []
+        if key.startswith("zone:traffic") and not _OWN_LIMITS.isdisjoint(split_words(tags.get("highway"))):
             continue
-        speeds = [speed for sign in signs for speed in _speeds_of(sign, tags)]
+        speeds = [speed for sign in signs for speed in _parse_speeds(sign, tags)]
         if speeds:
             return Sign(key, sum(speeds) / len(speeds))
     return None
@@ -161,20 +161,20 @@ def sign_in_force(tags: Mapping[str, Any], vehicles: Sequence[str], direction: s
     return {} if sign is None or sign.key == "maxspeed" else {"maxspeed": tags[sign.key]}
 
 
-def unread_signs(tags: Mapping[str, Any], vehicles: Sequence[str] = CARS) -> Iterator[str]:
+def list_unread_signs(tags: Mapping[str, Any], vehicles: Sequence[str] = CARS) -> Iterator[str]:
     """Yield the signs for a vehicle that give no speed, as "key=word"."""
     for key in sign_keys(vehicles):
         if key in tags and not key.startswith(_ZONES):  # those also name surveys and other sources
-            yield from (f"{key}={word}" for word in _signs_of(tags[key]) if not _speeds_of(word, tags))
+            yield from (f"{key}={word}" for word in _split_signs(tags[key]) if not _parse_speeds(word, tags))
 
 
 def sign_keys(vehicles: Sequence[str]) -> list[str]:
     """Return the keys of all signs for a vehicle."""
-    return [*dict.fromkeys(key for direction in DIRECTIONS for key in _keys(tuple(vehicles), direction))]
+    return [*dict.fromkeys(key for direction in DIRECTIONS for key in _list_keys(tuple(vehicles), direction))]
 
 
 @cache
-def _keys(vehicles: tuple[str, ...], direction: str) -> tuple[str, ...]:
+def _list_keys(vehicles: tuple[str, ...], direction: str) -> tuple[str, ...]:
     """Return the keys of the signs for a vehicle in one direction, the most specific first."""
     keys: list[str] = []
     for vehicle in vehicles:
@@ -191,19 +191,19 @@ def has_special_signs(tags: Mapping[Any, Any]) -> bool:
     return any(isinstance(key, str) and key.startswith(("maxspeed:", *_ZONES)) for key in tags)
 
 
-def _signs_of(value: object) -> list[str]:
+def _split_signs(value: object) -> list[str]:
     """Return the signs in a value: numbers with their units, or words."""
-    parts = (part.strip() for word in words_of(value) for part in _BETWEEN.split(word))
+    parts = (part.strip() for word in split_words(value) for part in _BETWEEN.split(word))
     return [part for part in parts if part]
 
 
-def _speeds_of(text: str, tags: Mapping[str, Any]) -> list[float]:
+def _parse_speeds(text: str, tags: Mapping[str, Any]) -> list[float]:
     """Return the speed on a sign, or both ends of a range; empty if the text is not a speed."""
     word = text.rpartition(":")[2].strip()  # the country does not matter, but for its unit
     if word in SPEED_OF_WORD_KPH:
         return [SPEED_OF_WORD_KPH[word]]
     if word in _NO_LIMIT:
-        return [_NO_LIMIT_KPH] if not _WITHOUT_LIMIT.isdisjoint(words_of(tags.get("highway"))) else []
+        return [_NO_LIMIT_KPH] if not _WITHOUT_LIMIT.isdisjoint(split_words(tags.get("highway"))) else []
     match = _SIGN.fullmatch(word.removeprefix("zone").strip())
     unit = "" if match is None or match[3] is None else match[3].replace(" ", "")
     if not unit and text.partition(":")[0].strip() in _IN_MILES:

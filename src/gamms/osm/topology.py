@@ -17,16 +17,16 @@ from gamms.osm import turns
 from gamms.osm.network import (
     RoadNetwork,
     along,
-    chosen_roads,
     components,
+    compute_offsets,
+    find_segment_starts,
+    find_ways_back,
     is_upright,
-    moved_ends,
-    offsets_of,
-    reversed_points,
-    segment_starts,
-    ways_back,
+    move_ends,
+    reverse_points,
+    select_roads,
 )
-from gamms.osm.objects import words_of
+from gamms.osm.objects import split_words
 
 _NO_TUNNELS = {"building_passage", "avalanche_protector"}  # open to the side, or above the ground
 _BELOW = re.compile(r"-[0-9]{1,3}")  # layers
@@ -43,13 +43,13 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
     total length stays, and the removed nodes become vertices of polylines. Roads joined from several ways carry a list
     of `osmid`. A ring without a junction becomes one road that leads back to its first node.
     """
-    steps, begins = _chain_steps(_partners(network).tolist())
+    steps, begins = _find_chain_steps(_find_partners(network).tolist())
     order = steps >> 1
     backward = (steps & 1).astype(np.bool_)
-    walked = chosen_roads(network, order)
+    walked = select_roads(network, order)
     chain_of = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(order))))
     mirrored = np.repeat(backward, np.diff(walked.offsets))
-    points = walked.points[np.where(mirrored, reversed_points(walked.offsets), np.arange(len(walked.points)))]
+    points = walked.points[np.where(mirrored, reverse_points(walked.offsets), np.arange(len(walked.points)))]
     inner = np.setdiff1d(walked.offsets[:-1], walked.offsets[:-1][begins])  # a joint is in both roads: keep one
     sizes = np.bincount(chain_of, weights=np.diff(walked.offsets) - 1).astype(np.int64) + 1
     ends = np.append(begins[1:], len(order)) - 1
@@ -57,7 +57,7 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         network,
         sources=np.where(backward, walked.targets, walked.sources)[begins],
         targets=np.where(backward, walked.sources, walked.targets)[ends],
-        offsets=offsets_of(sizes),
+        offsets=compute_offsets(sizes),
         points=np.delete(points, inner, axis=0),
         lengths=np.add.reduceat(walked.lengths, begins),
         two_way=walked.two_way[begins],
@@ -68,10 +68,10 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
     if walked.back_ways is not None:
         there = np.where(backward, walked.back_ways, walked.ways)
         back = np.where(backward, walked.ways, walked.back_ways)
-    return without_unused_nodes(_with_joined_tags(joined, there, back, begins))
+    return remove_unused_nodes(_add_joined_tags(joined, there, back, begins))
 
 
-def tunnels_of(network: RoadNetwork) -> IntArray:
+def number_tunnels(network: RoadNetwork) -> IntArray:
     """Return for each node the number of its tunnel, from 1; 0 for nodes with a road on the surface.
 
     Tunnels are roads with `tunnel` or a negative `layer`, without passages through buildings; tunnels that meet
@@ -90,14 +90,14 @@ def tunnels_of(network: RoadNetwork) -> IntArray:
 
 
 def _is_underground(tags: Mapping[str, Any]) -> bool:
-    tunnels = {*words_of(tags.get("tunnel"))} - {"no"}
-    layers = words_of(tags.get("layer"))
+    tunnels = {*split_words(tags.get("tunnel"))} - {"no"}
+    layers = split_words(tags.get("layer"))
     if tunnels:
         return not tunnels <= _NO_TUNNELS
     return bool(layers) and all(_BELOW.fullmatch(layer) for layer in layers)
 
 
-def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
+def remove_unused_nodes(network: RoadNetwork) -> RoadNetwork:
     """Return the network with only the nodes at the ends of its roads."""
     used, rows = np.unique(np.concatenate((network.sources, network.targets)), return_inverse=True)
     half = len(network.sources)
@@ -105,7 +105,7 @@ def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
     return replace(network, xy=network.xy[used], sources=rows[:half], targets=rows[half:], refs=refs)
 
 
-def _partners(network: RoadNetwork) -> IntArray:
+def _find_partners(network: RoadNetwork) -> IntArray:
     """Return for each road end the road end that continues it, or -1.
 
     Ends are numbered 2 * road (source) and 2 * road + 1 (target).
@@ -114,7 +114,7 @@ def _partners(network: RoadNetwork) -> IntArray:
     offsets, ends = kernels.group_rows(nodes, len(network.xy))
     through = np.diff(offsets) == 2
     if network.turns:
-        through[turns.joints_to_keep(network.turns, nodes, np.diff(offsets))] = False
+        through[turns.find_joints_to_keep(network.turns, nodes, np.diff(offsets))] = False
     if network.refs is not None and network.nodes.staying:
         through &= ~np.isin(network.refs, np.array([*network.nodes.staying], np.int64))
     pair = offsets[:-1][through]
@@ -125,7 +125,7 @@ def _partners(network: RoadNetwork) -> IntArray:
     known: dict[str, int] = {}
     kind = np.array([known.setdefault(repr(sorted(one)), len(known)) for one in tags], np.int64)
     there = kind[network.ways]
-    back = kind[ways_back(network)]
+    back = kind[find_ways_back(network)]
     leaving = np.column_stack((back, there)).ravel()  # (ends,) of the traffic that leaves the road at this end
     entering = np.column_stack((there, back)).ravel()
     alike = (leaving[a] == entering[b]) & (entering[a] == leaving[b])
@@ -138,7 +138,7 @@ def _partners(network: RoadNetwork) -> IntArray:
     return partners
 
 
-def _chain_steps(partners: list[int]) -> tuple[IntArray, IntArray]:
+def _find_chain_steps(partners: list[int]) -> tuple[IntArray, IntArray]:
     """Return all chains of joined roads, one after the other, and the index at which each chain begins.
 
     A step is 2 * road, or 2 * road + 1 if the chain runs through the road backward; `partners` has, for each end of a
@@ -167,7 +167,7 @@ def _walk(end: int, partners: list[int], seen: bytearray) -> list[int]:
     return walk
 
 
-def _with_joined_tags(network: RoadNetwork, there: IntArray, back: IntArray | None, begins: IntArray) -> RoadNetwork:
+def _add_joined_tags(network: RoadNetwork, there: IntArray, back: IntArray | None, begins: IntArray) -> RoadNetwork:
     """Give roads that were joined from several ways tags of their own: the tags of the first, the ids of all.
 
     Args:
@@ -177,11 +177,13 @@ def _with_joined_tags(network: RoadNetwork, there: IntArray, back: IntArray | No
         begins: (roads,) the first piece of each.
     """
     tags = [*network.tags]
-    ways = _joined_rows(tags, there, begins)
-    return replace(network, ways=ways, back_ways=None if back is None else _joined_rows(tags, back, begins), tags=tags)
+    ways = _find_joined_rows(tags, there, begins)
+    return replace(
+        network, ways=ways, back_ways=None if back is None else _find_joined_rows(tags, back, begins), tags=tags
+    )
 
 
-def _joined_rows(tags: list[Mapping[str, Any]], ways: IntArray, begins: IntArray) -> IntArray:
+def _find_joined_rows(tags: list[Mapping[str, Any]], ways: IntArray, begins: IntArray) -> IntArray:
     """Return the row of the tags of each road, after adding rows for roads that were joined from several ways."""
     of_road = ways[begins]
     if not len(begins):
@@ -214,13 +216,13 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
     may be between them, or block a road that ends there. Vertices at one place with a road of length zero between them
     always become one.
     """
-    network = _without_empty_roads(network)
-    chains = chains_of(network)
+    network = _remove_empty_roads(network)
+    chains = find_chains(network)
     is_flat = np.ones(len(chains.lengths), np.bool_)
-    is_flat[chains.of_road[_leads_elsewhere(network)]] = False
-    label = _junctions(network, chains, is_flat, tolerance)
+    is_flat[chains.of_road[_find_roads_elsewhere(network)]] = False
+    label = _label_junctions(network, chains, is_flat, tolerance)
     if network.buildings is not None:
-        _part(label, _behind_buildings(network, label))
+        _split_junctions(label, _find_behind_buildings(network, label))
     while True:
         a, b = label[chains.ends].T
         one = (a == b) & (chains.ends[:, 0] != chains.ends[:, 1]) & (chains.lengths <= _ACROSS * tolerance) & is_flat
@@ -231,26 +233,28 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
         ends = np.concatenate((network.sources[inner], network.targets[inner]))
         owners = label.copy()
         owners[ends] = np.tile(label[chains.ends[chains.of_road[inner], 0]], 2)
-        result = _contracted(network, owners, inner, degrees(network) > 2)
-        blocked = _led_into_buildings(network, result, inner)
+        result = _contract(network, owners, inner, count_road_ends(network) > 2)
+        blocked = _find_led_into_buildings(network, result, inner)
         if not len(blocked):
             return result
-        _part(label, blocked)
+        _split_junctions(label, blocked)
 
 
-def _part(label: IntArray, nodes: IntArray) -> None:
+def _split_junctions(label: IntArray, nodes: IntArray) -> None:
     """Split the junctions of these nodes into nodes with labels of their own."""
     apart = np.isin(label, label[nodes])
     label[apart] = np.flatnonzero(apart)
 
 
-def _led_into_buildings(network: RoadNetwork, merged: RoadNetwork, inner: BoolArray) -> IntArray:
+def _find_led_into_buildings(network: RoadNetwork, merged: RoadNetwork, inner: BoolArray) -> IntArray:
     """Return the nodes whose roads lead through a building only because their junction was merged."""
-    rest = chosen_roads(network, np.flatnonzero(~inner))
-    first = segment_starts(rest.offsets)
+    rest = select_roads(network, np.flatnonzero(~inner))
+    first = find_segment_starts(rest.offsets)
     moved = (rest.points[first] != merged.points[first]) | (rest.points[first + 1] != merged.points[first + 1])
     first = first[moved.any(axis=1)]
-    before, after = (_crossings(network, points[first], points[first + 1]) for points in (rest.points, merged.points))
+    before, after = (
+        _find_crossings(network, points[first], points[first + 1]) for points in (rest.points, merged.points)
+    )
     known = {(line, building): far for line, building, far in zip(*(one.tolist() for one in before), strict=True)}
     found = zip(*(one.tolist() for one in after), strict=True)
     worse = {line for line, building, far in found if far > known.get((line, building), -np.inf) + _FURTHER}
@@ -259,23 +263,23 @@ def _led_into_buildings(network: RoadNetwork, merged: RoadNetwork, inner: BoolAr
     return np.concatenate((rest.sources[roads], rest.targets[roads]))
 
 
-def _behind_buildings(network: RoadNetwork, label: IntArray) -> IntArray:
+def _find_behind_buildings(network: RoadNetwork, label: IntArray) -> IntArray:
     """Return the nodes of junctions with a building between two nodes; adjacent nodes were checked before."""
     offsets, nodes = kernels.group_rows(label, len(network.xy))
     large = np.flatnonzero(np.diff(offsets) > 2)
     members = (nodes[offsets[one] : offsets[one + 1]].tolist() for one in large.tolist())
     pairs = np.array(list(chain.from_iterable(combinations(some, 2) for some in members)), np.int64).reshape(-1, 2)
-    return np.unique(pairs[_crossings(network, *network.xy[pairs.T])[0]])
+    return np.unique(pairs[_find_crossings(network, *network.xy[pairs.T])[0]])
 
 
-def _crossings(network: RoadNetwork, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+def _find_crossings(network: RoadNetwork, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Return for straight lines (lines, 2) their crossings with buildings: rows of lines, of buildings, and lengths."""
     if network.buildings is None or network.crs is None or not len(start):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     return network.buildings.crossings(*(project(xy, network.crs, WGS84) for xy in (start, end)))
 
 
-def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> RoadChains:
+def find_chains(network: RoadNetwork, joints: BoolArray | None = None) -> RoadChains:
     """Return the chains of a network, whatever the tags and directions of its roads.
 
     Args:
@@ -297,13 +301,13 @@ def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> RoadChai
     return RoadChains(of_road, ends_of, lengths.astype(np.float64))
 
 
-def _without_empty_loops(network: RoadNetwork) -> RoadNetwork:
+def _remove_empty_loops(network: RoadNetwork) -> RoadNetwork:
     is_empty = (network.sources == network.targets) & (network.lengths <= 0.0)
-    return chosen_roads(network, np.flatnonzero(~is_empty)) if is_empty.any() else network
+    return select_roads(network, np.flatnonzero(~is_empty)) if is_empty.any() else network
 
 
-def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:
-    network = _without_empty_loops(network)
+def _remove_empty_roads(network: RoadNetwork) -> RoadNetwork:
+    network = _remove_empty_loops(network)
     same = (network.xy[network.sources] == network.xy[network.targets]).all(axis=1)
     empty = same & (network.sources != network.targets) & (network.lengths <= 0.0)
     if not empty.any():
@@ -312,13 +316,13 @@ def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:
     if network.modes:
         empty &= ~_is_closed_to_some(network, label, empty)
         label = components(network.sources[empty], network.targets[empty], len(network.xy))
-    return _contracted(network, label, empty, np.ones(len(network.xy), np.bool_))
+    return _contract(network, label, empty, np.ones(len(network.xy), np.bool_))
 
 
 def _is_closed_to_some(network: RoadNetwork, label: IntArray, empty: BoolArray) -> BoolArray:
     """Return a mask of roads at places of one label where a mode of travel cannot use all roads of length zero."""
     ends = np.column_stack((network.sources, network.targets))
-    of_chains, of_nodes = _modes_of(network, RoadChains(np.arange(len(network.ways)), ends, network.lengths))
+    of_chains, of_nodes = _find_modes(network, RoadChains(np.arange(len(network.ways)), ends, network.lengths))
     meeting = np.zeros(len(label), np.int64)
     passing = np.full(len(label), -1)
     np.bitwise_or.at(meeting, label, of_nodes)
@@ -326,21 +330,21 @@ def _is_closed_to_some(network: RoadNetwork, label: IntArray, empty: BoolArray) 
     return np.asarray((meeting & ~passing)[label[network.sources]] != 0)
 
 
-def degrees(network: RoadNetwork) -> IntArray:
+def count_road_ends(network: RoadNetwork) -> IntArray:
     """Return the number of road ends at each node."""
     return np.bincount(np.concatenate((network.sources, network.targets)), minlength=len(network.xy))
 
 
-def _leads_elsewhere(network: RoadNetwork) -> BoolArray:
+def _find_roads_elsewhere(network: RoadNetwork) -> BoolArray:
     """Return a mask of roads that are stairs, elevators, bridges or tunnels, passages through buildings included."""
     ways = [
-        is_upright(tags) or any({*words_of(tags.get(name))} - {"no"} for name in ("bridge", "tunnel"))
+        is_upright(tags) or any({*split_words(tags.get(name))} - {"no"} for name in ("bridge", "tunnel"))
         for tags in network.tags
     ]
     return np.array(ways, np.bool_)[network.ways]
 
 
-def _floors(network: RoadNetwork) -> IntArray:
+def _find_floors(network: RoadNetwork) -> IntArray:
     """Return the layers and levels of each node, as the bits of a number; -1 for all.
 
     A node is on the floors on which at least two roads continue, or else on the floors of its roads; so the end of a
@@ -363,31 +367,31 @@ def _floors(network: RoadNetwork) -> IntArray:
     return np.where(floors > 0, floors, -1)
 
 
-def _junctions(network: RoadNetwork, chains: RoadChains, is_flat: BoolArray, tolerance: float) -> IntArray:
+def _label_junctions(network: RoadNetwork, chains: RoadChains, is_flat: BoolArray, tolerance: float) -> IntArray:
     """Return one label per node, equal for the nodes of one junction.
 
     Shortest roads first, as in Kruskal's algorithm (1956), unless the junction would become too wide or have no layer
     and level in common.
     """
-    degree = degrees(network)
+    degree = count_road_ends(network)
     a, b = chains.ends.T
     short = (
         is_flat & (a != b) & (chains.lengths <= _REACH * tolerance) & (np.minimum(degree[a], degree[b]) > 2) & (a >= 0)
     )
     rows = np.flatnonzero(short)
-    rows = np.delete(rows, _crossings(network, *network.xy[chains.ends[rows].T])[0])
+    rows = np.delete(rows, _find_crossings(network, *network.xy[chains.ends[rows].T])[0])
     places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)  # so that the numbers of nodes do not matter
     rows = rows[np.lexsort((places[:, 1], places[:, 0], chains.lengths[rows]))]
     label = np.arange(len(network.xy))
     nodes = np.unique(chains.ends[rows])
     box = dict(zip(nodes.tolist(), map(tuple, np.tile(network.xy[nodes], 2).tolist()), strict=True))
-    floors = dict(zip(nodes.tolist(), _floors(network)[nodes].tolist(), strict=True)) if len(nodes) else {}
+    floors = dict(zip(nodes.tolist(), _find_floors(network)[nodes].tolist(), strict=True)) if len(nodes) else {}
     leader = {node: node for node in box}
-    of_chains, of_nodes = _modes_of(network, chains)
+    of_chains, of_nodes = _find_modes(network, chains)
     modes = dict(zip(nodes.tolist(), of_nodes[nodes].tolist(), strict=True))
     for (first, second), open_to in zip(chains.ends[rows].tolist(), of_chains[rows].tolist(), strict=True):
-        one = _leader_of(first, leader)
-        other = _leader_of(second, leader)
+        one = _find_leader(first, leader)
+        other = _find_leader(second, leader)
         west, south, east, north = box[one]
         w, s, e, n = box[other]
         union = min(west, w), min(south, s), max(east, e), max(north, n)
@@ -402,11 +406,11 @@ def _junctions(network: RoadNetwork, chains: RoadChains, is_flat: BoolArray, tol
             floors[low] = common
             modes[low] = modes[one] | modes[other]
     for node in leader:
-        label[node] = _leader_of(node, leader)
+        label[node] = _find_leader(node, leader)
     return label
 
 
-def _modes_of(network: RoadNetwork, chains: RoadChains) -> tuple[IntArray, IntArray]:
+def _find_modes(network: RoadNetwork, chains: RoadChains) -> tuple[IntArray, IntArray]:
     """Return the modes of travel that may use each whole chain, and a road at each node, as the bits of numbers.
 
     Without several modes all bits are set.
@@ -418,31 +422,31 @@ def _modes_of(network: RoadNetwork, chains: RoadChains) -> tuple[IntArray, IntAr
     of_tags = np.array(
         [sum((of_way[name] > 0.0) << bit for bit, name in enumerate(network.modes)) for of_way in network.tags]
     )
-    of_roads = of_tags[network.ways] | of_tags[ways_back(network)]
+    of_roads = of_tags[network.ways] | of_tags[find_ways_back(network)]
     np.bitwise_and.at(of_chains, chains.of_road, of_roads)
     np.bitwise_or.at(of_nodes, network.sources, of_roads)
     np.bitwise_or.at(of_nodes, network.targets, of_roads)
     return of_chains, of_nodes
 
 
-def _leader_of(node: int, leader: dict[int, int]) -> int:
+def _find_leader(node: int, leader: dict[int, int]) -> int:
     while leader[node] != node:
         leader[node] = node = leader[leader[node]]
     return node
 
 
-def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty: BoolArray) -> RoadNetwork:
+def _contract(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty: BoolArray) -> RoadNetwork:
     """Return the network without its inner roads, one node per label, at the mean of the label's weighty nodes."""
     names, row, members = np.unique(label, return_inverse=True, return_counts=True)
     weight = np.where(members[row] > 1, weighty, 1.0)
-    network = replace(network, turns=_turns_across(network, row, inner))
+    network = replace(network, turns=_find_turns_across(network, row, inner))
     shift = network.xy[names][row]  # the mean of differences: equal positions give exactly that position
     sums = [np.bincount(row, weights=weight * values) for values in (network.xy - shift).T]
     xy = network.xy[names] + np.column_stack(sums) / np.bincount(row, weights=weight)[:, None]
-    rest = chosen_roads(network, np.flatnonzero(~inner))
+    rest = select_roads(network, np.flatnonzero(~inner))
     sources = row[rest.sources]
     targets = row[rest.targets]
-    points, growth = moved_ends(rest.offsets, rest.points, xy[sources], xy[targets])
+    points, growth = move_ends(rest.offsets, rest.points, xy[sources], xy[targets])
     lengths = rest.lengths * growth
     gone = float(network.lengths.sum() - lengths.sum())
     before = network.merged
@@ -450,11 +454,11 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     rest = replace(rest, xy=xy, sources=sources, targets=targets, points=points, lengths=lengths, merged=merged)
     if network.refs is None:
         return rest
-    nodes = network.nodes._replace(of=_joined_node_tags(network, network.refs[label]))
+    nodes = network.nodes._replace(of=_join_node_tags(network, network.refs[label]))
     return replace(rest, refs=network.refs[names], nodes=nodes)
 
 
-def _turns_across(network: RoadNetwork, owners: IntArray, inner: BoolArray) -> turns.ForbiddenTurns:
+def _find_turns_across(network: RoadNetwork, owners: IntArray, inner: BoolArray) -> turns.ForbiddenTurns:
     """Return the forbidden turns without the roads within merged junctions; `owners` (nodes,) are the junctions."""
     tails = np.column_stack((network.sources, network.targets)).ravel()
     found: dict[str, turns.Paths] = {}
@@ -462,12 +466,12 @@ def _turns_across(network: RoadNetwork, owners: IntArray, inner: BoolArray) -> t
         is_open = np.column_stack((np.ones_like(network.two_way), network.two_way)).ravel()
         if mode in network.modes:
             speeds = np.array([of_way[mode] for of_way in network.tags], np.float64)
-            is_open &= speeds[np.column_stack((network.ways, ways_back(network))).ravel()] > 0.0
+            is_open &= speeds[np.column_stack((network.ways, find_ways_back(network))).ravel()] > 0.0
         found[mode] = turns.merge(paths, turns.MergedRoads(tails, owners, inner, is_open, network.lengths))
     return found
 
 
-def _joined_node_tags(network: RoadNetwork, owners: IntArray) -> dict[int, Mapping[str, str]]:
+def _join_node_tags(network: RoadNetwork, owners: IntArray) -> dict[int, Mapping[str, str]]:
     """Return the tags of nodes; a merged node also gets the tags of the nodes that became part of it."""
     joined = dict(network.nodes.of)
     refs = network.refs if network.refs is not None else owners
@@ -493,15 +497,15 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
     Raises:
         TooLarge (BadValue): the pieces would take more memory than allowed.
     """
-    network = _without_empty_loops(network)
-    counts = piece_counts(network.lengths, resolution)
+    network = _remove_empty_loops(network)
+    counts = count_pieces(network.lengths, resolution)
     loop = network.sources == network.targets
     counts[loop] = np.maximum(counts[loop], 3)
     uncut = np.flatnonzero(counts == 1)
-    counts[uncut[_repeated(network, uncut)]] = 2
+    counts[uncut[_find_repeated(network, uncut)]] = 2
     cuts, offsets, points = cut_polylines(network.offsets, network.points, counts)
     new = len(network.xy) + np.arange(len(cuts))
-    sources, targets = _ends_of_pieces(counts, new, network.sources, network.targets)
+    sources, targets = _find_ends_of_pieces(counts, new, network.sources, network.targets)
     return replace(
         network,
         xy=np.concatenate((network.xy, cuts)),
@@ -518,7 +522,7 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
     )
 
 
-def piece_counts(lengths: FloatArray, resolution: float) -> IntArray:
+def count_pieces(lengths: FloatArray, resolution: float) -> IntArray:
     """Return the number of pieces for roads of these lengths; halves are rounded to the even number.
 
     Raises:
@@ -546,13 +550,13 @@ def cut_polylines(offsets: IntArray, points: FloatArray, counts: IntArray) -> tu
     # The piece of each vertex: `place` counts pieces from the start of its own line.
     place = position / np.where(total > 0.0, total, 1.0)[lines] * counts[lines]
     kept = np.abs(place - np.rint(place)) > _SAME
-    first_piece = offsets_of(counts)
+    first_piece = compute_offsets(counts)
     piece = first_piece[lines[kept]] + place[kept].astype(np.int64)
     inside = np.bincount(piece, minlength=first_piece[-1])
-    cut_offsets = offsets_of(inside + 2)
+    cut_offsets = compute_offsets(inside + 2)
     result = np.empty((cut_offsets[-1], 2))
     result[np.arange(len(piece)) + 2 * piece + 1] = points[kept]
-    starts, ends = _ends_of_pieces(counts, cuts, points[offsets[:-1]], points[offsets[1:] - 1])
+    starts, ends = _find_ends_of_pieces(counts, cuts, points[offsets[:-1]], points[offsets[1:] - 1])
     result[cut_offsets[:-1]] = starts
     result[cut_offsets[1:] - 1] = ends
     return cuts, cut_offsets, result
@@ -561,7 +565,7 @@ def cut_polylines(offsets: IntArray, points: FloatArray, counts: IntArray) -> tu
 def _cut_points(offsets: IntArray, points: FloatArray, position: FloatArray, counts: IntArray) -> FloatArray:
     """Return the points at k / n of each line, 0 < k < n."""
     line = np.repeat(np.arange(len(counts)), counts - 1)
-    rank = np.arange(len(line)) - np.repeat(offsets_of(counts - 1)[:-1], counts - 1) + 1
+    rank = np.arange(len(line)) - np.repeat(compute_offsets(counts - 1)[:-1], counts - 1) + 1
     share = rank / counts[line]
     total = position[offsets[1:] - 1]
     lines = np.repeat(np.arange(len(counts)), np.diff(offsets))
@@ -575,13 +579,13 @@ def _cut_points(offsets: IntArray, points: FloatArray, position: FloatArray, cou
     return np.asarray(points[segment] * (1.0 - part) + points[segment + 1] * part)
 
 
-def _ends_of_pieces(counts: IntArray, cuts: Values, begins: Values, ends: Values) -> tuple[Values, Values]:
+def _find_ends_of_pieces(counts: IntArray, cuts: Values, begins: Values, ends: Values) -> tuple[Values, Values]:
     """Return the values at both ends of every piece, which are ends of its line or cuts."""
-    inner = offsets_of(counts - 1)
+    inner = compute_offsets(counts - 1)
     return np.insert(cuts, inner[:-1], begins, axis=0), np.insert(cuts, inner[1:], ends, axis=0)
 
 
-def _repeated(network: RoadNetwork, roads: IntArray) -> BoolArray:
+def _find_repeated(network: RoadNetwork, roads: IntArray) -> BoolArray:
     """Return a mask of these roads that lead from one node to another like an earlier one."""
     nodes = len(network.xy)
     source = network.sources[roads]

@@ -16,7 +16,7 @@ from gamms import kernels
 from gamms.errors import BadFile
 from gamms.ir.graph import FloatArray, IntArray, read_forbidden_turns
 from gamms.ir.obstacles import BoolArray
-from gamms.osm.objects import Member, plain_tags, words_of
+from gamms.osm.objects import Member, normalize_tags, split_words
 
 Paths = tuple[tuple[int, ...], ...]
 """Forbidden paths, each once."""
@@ -85,7 +85,7 @@ def read_restriction(
         members: of the relation.
         vehicles: the names of the mode in keys, the most specific first.
     """
-    plain = plain_tags(tags)
+    plain = normalize_tags(tags)
     if not vehicles:
         return OTHERS
     named = plain.get("type", "").partition(":")[2]  # an old form: type=restriction:hgv
@@ -96,14 +96,14 @@ def read_restriction(
     if not signs:
         is_timed = any(f"{key}:{CONDITIONAL}" in plain for key in keys)
         return CONDITIONAL if is_timed else (OTHERS if any(key.startswith(KIND) for key in plain) else UNCLEAR)
-    if not set(words_of(plain.get("except"))).isdisjoint(vehicles):
+    if not set(split_words(plain.get("except"))).isdisjoint(vehicles):
         return OTHERS
     if not _PERIODS.isdisjoint(plain):
         return CONDITIONAL
-    return _restriction_of(words_of(signs[0]), members)
+    return _parse_restriction(split_words(signs[0]), members)
 
 
-def _restriction_of(signs: Sequence[str], members: Sequence[Member]) -> TurnRestriction | str:
+def _parse_restriction(signs: Sequence[str], members: Sequence[Member]) -> TurnRestriction | str:
     """Return the restriction with these signs, of which the first that is known counts."""
     known = (sign for sign in signs if sign.startswith(("no_", "only_")) and not sign.endswith(_AT_SIGNALS))
     sign = next(known, "")
@@ -119,7 +119,7 @@ TurnRelation = tuple[Mapping[str, str], Sequence[Member]]
 """The tags and the members of a turn restriction."""
 
 
-def restrictions_of(
+def parse_restrictions(
     relations: Sequence[TurnRelation], vehicles: Mapping[str, Sequence[str]]
 ) -> dict[str, list[TurnRestriction]]:
     """Return mode of travel -> the restrictions that hold for it; `vehicles` has the names of each mode."""
@@ -175,7 +175,7 @@ class RoadPieces:
         only: dict[tuple[int, ...], set[int]] = {}  # part of a path that is the only one allowed -> the next roads
         count = 0
         for one in restrictions:
-            paths = [*self._paths(one)]
+            paths = [*self._find_paths(one)]
             if one.is_only:
                 paths = [path for path in paths if self._is_open(path)]
                 for path in paths:
@@ -206,35 +206,35 @@ class RoadPieces:
         """Return whether traffic may follow these directed roads by their one-way signs."""
         return not any(road & 1 and self._is_one_way[road >> 1] for road in path)
 
-    def _paths(self, one: TurnRestriction) -> Iterator[tuple[int, ...]]:
+    def _find_paths(self, one: TurnRestriction) -> Iterator[tuple[int, ...]]:
         """Yield the paths from the first to the last roads of a restriction."""
         for start, end in product(one.starts, one.ends):
-            for way_through in self._ways_through(one, start, end):
-                leaving = [road for road in self._directed(end) if self._tails[road] == way_through.end]
-                entering = [road for road in self._directed(start) if self._tails[road ^ 1] == way_through.begin]
+            for way_through in self._find_ways_through(one, start, end):
+                leaving = [road for road in self._list_directed(end) if self._tails[road] == way_through.end]
+                entering = [road for road in self._list_directed(start) if self._tails[road ^ 1] == way_through.begin]
                 for first, last in product(entering, leaving):
                     is_meant = one.is_u_turn if first ^ 1 == last else not (one.is_u_turn and start == end)
                     if way_through.roads or is_meant:
                         yield (first, *way_through.roads, last)
 
-    def _directed(self, way: int) -> list[int]:
+    def _list_directed(self, way: int) -> list[int]:
         return [road for row in self._of_way.get(way, ()) for road in (2 * row, 2 * row + 1)]
 
-    def _nodes(self, way: int) -> set[int]:
-        return {self._tails[road] for road in self._directed(way)}
+    def _list_nodes(self, way: int) -> set[int]:
+        return {self._tails[road] for road in self._list_directed(way)}
 
-    def _ways_through(self, one: TurnRestriction, start: int, end: int) -> "Iterator[_WayThrough]":
+    def _find_ways_through(self, one: TurnRestriction, start: int, end: int) -> "Iterator[_WayThrough]":
         kind, id = one.through[0]
         if kind == "n":
             yield from (_WayThrough(place, place, ()) for place in self._places.get(id, ()))
             return
         ways = [way for _, way in one.through]
-        for begin in sorted(self._nodes(start)):
-            for found in self._chain(begin, ways):
-                if found.end in self._nodes(end):
+        for begin in sorted(self._list_nodes(start)):
+            for found in self._chain_ways(begin, ways):
+                if found.end in self._list_nodes(end):
                     yield found
 
-    def _chain(self, begin: int, ways: list[int]) -> "Iterator[_WayThrough]":
+    def _chain_ways(self, begin: int, ways: list[int]) -> "Iterator[_WayThrough]":
         """Yield the paths from a node along all of these ways, each once.
 
         They may be listed in any order; of many, the first ones join as they are listed, because orders are many more.
@@ -243,17 +243,17 @@ class RoadPieces:
             yield _WayThrough(begin, begin, ())
         for way in ways if len(ways) <= _MOST_IN_ANY_ORDER else ways[:1]:
             rest = [other for other in ways if other != way]
-            ends = self._nodes(way)
+            ends = self._list_nodes(way)
             if begin not in ends:
                 continue
             for back in (0, 1):
-                roads = {self._tails[road]: road for road in self._directed(way) if road & 1 == back}
+                roads = {self._tails[road]: road for road in self._list_directed(way) if road & 1 == back}
                 path: list[int] = []
                 at = begin
                 while at in roads and len(path) < len(roads):
                     path.append(roads[at])
                     at = self._tails[roads[at] ^ 1]
-                    for found in self._chain(at, rest):
+                    for found in self._chain_ways(at, rest):
                         yield _WayThrough(begin, found.end, (*path, *found.roads))
 
 
@@ -265,7 +265,7 @@ class _WayThrough(NamedTuple):
     roads: tuple[int, ...]
 
 
-def turns_of_edges(ids: Sequence[object], signs: Mapping[int, object]) -> ForbiddenTurns:
+def read_turns_of_edges(ids: Sequence[object], signs: Mapping[int, object]) -> ForbiddenTurns:
     """Return the forbidden paths on edges with these ids, whose rows are one-way roads; `signs` is by row.
 
     Raises:
@@ -302,7 +302,7 @@ def choose(turns: ForbiddenTurns, roads: IntArray, count: int) -> ForbiddenTurns
     return renumber(turns, numbers)
 
 
-def joints_to_keep(turns: ForbiddenTurns, tails: IntArray, degrees: IntArray) -> IntArray:
+def find_joints_to_keep(turns: ForbiddenTurns, tails: IntArray, degrees: IntArray) -> IntArray:
     """Return the nodes that merely continue a road, but at which a path is forbidden that has no other joint.
 
     Args:
@@ -398,7 +398,7 @@ class _PathsAcross:
     """Finds the paths of one mode that are forbidden across merged junctions."""
 
     def __init__(self, paths: Paths, merged: MergedRoads) -> None:
-        self._paths = paths
+        self._find_paths = paths
         self._forbidden = kernels.ForbiddenPaths(paths)
         self._tails: list[int] = merged.tails.tolist()
         self._owners: list[int] = merged.owners.tolist()
@@ -418,22 +418,22 @@ class _PathsAcross:
 
     def find(self) -> Paths:
         found: dict[tuple[int, ...], None] = {}
-        for path in self._paths:
+        for path in self._find_paths:
             if not any(self._inner[road >> 1] for road in path):
                 found[path] = None
                 continue
-            for outer in self._outer(path):
-                if outer not in found and not self._leads_along(outer):
+            for outer in self._find_outer_paths(path):
+                if outer not in found and not self._is_leading_along(outer):
                     found[outer] = None
         for around in self._around.values():
             for begin, end in product(around, around):
                 if begin != end and self._is_open[begin ^ 1] and self._is_open[end]:
                     turn = (begin ^ 1, end)
-                    if turn not in found and not self._leads_along(turn):
+                    if turn not in found and not self._is_leading_along(turn):
                         found[turn] = None
         return tuple(found)
 
-    def _outer(self, path: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    def _find_outer_paths(self, path: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
         """Yield the paths along roads that stay and contain a path, which may begin or end inside of a junction."""
         kept = [road for road in path if not self._inner[road >> 1]]
         if not kept:
@@ -451,14 +451,14 @@ class _PathsAcross:
             if len(outer) > 1:
                 yield outer
 
-    def _leads_along(self, outer: tuple[int, ...]) -> bool:
+    def _is_leading_along(self, outer: tuple[int, ...]) -> bool:
         """Return whether there is a legal way along roads that stay."""
         states: list[tuple[int, ...]] = [(outer[0],)]
         for road in outer[1:]:
-            states = [*dict.fromkeys(after for state in states for after in self._across(state, road))]
+            states = [*dict.fromkeys(after for state in states for after in self._find_states_across(state, road))]
         return bool(states)
 
-    def _across(self, state: tuple[int, ...], goal: int) -> Iterator[tuple[int, ...]]:
+    def _find_states_across(self, state: tuple[int, ...], goal: int) -> Iterator[tuple[int, ...]]:
         """Yield the states of traffic that has come through a junction to a road that leaves it."""
         begin = self._tails[state[-1] ^ 1]
         end = self._tails[goal]

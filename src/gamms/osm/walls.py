@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
-from gamms.osm.footprints import PART, Shapes, WallProfile, repaired
+from gamms.osm.footprints import PART, Shapes, WallProfile, repair
 
 _LINE = 1  # shapely's type numbers, and a dimension
 _RING = 2
@@ -33,7 +33,7 @@ class WallFaces:
     types: IntArray  # (faces,)
 
 
-def _floor(heights: FloatArray, owner: IntArray, shapes: Shapes) -> FloatArray:
+def _find_floor(heights: FloatArray, owner: IntArray, shapes: Shapes) -> FloatArray:
     """Return the base height of walls at each point: of an area at its lowest point, of a line at the ground."""
     import shapely
 
@@ -57,7 +57,7 @@ class SimplifyTolerance(NamedTuple):
         return np.maximum(self.metres, relative)
 
 
-def faces_of(
+def make_faces(
     shapes: Shapes,
     walls: Sequence[WallProfile],
     to_metres: Callable[[FloatArray], FloatArray],
@@ -75,24 +75,24 @@ def faces_of(
     """
     import shapely
 
-    shapes = repaired(shapely.transform(shapes, to_metres))
+    shapes = repair(shapely.transform(shapes, to_metres))
     roads = shapely.transform(np.zeros(0, object) if streets is None else streets, to_metres)
-    shapes, walls = _beside_parts(shapes, walls)
-    shapes = _with_openings(shapes, roads)
-    lines, owner = _boundaries(shapes)
-    lines = _simplified(lines, tolerance.of(lines), roads)
+    shapes, walls = _subtract_parts(shapes, walls)
+    shapes = _cut_openings(shapes, roads)
+    lines, owner = _find_boundaries(shapes)
+    lines = _simplify(lines, tolerance.of(lines), roads)
     points, line = shapely.get_coordinates(lines, return_index=True)
     start = np.flatnonzero((line[:-1] == line[1:]) & (points[:-1] != points[1:]).any(axis=1))
     of_wall = owner[line[start]]
     base, top, types = (np.array([wall[i] for wall in walls])[of_wall] for i in range(3))
-    floor = np.zeros(len(points)) if ground is None else _floor(ground(points), owner[line], shapes)
+    floor = np.zeros(len(points)) if ground is None else _find_floor(ground(points), owner[line], shapes)
     corners = [
         np.column_stack((points[row], floor[row] + height)) for height, row in product((top, base), (start, start + 1))
     ]
     return WallFaces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
 
 
-def _boundaries(shapes: Shapes) -> tuple[Shapes, IntArray]:
+def _find_boundaries(shapes: Shapes) -> tuple[Shapes, IntArray]:
     """Return the rings of polygons and the lines themselves, and the shape of each."""
     import shapely
 
@@ -105,17 +105,17 @@ def _boundaries(shapes: Shapes) -> tuple[Shapes, IntArray]:
     return np.concatenate((rings, parts[kind == _LINE]))[order], np.concatenate((of_rings, of_lines))[order]
 
 
-def _simplified(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shapes:
+def _simplify(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shapes:
     """Return lines simplified within their tolerances that touch or cross no further street piece."""
     import shapely
 
-    simple: Shapes = shapely.simplify(_from_corners(lines), tolerances)
+    simple: Shapes = shapely.simplify(_start_at_corners(lines), tolerances)
     is_ring = shapely.get_type_id(lines) == _RING
     changed = shapely.get_num_coordinates(simple) != shapely.get_num_coordinates(lines)
     changed &= ~(is_ring & (shapely.get_num_coordinates(simple) < _FEWEST_OF_RING))
     simple = np.where(changed, simple, lines)
     changed = np.flatnonzero(changed)
-    tree = shapely.STRtree(_pieces(streets))
+    tree = shapely.STRtree(_split_into_pieces(streets))
     found = 0
     for first in range(0, len(changed), _AT_ONCE):
         rows = changed[first : first + _AT_ONCE]
@@ -131,7 +131,7 @@ def _simplified(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shape
     return simple
 
 
-def _from_corners(lines: Shapes) -> Shapes:
+def _start_at_corners(lines: Shapes) -> Shapes:
     """Return rings as closed lines that begin and end at a corner: the point farthest from the middle of their box.
 
     Simplifying moves a ring at its first point, wherever that is, by more than the tolerance, but keeps the ends of
@@ -156,7 +156,7 @@ def _from_corners(lines: Shapes) -> Shapes:
     return begun
 
 
-def _pieces(lines: Shapes) -> Shapes:
+def _split_into_pieces(lines: Shapes) -> Shapes:
     """Return the straight pieces of lines."""
     import shapely
 
@@ -166,7 +166,7 @@ def _pieces(lines: Shapes) -> Shapes:
     return pieces
 
 
-def _with_openings(shapes: Shapes, streets: Shapes) -> Shapes:
+def _cut_openings(shapes: Shapes, streets: Shapes) -> Shapes:
     """Return the shapes with a gap, a gate, in each line that shares a vertex with a street."""
     import shapely
 
@@ -183,7 +183,7 @@ def _with_openings(shapes: Shapes, streets: Shapes) -> Shapes:
     return shapes
 
 
-def _beside_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes, Sequence[WallProfile]]:
+def _subtract_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes, Sequence[WallProfile]]:
     """Return the shapes, with buildings reduced to the areas that their parts do not cover, and the walls of the parts.
 
     A part belongs to the smallest building around it. A part without a height gets that of the building. The rest of a
@@ -193,7 +193,7 @@ def _beside_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes,
 
     parts = np.flatnonzero(np.array([wall.key == PART for wall in walls], np.bool_))
     buildings = np.flatnonzero(np.array([wall.key == "building" for wall in walls], np.bool_))
-    part, building = _containing(shapes[parts], shapes[buildings])
+    part, building = _find_containing_areas(shapes[parts], shapes[buildings])
     shapes = shapes.copy()
     heights = [*walls]
     if not len(part):
@@ -212,7 +212,7 @@ def _beside_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes,
     return shapes, heights
 
 
-def _containing(parts: Shapes, areas: Shapes) -> tuple[IntArray, IntArray]:
+def _find_containing_areas(parts: Shapes, areas: Shapes) -> tuple[IntArray, IntArray]:
     """Return the parts that lie in an area, and the smallest such area of each."""
     import shapely
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms import belief, kernels
-from gamms.belief.ground import belief_map_of, map_moves
+from gamms.belief.ground import get_belief_map, map_moves
 from gamms.context import Context
 from gamms.game.movement.travel import graph_of
 from gamms.ir.graph import FloatArray, split_mode
@@ -67,7 +67,7 @@ class HiddenPositions:
             chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(enemy.name), 0))
             places[enemy.name] = int(self._node_ids[_draw_index(chances, chance)])
         for mate in self._mates:
-            places[mate.name] = self._random_walk(mate, key)
+            places[mate.name] = self._walk_randomly(mate, key)
         for name, node in places.items():
             agent: Any = ctx.agent.get_agent(name)
             agent.current_node_id = node
@@ -78,7 +78,7 @@ class HiddenPositions:
                     flyer.position = self._seen_in_air[name]
         return places
 
-    def _random_walk(self, mate: IAgent, key: int) -> int:
+    def _walk_randomly(self, mate: IAgent, key: int) -> int:
         """Return the node of a teammate after a random walk from its last known node; if unknown, any node."""
         seen = self._last_seen.get(mate.name)
         name = kernels.name_key(mate.name)
@@ -98,7 +98,7 @@ class HiddenPositions:
 
     def _walk_with_turns(self, node: int, mode: str, draws: Iterable[int]) -> int:
         """Return the node after a random walk that begins on a node and obeys the turn restrictions of a mode."""
-        ground = belief_map_of(self._ctx.graph.columns())
+        ground = get_belief_map(self._ctx.graph.columns())
         moves = map_moves(ground, mode)
         place = moves.begin_on(ground.row(node))
         for bits in draws:

@@ -6,19 +6,19 @@ from math import exp, inf, isqrt, log, sqrt
 from typing import Any, Literal, NamedTuple, Unpack, cast
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range, shown_as_called
+from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range, show_as_call
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.snapshots import own
 from gamms.ir.schema import Memo
 from gamms.limits import GarbagePause
-from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
+from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, check_options, list_states
 from gamms.planning.pace import SearchPace, SearchTimer
-from gamms.scenario.code import offered_function
+from gamms.scenario.code import find_offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown
 from gamms.typing import IAgent
-from gamms.typing.actions import strategy_in
+from gamms.typing.actions import make_strategy
 from gamms.typing.game import Action, Draws, State, Strategy
 from gamms.typing.sensor_engine import ON_GROUND
 
@@ -69,7 +69,7 @@ class _SearchSettings(NamedTuple):
     options: ModelOptions
 
 
-@shown_as_called
+@show_as_call
 def mcts(
     iterations: int | None = None,
     *,
@@ -119,16 +119,16 @@ def mcts(
         BadType, BadValue: an argument is impossible.
         UnknownName (KeyError): an option does not exist.
     """
-    checked_options(options, SearchOptions)
+    check_options(options, SearchOptions)
     rest: dict[str, Any] = {name: one for name, one in options.items() if name in ModelOptions.__annotations__}
     are_searched = isinstance(opponents, str) and opponents == "search"
-    worth = offered_function(value, "gamms.planning") if isinstance(value, str) else value
+    worth = find_offered_function(value, "gamms.planning") if isinstance(value, str) else value
     if value is not None and not callable(worth):
         raise BadType(f"value is a function of the model, such as gamms.planning.closeness, not {shown(value)}.")
     for argument, policies in (("rollout", rollout), ("opponents", random_walk if are_searched else opponents)):
         for policy in policies.values() if isinstance(policies, Mapping) else [policies]:
             as_policy(policy, argument)
-    actions = options.get("actions", _legal)
+    actions = options.get("actions", _list_legal_actions)
     if not callable(actions):
         raise BadType(f"actions is a function of the state, not {shown(actions)}.")
     discount = as_float(options.get("discount", 0.98), "discount")
@@ -159,10 +159,10 @@ def mcts(
         options=cast("ModelOptions", rest),
     )
 
-    return _strategy_of(settings)
+    return _make_strategy(settings)
 
 
-def _strategy_of(settings: _SearchSettings) -> Callable[[States], None]:
+def _make_strategy(settings: _SearchSettings) -> Callable[[States], None]:
     """Return the strategy, or plan, for checked settings."""
     pace = SearchPace()
     limit = settings.seconds
@@ -171,7 +171,7 @@ def _strategy_of(settings: _SearchSettings) -> Callable[[States], None]:
         # NOTE: garbage collection takes 50 to 80 ms on the map of a suburb: with a time limit, it waits until the
         # decision is made. Nothing may be allocated after this block, or the collection would begin here.
         with GarbagePause(is_wanted=limit < inf):
-            given = states_of(states)
+            given = list_states(states)
             timer = SearchTimer(limit, pace)
             if not pace.has_followed(given, limit):
                 _Search(settings, pace, timer, given).decide()
@@ -187,19 +187,19 @@ def _strategy_of(settings: _SearchSettings) -> Callable[[States], None]:
             return
         if pace.costs["model"].least == inf:
             _warm_up(ctx, own[0], settings, pace, is_plan=own[0].team in teams)
-        pace.follow(ctx, {one.name: _policy_in(ctx, settings.rollout, one) for one in own})
+        pace.follow(ctx, {one.name: _make_policy(ctx, settings.rollout, one) for one in own})
 
     if limit < inf:
         mcts.__dict__["prepare"] = prepare
     return mcts
 
 
-def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAgent) -> Strategy:
+def _make_policy(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAgent) -> Strategy:
     """Return the strategy that an agent follows in the game if there is no time for a search."""
     if isinstance(rollout, Mapping) and agent.team not in rollout:
         raise UnknownName("team in rollout=", agent.team, rollout)
     function = as_policy(rollout[agent.team] if isinstance(rollout, Mapping) else rollout, "rollout")
-    return cast("Strategy", strategy_in(ctx, function))
+    return cast("Strategy", make_strategy(ctx, function))
 
 
 def _warm_up(ctx: Context, first: IAgent, settings: _SearchSettings, pace: SearchPace, *, is_plan: bool) -> None:
@@ -210,12 +210,12 @@ def _warm_up(ctx: Context, first: IAgent, settings: _SearchSettings, pace: Searc
     once = settings._replace(
         iterations=1,
         seconds=inf,
-        rollout=_in_fork(settings.rollout, copies),
-        opponents=_in_fork(settings.opponents, copies),
+        rollout=_bind_policies(settings.rollout, copies),
+        opponents=_bind_policies(settings.opponents, copies),
     )
 
     def look(states: States) -> None:
-        _Search(once, pace, SearchTimer(inf, pace), states_of(states)).decide()
+        _Search(once, pace, SearchTimer(inf, pace), list_states(states)).decide()
 
     for agent in game.ctx.agent.create_iter():
         agent.register_strategy(random_walk)
@@ -226,14 +226,14 @@ def _warm_up(ctx: Context, first: IAgent, settings: _SearchSettings, pace: Searc
     game.run(2)
 
 
-def _in_fork(policies: Policy | Mapping[Any, Policy], copies: Memo) -> Policy | Mapping[Any, Policy]:
+def _bind_policies(policies: Policy | Mapping[Any, Policy], copies: Memo) -> Policy | Mapping[Any, Policy]:
     """Return policies that use the context of a fork instead of the one that they were made for."""
     if isinstance(policies, Mapping):
         return {team: own(policy, copies) for team, policy in policies.items()}
     return cast("Policy", own(policies, copies))
 
 
-def _legal(state: State) -> Sequence[Action]:
+def _list_legal_actions(state: State) -> Sequence[Action]:
     return state["legal"]
 
 
@@ -346,7 +346,7 @@ class _PairedTrials:
         tries = sum(self.counts)
         spread = sqrt(self._squares / tries)
         explore = _EXPLORATION * sqrt(log(tries))
-        return max(rest, key=lambda one: self._mean(one) + spread * explore / sqrt(self.counts[one]))
+        return max(rest, key=lambda one: self._compute_mean(one) + spread * explore / sqrt(self.counts[one]))
 
     def best(self, confidence: float) -> int:
         """Return the action with the highest lower bound of its mean, or the first if no other is clearly better.
@@ -359,13 +359,13 @@ class _PairedTrials:
         best = 0
         most = 0.0
         for action in range(1, len(self.counts)):
-            margin = self._mean(action) - confidence * spread / sqrt(max(self.counts[action], 1))
+            margin = self._compute_mean(action) - confidence * spread / sqrt(max(self.counts[action], 1))
             if margin > most:
                 best = action
                 most = margin
         return best
 
-    def _mean(self, action: int) -> float:
+    def _compute_mean(self, action: int) -> float:
         return self._totals[action] / max(self.counts[action], 1)
 
 
@@ -396,7 +396,7 @@ class _TreeWalker:
         """Return the agent's action in the tree; None below it."""
         if self._has_left:
             return None
-        key = () if self._is_own and self._action is None else (self._action, *_seen(state))
+        key = () if self._is_own and self._action is None else (self._action, *_observe_state(state))
         node = self._branch.get(key)
         settings = self._search.settings
         if node is None:
@@ -406,7 +406,7 @@ class _TreeWalker:
             if self._has_left:
                 return None
         if node.actions is None:
-            node.offer(self._in_order(state))
+            node.offer(self._order_actions(state))
         if not node.actions:
             self._has_left = True
             return None
@@ -424,16 +424,16 @@ class _TreeWalker:
         self._action = action
         return node.actions[action]
 
-    def _in_order(self, state: State) -> list[Action]:
+    def _order_actions(self, state: State) -> list[Action]:
         """Return the actions to search: the policy's first, the others in random order."""
         rest = list(self._search.settings.actions(state))
         draw = state["draw"]
         actions = [rest.pop(draw.below(len(rest))) for _ in range(len(rest))]
         self._policy(state)
-        return _policy_first(actions, state.pop("action", None))
+        return _put_policy_first(actions, state.pop("action", None))
 
 
-def _options(settings: _SearchSettings, state: State) -> list[Action]:
+def _list_options(settings: _SearchSettings, state: State) -> list[Action]:
     """Return the actions to search.
 
     Raises:
@@ -443,7 +443,7 @@ def _options(settings: _SearchSettings, state: State) -> list[Action]:
     if actions:
         return actions
     name = shown(state.get("name"))
-    if settings.actions is _legal:
+    if settings.actions is _list_legal_actions:
         raise BadValue(
             f"mcts has no action to choose for agent {name}: it searches state['legal'], which agents that fly do not "
             "have. Give actions=, a function of the state."
@@ -451,7 +451,7 @@ def _options(settings: _SearchSettings, state: State) -> list[Action]:
     raise BadValue(f"actions(state) returns no action for agent {name}: return at least one, such as state['legal'].")
 
 
-def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Action]:
+def _put_policy_first(actions: Sequence[Action], first: Action | None) -> list[Action]:
     """Return the actions to search, the policy's first."""
     ordered = list(actions)
     if first in ordered:
@@ -460,7 +460,7 @@ def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Actio
     return ordered
 
 
-def _seen(state: State) -> Key:
+def _observe_state(state: State) -> Key:
     """Return the agent's observation of others, and its own position."""
     seen = [sorted(data.items()) for kind, data in state["sensor"].values() if kind in ON_GROUND]
     return (state["curr_pos"], *chain.from_iterable(seen))
@@ -496,8 +496,8 @@ class _Search:
         self._has_searched: dict[str, bool] = {}  # for agents with more than one action
         preferred = self._model.decide()
         for name, state in self._model.states.items():
-            actions = _options(settings, state)
-            self._actions[name] = _policy_first(actions, preferred[name])
+            actions = _list_options(settings, state)
+            self._actions[name] = _put_policy_first(actions, preferred[name])
             root = _TreeNode()
             self._own[name][()] = root
             root.offer(self._actions[name])
@@ -510,13 +510,13 @@ class _Search:
 
     def decide(self) -> None:
         """Set the actions of all agents."""
-        found = self._one_by_one() if self.settings.is_uct else self._at_once()
+        found = self._search_one_by_one() if self.settings.is_uct else self._search_together()
         fork: Any = next(iter(self._model.states.values()))["fork"]
         fork.note_search(self._has_searched)
         for name, action in found.items():
             self._model.states[name]["action"] = self._actions[name][action]
 
-    def _at_once(self) -> dict[str, int]:
+    def _search_together(self) -> dict[str, int]:
         """Return the actions of all agents, drawn in proportion to trials in which all agents chose at once."""
         for number in count():
             if number >= self.settings.iterations or self._iterate(number, {}) is None:
@@ -531,7 +531,7 @@ class _Search:
                 self._has_searched[name] = any(root.counts)
         return found
 
-    def _one_by_one(self) -> dict[str, int]:
+    def _search_one_by_one(self) -> dict[str, int]:
         """Return the actions of all agents, searched for one agent after another.
 
         In each world all agents first take the best actions found so far, which for agents not yet searched are the

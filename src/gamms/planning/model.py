@@ -14,10 +14,10 @@ from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
 from gamms.planning.hidden import HiddenPositions
-from gamms.scenario.code import offered_function
+from gamms.scenario.code import find_offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown
-from gamms.typing.actions import strategy_in
+from gamms.typing.actions import make_strategy
 from gamms.typing.game import Action, State, Strategy
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
@@ -82,8 +82,8 @@ class Model:
         opponents: Policy | Mapping[Any, Policy] = random_walk,
         **options: Unpack[ModelOptions],
     ) -> None:
-        checked_options(options, ModelOptions)
-        self.states = states_of(state)
+        check_options(options, ModelOptions)
+        self.states = list_states(state)
         some = next(iter(self.states.values()))
         self._seed = as_int(seed, "seed")
         self._turn = some["turn"]
@@ -101,7 +101,9 @@ class Model:
             )
         self.game: Game = fork.game
         self._actions: Mapping[str, Action | Choice] = {}
-        self.policies: Mapping[str, Strategy] = self._policies({"rollout": rollout, "opponents": opponents}, fork.own)
+        self.policies: Mapping[str, Strategy] = self._find_policies(
+            {"rollout": rollout, "opponents": opponents}, fork.own
+        )
         for agent in self.ctx.agent.create_iter():
             agent.register_strategy(self._steer(agent.name, self.policies[agent.name]))
         motion = options.get("motion", belief.random_walk())
@@ -201,7 +203,7 @@ class Model:
 
         return strategy
 
-    def _policies(
+    def _find_policies(
         self, given: Mapping[str, Policy | Mapping[Any, Policy]], own: Callable[[Any], Any]
     ) -> dict[str, Strategy]:
         """Return the policy of each agent, for turns without a given action."""
@@ -225,7 +227,7 @@ class Model:
     def _make(self, policy: Policy, argument: str, own: Callable[[Any], Any]) -> Strategy:
         """Return the strategy that a policy names or makes, in this game."""
         function = as_policy(policy, argument)
-        return cast("Strategy", strategy_in(self.ctx, function if isinstance(policy, str) else own(function)))
+        return cast("Strategy", make_strategy(self.ctx, function if isinstance(policy, str) else own(function)))
 
 
 def as_policy(policy: object, argument: str) -> Callable[..., Any]:
@@ -234,7 +236,7 @@ def as_policy(policy: object, argument: str) -> Callable[..., Any]:
     Raises:
         BadType, BadValue: the value is not a policy.
     """
-    function: Any = offered_function(policy, "gamms.strategies") if isinstance(policy, str) else policy
+    function: Any = find_offered_function(policy, "gamms.strategies") if isinstance(policy, str) else policy
     if function is None:
         raise BadValue(
             f"{argument}={shown(policy)} is not a strategy of GAMMS, such as 'gamms.strategies:chase'. To use your "
@@ -272,7 +274,7 @@ def closeness(model: Model) -> float:
     return value
 
 
-def states_of(given: States) -> dict[str, State]:
+def list_states(given: States) -> dict[str, State]:
     """Return the states in the argument of a plan or strategy, by the names of the agents.
 
     Raises:
@@ -292,7 +294,7 @@ def states_of(given: States) -> dict[str, State]:
     return states
 
 
-def checked_options(options: Mapping[str, object], kind: type) -> None:
+def check_options(options: Mapping[str, object], kind: type) -> None:
     """Refuse unknown keywords, and unknown values of `information`.
 
     Raises:

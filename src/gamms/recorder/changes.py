@@ -6,15 +6,15 @@ from marshal import dumps
 from operator import attrgetter, is_not
 from typing import Any
 
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.game_state import FIELD_EVENTS, FIELDS
-from gamms.plain import Plain, is_same, plain_subset, to_plain
-from gamms.recorder.keyframes import deciders, grouped, places_of
+from gamms.plain import Plain, is_same, select_plain, to_plain
+from gamms.recorder.keyframes import group_sensors, list_deciders, list_places
 from gamms.typing import IVisualizationEngine
 from gamms.typing.context import HostContext
-from gamms.typing.game import strategy_name
+from gamms.typing.game import find_strategy_name
 
 Changes = dict[str, Any]  # changes of a dict: items to `set`, keys to `removed`, and `more` items of lists and sets
 
@@ -37,7 +37,7 @@ class PlainCopy:
         return bool(self.values)
 
     def __init__(self, now: Mapping[Any, Any]) -> None:
-        self.values = plain_subset(now)
+        self.values = select_plain(now)
         self._marks = {key: _mark(value) for key, value in now.items()}
 
     def changes(self, now: Mapping[Any, Any]) -> Changes | None:
@@ -50,7 +50,7 @@ class PlainCopy:
             return None
         found: Changes = {"set": {}, "more": {}, "removed": [key for key in self.values if key not in now]}
         for key, value in changed.items():
-            more = self._more(key, value, marks[key])
+            more = self._find_added_items(key, value, marks[key])
             if more is not None:
                 found["more"][key] = more
                 self.values[key] = self.values[key] | more if isinstance(more, set) else [*self.values[key], *more]
@@ -61,7 +61,7 @@ class PlainCopy:
         self._marks = marks
         return {name: one for name, one in found.items() if one} or None
 
-    def _more(self, key: Plain, value: Any, mark: bytes | None) -> Any:
+    def _find_added_items(self, key: Plain, value: Any, mark: bytes | None) -> Any:
         """Return the items added to a list or a set; None for any other change."""
         if type(value) not in (list, set) or mark is None:
             return None
@@ -75,7 +75,7 @@ class PlainCopy:
 
     def _note(self, key: Plain, value: object, found: Changes) -> None:
         """Record a value that may have changed."""
-        for name, one in plain_subset({key: value}).items():
+        for name, one in select_plain({key: value}).items():
             if name not in self.values or not is_same(one, self.values[name]):
                 found["set"][name] = one
                 self.values[name] = one
@@ -102,19 +102,19 @@ class _Detector:
     """
 
     def __init__(self, value: Any) -> None:
-        self.known = self._plain(value)
+        self.known = self._make_plain(value)
 
     def accept(self, value: Any, data: Plain) -> None:  # noqa: ARG002 - named as in `_ItemsOfEach`
         """Accept the change of a replayed event as known."""
-        self.known = self._plain(value)
+        self.known = self._make_plain(value)
 
     def detect(self, value: Any) -> list[Any]:
         """Return the data of events that describe the change."""
         before = self.known
-        self.known = self._plain(value)
+        self.known = self._make_plain(value)
         return [] if is_same(before, self.known) else [self.known or {}]
 
-    def _plain(self, value: Any) -> Any:
+    def _make_plain(self, value: Any) -> Any:
         return to_plain(value)
 
 
@@ -132,10 +132,10 @@ class _Value(_Detector):
 
     def detect(self, value: Any) -> list[Any]:
         before = self.known
-        self.known = self._plain(value)
+        self.known = self._make_plain(value)
         return [] if is_same(before, self.known) else [{self._name: self.known}]
 
-    def _plain(self, value: Any) -> Any:
+    def _make_plain(self, value: Any) -> Any:
         captured = FIELDS[self._name].captured
         return to_plain(value) if captured is None else captured(value)
 
@@ -148,7 +148,7 @@ class _NewEntries(_Detector):
         self.known = len(value)
         return [to_plain(entry) for entry in value[before:]]
 
-    def _plain(self, value: list[Any]) -> int:
+    def _make_plain(self, value: list[Any]) -> int:
         return len(value)
 
 
@@ -159,7 +159,7 @@ class _Items(_Detector):
         found = self.known.changes(value)
         return [] if found is None else [found]
 
-    def _plain(self, value: Mapping[Any, Any]) -> "PlainCopy":
+    def _make_plain(self, value: Mapping[Any, Any]) -> "PlainCopy":
         return PlainCopy(value)
 
 
@@ -178,9 +178,9 @@ class _Facts(_Detector):
             if name not in known or not (fact is known[name] or is_same(to_plain(fact), to_plain(known[name])))
         }
         removed = [name for name in known if name not in now]
-        return [{"set": plain_subset(changed), "removed": removed}] if changed or removed else []
+        return [{"set": select_plain(changed), "removed": removed}] if changed or removed else []
 
-    def _plain(self, value: Mapping[str, Any]) -> dict[str, Any]:
+    def _make_plain(self, value: Mapping[str, Any]) -> dict[str, Any]:
         return dict(value)
 
 
@@ -218,7 +218,7 @@ class _ItemsOfEach(_Detector):
             found[key] = {"removed": list(known.pop(key).values)}
         return [self._data_of(found)] if found else []
 
-    def _plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, PlainCopy]":
+    def _make_plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, PlainCopy]":
         return {name: PlainCopy(memory) for name, memory in value.items() if memory}
 
 
@@ -269,7 +269,7 @@ class GameChanges:
         self._rng_state = to_plain(ctx.rng_state())
         self._turn = self._state.turn
         self.pace = 0
-        self._places = places_of(ctx)
+        self._places = list_places(ctx)
 
     def accept(self, kind: int, data: Plain) -> None:
         """Accept the change of a replayed event as known."""
@@ -318,25 +318,25 @@ class StrategyChanges:
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
-        self._functions = self._now()
+        self._functions = self._read_strategies()
         self._named = dict(zip(ctx.agent.agents, self._functions, strict=True))
 
     def detect(self, log: Log) -> None:
         """Add an event for the changes."""
-        now = self._now()
+        now = self._read_strategies()
         if now == self._functions:
             return
         before = self._named
         self._functions = now
         self._named = dict(zip(self._ctx.agent.agents, now, strict=True))
         log += [
-            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": strategy_name(function)})
+            (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": find_strategy_name(function)})
             for name, function in self._named.items()
             if function is not before.get(name)
         ]
 
-    def _now(self) -> list[Any]:
-        return deciders(self._ctx, self._ctx.agent.storage.strategies())
+    def _read_strategies(self) -> list[Any]:
+        return list_deciders(self._ctx, self._ctx.agent.storage.strategies())
 
 
 class SensorChanges:
@@ -349,7 +349,7 @@ class SensorChanges:
 
     def __init__(self, ctx: HostContext, check: Callable[[list[dict[str, Any]]], None]) -> None:
         self._ctx = ctx
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._check = check
         self._all = ctx.sensor.sensors
         self.accept()
@@ -361,13 +361,13 @@ class SensorChanges:
 
     def accept(self) -> None:
         """Accept the present state as known."""
-        self._known = {one["id"]: self._state_of(one) for one in self._described()}
+        self._known = {one["id"]: self._find_sensor_state(one) for one in self._describe_sensors()}
 
     def detect(self) -> Log:
         """Return a list with the event for the changes, or an empty list."""
         before = self._known
-        described = self._described()
-        self._known = {one["id"]: self._state_of(one) for one in described}
+        described = self._describe_sensors()
+        self._known = {one["id"]: self._find_sensor_state(one) for one in described}
         removed = [id for id, (sensor, *_) in before.items() if self._known.get(id, (None,))[0] is not sensor]
         changed = [
             one
@@ -379,17 +379,17 @@ class SensorChanges:
         self._check(changed)
         if not changed and not removed:
             return []
-        return [(kinds.SENSORS, {"sensor_kinds": grouped(changed), **({"removed": removed} if removed else {})})]
+        return [(kinds.SENSORS, {"sensor_kinds": group_sensors(changed), **({"removed": removed} if removed else {})})]
 
-    def _described(self) -> list[dict[str, Any]]:
+    def _describe_sensors(self) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = self._ctx.sensor.storage.described()
         self._count = self._phase.sensor_changes
         self._size = len(found)
         return found
 
-    def _state_of(self, described: dict[str, Any]) -> tuple[Any, Plain]:
+    def _find_sensor_state(self, described: dict[str, Any]) -> tuple[Any, Plain]:
         """Return a sensor's identity, because another sensor may get its name, and its settings."""
-        return self._ctx.sensor.sensors[described["id"]], [described["type"], plain_subset(described["keywords"])]
+        return self._ctx.sensor.sensors[described["id"]], [described["type"], select_plain(described["keywords"])]
 
 
 class ContextChanges:
@@ -439,7 +439,7 @@ class DrawingChanges:
         """Return descriptions of all artists as plain values; see `Artists.specs`."""
         if self._artists is None:
             return {"artists": [], "is_declared": False}
-        return plain_subset(self._artists.specs(with_drawings=self._with_custom))
+        return select_plain(self._artists.specs(with_drawings=self._with_custom))
 
     def changes(self) -> Log:
         """Return events for the drawings that have changed."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.errors import BadType, BadValue
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, Log, Mover, records_of, steps_of
+from gamms.ir.events import EVENTS, Log, Mover, list_steps, records_of
 from gamms.plain import Plain
 from gamms.recorder.components import Components
 from gamms.recorder.detached import DetachedState
@@ -53,7 +53,7 @@ class Version2Writer:
         record: Record = {"timestamp": timestamp, "opCode": opcode}
         try:
             if data is not None:
-                record["data"] = self._plain(data) if opcode in _USERS else data
+                record["data"] = self._make_plain(data) if opcode in _USERS else data
             encoded = self._dumps(record)
             if opcode in _USERS:
                 CborReader(encoded).item()
@@ -63,18 +63,18 @@ class Version2Writer:
             raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}.") from error
         self._stream.write(encoded)
 
-    def _plain(self, value: Plain) -> Plain:
+    def _make_plain(self, value: Plain) -> Plain:
         """Return the value in the form of cbor2, with sorted sets, so that equal games give equal bytes."""
         if isinstance(value, Mapping):
-            return {self._plain(key): self._plain(one) for key, one in value.items()}
+            return {self._make_plain(key): self._make_plain(one) for key, one in value.items()}
         if isinstance(value, list | tuple):
-            return tuple(self._plain(one) for one in value)
+            return tuple(self._make_plain(one) for one in value)
         if isinstance(value, set | frozenset):
-            return self._tag(SET, tuple(sorted(map(self._plain, value), key=self._dumps)))
+            return self._tag(SET, tuple(sorted(map(self._make_plain, value), key=self._dumps)))
         if isinstance(value, Tagged):
-            return self._tag(value.number, self._plain(value.value))
+            return self._tag(value.number, self._make_plain(value.value))
         if isinstance(value, np.generic | np.ndarray):
-            return self._plain(value.tolist())
+            return self._make_plain(value.tolist())
         return value
 
 
@@ -107,14 +107,14 @@ class Version2Encoder:
 
     def _add(self, log: Log) -> None:
         is_over = True
-        timestamp = self._timestamp(self._turn)
-        for kind, data in steps_of(log):
+        timestamp = self._find_timestamp(self._turn)
+        for kind, data in list_steps(log):
             if kind == kinds.REPLAYED:
                 self._copy(*data)
                 is_over = is_over and data[0]["opCode"] != kinds.SIMULATE
-                timestamp = self._timestamp(self._turn)
+                timestamp = self._find_timestamp(self._turn)
                 continue
-            mover = self._mover(kind, data)
+            mover = self._find_mover(kind, data)
             self._follow(kind, data)
             if kind in EVENTS and EVENTS[kind].records is not None:
                 self._write(timestamp, records_of(kind, data, mover))
@@ -125,7 +125,7 @@ class Version2Encoder:
         if self._waiting.tell() > _MOST_WAITING:
             self.flush()
 
-    def _mover(self, kind: int, data: Plain) -> Mover | None:
+    def _find_mover(self, kind: int, data: Plain) -> Mover | None:
         """Return the agent that an event moves or rotates."""
         agents = self._agents.agents
         if kind == kinds.MOVES or kind in FORMS:
@@ -142,13 +142,13 @@ class Version2Encoder:
             with suppress(Damaged):
                 self._agents.apply_event(kind, data)
 
-    def _timestamp(self, turn: int) -> int:
+    def _find_timestamp(self, turn: int) -> int:
         begin, timestamp = self._since
         return timestamp + (turn - begin) * TURN_NS
 
     def _copy(self, record: Record, noted: Log) -> None:
         """Copy a record of another recording, and continue from its time stamp."""
-        for kind, data in steps_of(noted):
+        for kind, data in list_steps(noted):
             self._follow(kind, data)
         self._since = self._turn, record["timestamp"]
         if record["opCode"] == kinds.TERMINATE:
@@ -173,7 +173,7 @@ class Version2Encoder:
 
     def close(self) -> None:
         """Write the final record."""
-        timestamp = max(self._since[1], self._timestamp(self._turn - 1))
+        timestamp = max(self._since[1], self._find_timestamp(self._turn - 1))
         end = self._end or {"timestamp": timestamp, "opCode": kinds.TERMINATE}
         self._writer.write(end["timestamp"], end["opCode"], end.get("data"))
         self.flush()

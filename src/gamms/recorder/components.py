@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator, KeysView, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gamms.arguments import as_key, signature_of
-from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
+from gamms.arguments import as_key, find_signature
+from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refuse_while_deciding
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
 from gamms.recorder.errors import RecordingError, reporting_damage
 from gamms.recorder.struct_types import FieldType
-from gamms.text import main_module, module_of, shown
+from gamms.text import find_main_module, find_module, shown
 from gamms.typing import IContext
 from gamms.typing.recorder import C
 
@@ -35,7 +35,7 @@ class ComponentKind:
     @property
     def key(self) -> Key:
         """The key of the class in the registry."""
-        return module_of(self.cls), self.cls.__qualname__
+        return find_module(self.cls), self.cls.__qualname__
 
     def begin(self, component: object, name: object) -> None:
         """Set the name of a component, and all its fields to None."""
@@ -70,7 +70,7 @@ class Components(Guarded):
     # -- interface of 1.0.0
     # ---------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
         """Return a class decorator: each field of the struct, a dict of names to types, is recorded when it is set.
 
@@ -87,7 +87,7 @@ class Components(Guarded):
                 return cls
             if not isinstance(struct, Mapping):
                 raise BadType(f"The struct of a component must be a dict of field names to types, not {shown(struct)}.")
-            fields = {checked_name(name): struct_types.of_hint(hint).or_none() for name, hint in struct.items()}
+            fields = {check_name(name): struct_types.parse_hint(hint).or_none() for name, hint in struct.items()}
             check_class(cls, fields)
             self._register(cls, fields, {name: str(field) for name, field in fields.items()})
             return cls
@@ -105,14 +105,14 @@ class Components(Guarded):
         except (KeyError, TypeError):
             raise UnknownName("component", name, self._components) from None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def delete_component(self, name: object) -> None:
         """Delete a component; the object continues to exist, but is not recorded.
 
         Raises:
             UnknownName (KeyError): the component does not exist.
         """
-        if _kind_under(self.get_component(name), name):
+        if _find_kind(self.get_component(name), name):
             self._on_event("COMPONENT_DELETE", {"name": name})
         del self._components[name]
 
@@ -120,7 +120,7 @@ class Components(Guarded):
         """Return the names of all components."""
         return self._components.keys()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_component(self, name: object, obj: object) -> None:
         """Store any object under a name. A deleted component that is added again is recorded again.
 
@@ -129,8 +129,8 @@ class Components(Guarded):
         """
         if as_key(name, "The name of a component") in self._components:
             raise Duplicate("a component", name)
-        if _kind_under(obj, name):
-            for event in _events_of(obj):
+        if _find_kind(obj, name):
+            for event in _list_events(obj):
                 self._on_event(*event)
         self._components[name] = obj
 
@@ -138,7 +138,7 @@ class Components(Guarded):
         """Return whether a class is registered, by module and qualified name."""
         return _as_class_key(key) in self._component_registry
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def unregister_component(self, key: Key) -> None:
         """Unregister a class; its components stay.
 
@@ -153,7 +153,7 @@ class Components(Guarded):
 
     def recorded(self) -> Recorded:
         """Return the present state, for `since`."""
-        kinds = {name: _kind_under(one, name) for name, one in self._components.items()}
+        kinds = {name: _find_kind(one, name) for name, one in self._components.items()}
         values = {name: dict(getattr(self._components[name], STORE)) for name, kind in kinds.items() if kind}
         return set(self._component_registry), {name: (kind.key, values[name]) for name, kind in kinds.items() if kind}
 
@@ -177,9 +177,14 @@ class Components(Guarded):
         yield from (("COMPONENT_DELETE", {"name": name}) for name in gone)
         for key, kind in self._classes.items():
             if key not in classes and (key in self._component_registry or key in needed):
-                yield "COMPONENT_REGISTER", _registration(key, {name: str(one) for name, one in kind.fields.items()})
+                yield (
+                    "COMPONENT_REGISTER",
+                    _make_registration(key, {name: str(one) for name, one in kind.fields.items()}),
+                )
         for name, (_, values) in now.items():
-            yield from _events_of(self._components[name]) if name in new else _updates(values, components[name][1])
+            yield from (
+                _list_events(self._components[name]) if name in new else _list_updates(values, components[name][1])
+            )
         for key in self._classes:
             if key in classes | needed and key not in self._component_registry:
                 yield "COMPONENT_UNREGISTER", {"key": list(key)}
@@ -200,7 +205,7 @@ class Components(Guarded):
         self._keep(name, component)
 
     def _keep(self, name: object, component: Any) -> None:
-        kind = kind_of(component)
+        kind = get_kind(component)
         assert kind is not None  # noqa: S101 - only components come here
         self._on_event("COMPONENT_CREATE", {"name": name, "type": list(kind.key)})
         self._components[name] = component
@@ -214,7 +219,7 @@ class Components(Guarded):
     def assign(self, component: object, field: str, value: object) -> None:
         """Set a field, and report it."""
         store = getattr(component, STORE)
-        kind = kind_of(component)
+        kind = get_kind(component)
         if kind is not None:
             value = kind.fields[field].shaped(value)
         if not self._is_silent and self._components.get(store["name"]) is component:
@@ -224,7 +229,7 @@ class Components(Guarded):
     # -- called for recordings
     # ------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def apply(self, opcode_name: str, data: dict[str, Any], *, lenient: bool = False) -> None:
         """Apply a record of one of the five operation codes. Nothing is imported or evaluated.
 
@@ -245,12 +250,12 @@ class Components(Guarded):
         doing(self, data, lenient)
 
     def _apply_register(self, data: dict[str, Any], lenient: bool) -> None:
-        key = _key_in(data, "key")
+        key = _get_key(data, "key")
         struct = data.get("struct", {})
         if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
             raise RecordingError(f"A component class is declared without a map with at most {_MOST_FIELDS} fields.")
         with reporting_damage(_IMPOSSIBLE, (BadType,)):
-            fields = {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
+            fields = {check_name(name): struct_types.parse(text) for name, text in struct.items()}
         kind = self._classes.get(key)
         is_other = kind is not None and kind.fields != fields
         if kind is None or (is_other and key not in self._component_registry):
@@ -258,7 +263,7 @@ class Components(Guarded):
             return
         if is_other and not lenient:
             raise RecordingError(f"The component class {key} has other fields here than in the recording.")
-        self._on_event("COMPONENT_REGISTER", _registration(key, struct))
+        self._on_event("COMPONENT_REGISTER", _make_registration(key, struct))
         self._component_registry.setdefault(key, kind.cls)
 
     def _build(self, key: Key, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
@@ -272,17 +277,17 @@ class Components(Guarded):
         self._register(cls, fields, texts)
 
     def _apply_create(self, data: dict[str, Any], lenient: bool) -> None:
-        name = _name_in(data)
-        key = _key_in(data, "type")
+        name = _get_name(data)
+        key = _get_key(data, "type")
         if key not in self._classes:
             raise RecordingError(f"The recording creates a component of the unknown class {key}.")
         if name in self._components:
             if lenient:
                 return
             raise RecordingError(f"The recording creates a second component named {shown(name)}.")
-        self._keep(name, self._made(self._classes[key], name))
+        self._keep(name, self._make_component(self._classes[key], name))
 
-    def _made(self, kind: ComponentKind, name: object) -> Any:
+    def _make_component(self, kind: ComponentKind, name: object) -> Any:
         """Return a component with all fields None; calls its author's `__init__` if this needs no arguments."""
         self._is_silent = True
         try:
@@ -297,11 +302,11 @@ class Components(Guarded):
             self._is_silent = False
 
     def _apply_update(self, data: dict[str, Any], lenient: bool) -> None:
-        name = _name_in(data)
+        name = _get_name(data)
         field = data.get("key")
         if name not in self._components and lenient:
             return
-        kind = _kind_under(self._components.get(name), name)
+        kind = _find_kind(self._components.get(name), name)
         if kind is None:
             raise RecordingError(f"The recording changes {shown(name)}, which is not a recorded component.")
         if not isinstance(field, str) or field not in kind.fields:
@@ -309,14 +314,14 @@ class Components(Guarded):
         self.assign(self._components[name], field, data.get("value"))
 
     def _apply_delete(self, data: dict[str, Any], lenient: bool) -> None:
-        name = _name_in(data)
+        name = _get_name(data)
         if name in self._components:
             self.delete_component(name)
         elif not lenient:
             raise RecordingError(f"The recording deletes the unknown component {shown(name)}.")
 
     def _apply_unregister(self, data: dict[str, Any], lenient: bool) -> None:
-        key = _key_in(data, "key")
+        key = _get_key(data, "key")
         if key in self._component_registry:
             self.unregister_component(key)
         elif not lenient:
@@ -325,7 +330,7 @@ class Components(Guarded):
     # -- private
     # --------------------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def _register(self, cls: Any, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
         """Make a checked class a component; of two classes with the same key and fields the first is kept."""
         kind = ComponentKind(cls, fields, cls.__init__)
@@ -336,13 +341,13 @@ class Components(Guarded):
             self._on_event("COMPONENT_UNREGISTER", {"key": list(key)})
             del self._component_registry[key]
         if not is_same:
-            self._on_event("COMPONENT_REGISTER", _registration(key, texts))
+            self._on_event("COMPONENT_REGISTER", _make_registration(key, texts))
             self._component_registry[key] = cls
             self._classes[key] = kind
         for field in fields:
-            setattr(cls, field, _property_of(field, self))
+            setattr(cls, field, _make_property(field, self))
         cls.name = property(lambda component: getattr(component, STORE)["name"], doc="The name of the component.")
-        cls.__init__ = _init_of(kind, self)
+        cls.__init__ = _make_init(kind, self)
         setattr(cls, _KIND, kind)
 
 
@@ -361,10 +366,10 @@ _APPLIED: dict[str, Callable[[Components, dict[str, Any], bool], None]] = {
 def _as_class_key(key: object) -> Key:
     if not isinstance(key, (tuple, list)) or [type(part) for part in key] != [str, str]:
         raise BadType(f"A component class is named by (cls.__module__, cls.__qualname__), not {shown(key)}.")
-    return main_module(key[0]), key[1]
+    return find_main_module(key[0]), key[1]
 
 
-def _registration(key: Key, texts: dict[str, str]) -> dict[str, Any]:
+def _make_registration(key: Key, texts: dict[str, str]) -> dict[str, Any]:
     return {"key": list(key), "struct": dict(texts)}
 
 
@@ -372,16 +377,16 @@ def _update(name: object, field: str, value: object) -> dict[str, Any]:
     return {"name": name, "key": field, "value": list(value) if isinstance(value, list) else value}
 
 
-def _events_of(component: object) -> Iterator[tuple[str, dict[str, Any]]]:
+def _list_events(component: object) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the events that create this component."""
-    kind = kind_of(component)
+    kind = get_kind(component)
     store = getattr(component, STORE)
     assert kind is not None  # noqa: S101 - only components come here
     yield "COMPONENT_CREATE", {"name": store["name"], "type": list(kind.key)}
-    yield from _updates(store, dict.fromkeys(store, None))
+    yield from _list_updates(store, dict.fromkeys(store, None))
 
 
-def _updates(values: dict[str, Any], before: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+def _list_updates(values: dict[str, Any], before: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the events that change the values `before` to `values`."""
     for field, value in values.items():
         if field != "name" and value is not before[field] and repr(value) != repr(before[field]):
@@ -391,38 +396,38 @@ def _updates(values: dict[str, Any], before: dict[str, Any]) -> Iterator[tuple[s
 # -- data of records ----------------------------------------------------------------------------------------------
 
 
-def _name_in(data: dict[str, Any]) -> Any:
+def _get_name(data: dict[str, Any]) -> Any:
     name = data.get("name")
     if "name" not in data or not (name is None or isinstance(name, str | int | float)):
         raise RecordingError("A record does not name a component.")
     return name
 
 
-def _key_in(data: dict[str, Any], part: str) -> Key:
+def _get_key(data: dict[str, Any], part: str) -> Key:
     key = data.get(part)
     if not isinstance(key, list | tuple) or len(key) != 2 or not all(isinstance(one, str) for one in key):
         raise RecordingError("A record does not name a component class by module and qualified name.")
     module, qualname = key
     if not (module + qualname).isprintable() or not qualname or len(module + qualname) > 1000:
         raise RecordingError("A record names an invalid component class.")
-    return main_module(module), qualname
+    return find_main_module(module), qualname
 
 
 # -- classes ------------------------------------------------------------------------------------------------------
 
 
-def kind_of(component: object) -> ComponentKind | None:
+def get_kind(component: object) -> ComponentKind | None:
     """Return the kind of a component; None for other objects."""
     return getattr(type(component), _KIND, None) if STORE in getattr(component, "__dict__", ()) else None
 
 
-def _kind_under(component: object, name: object) -> ComponentKind | None:
+def _find_kind(component: object, name: object) -> ComponentKind | None:
     """Return the kind of an object that is recorded under this name, else None."""
-    kind = kind_of(component)
+    kind = get_kind(component)
     return kind if kind is not None and getattr(component, STORE)["name"] == name else None
 
 
-def checked_name(name: object) -> str:
+def check_name(name: object) -> str:
     """Return the checked name of a field.
 
     Raises:
@@ -448,7 +453,7 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
     taken = [field for field in fields if hasattr(cls, field)]
     if taken:
         raise BadType(f"{cls.__qualname__} already has an attribute {taken[0]!r}. Name the field differently.")
-    if "name" in _parameters_of(cls):
+    if "name" in _list_parameters(cls):
         raise BadType(
             f"The __init__ of {cls.__qualname__} has a parameter 'name', which is reserved: a component takes its name "
             "as the first argument, before those of its own __init__. Call the parameter differently."
@@ -458,20 +463,20 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
 def takes_nothing(init: Callable[..., None]) -> bool:
     """Return whether an `__init__` can be called without arguments."""
     try:
-        signature_of(init).bind(object())
+        find_signature(init).bind(object())
     except (TypeError, ValueError):
         return False
     return True
 
 
-def _parameters_of(cls: type[Any]) -> Mapping[str, Any]:
+def _list_parameters(cls: type[Any]) -> Mapping[str, Any]:
     try:
-        return signature_of(cls.__init__).parameters
+        return find_signature(cls.__init__).parameters
     except ValueError:  # for a class not written in Python
         return {}
 
 
-def _property_of(field: str, components: Components) -> property:
+def _make_property(field: str, components: Components) -> property:
     def get(self: object) -> Any:
         value = getattr(self, STORE)[field]
         # a copy, because changes of the list itself are not recorded
@@ -483,7 +488,7 @@ def _property_of(field: str, components: Components) -> property:
     return property(get, put, doc=f"The recorded field {shown(field)}; a list is handed out as a copy.")
 
 
-def _init_of(kind: ComponentKind, components: Components) -> Callable[..., None]:
+def _make_init(kind: ComponentKind, components: Components) -> Callable[..., None]:
     def __init__(self: object, name: object, *args: object, **kwargs: object) -> None:  # noqa: N807 - it becomes the method
         kind.begin(self, name)
         components.begin(self, name)
@@ -512,4 +517,4 @@ def check_validity(data_type: object) -> None:
     """
     if data_type is None:
         raise BadType("The type of a field cannot be None alone. Use Optional[...] of another type.")
-    struct_types.of_hint(data_type)
+    struct_types.parse_hint(data_type)

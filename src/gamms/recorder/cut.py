@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, MOVES, Log, Role, events_of, renumbered
+from gamms.ir.events import EVENTS, MOVES, Log, Role, list_events, renumber_event
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.schema import Audience
@@ -96,12 +96,12 @@ class KnowledgeFilter:
         self.is_shown = False
         self.looked: list[dict[str, Any]] = []
         self._all = DetachedState(deepcopy(keyframe))  # state after all added events
-        self._look_around()
-        self._first = self._restricted(keyframe)
-        self._flags = self._flags_in_view()  # that are known
+        self._update_agents()
+        self._first = self._restrict_keyframe(keyframe)
+        self._flags = self._find_known_flags()  # that are known
         self._known = DetachedState(deepcopy(self._first))  # state after all returned events
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
-        self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}  # that are known
+        self._carried = {sensor["id"]: sensor for sensor in self._list_sensors(self._own)}  # that are known
         self._looks = self.visuals()  # that are known
 
     def add(self, log: Log, *, is_end: bool = True) -> Iterator[Log]:
@@ -113,28 +113,28 @@ class KnowledgeFilter:
             log: events since the last call.
             is_end: whether the turn is over.
         """
-        for kind, data in events_of(log):
+        for kind, data in list_events(log):
             if kind == kinds.SENSED:
-                yield from self._look(data)
+                yield from self._note_sensor_data(data)
             else:
                 self._happened.extend(self._cut(kind, data))
             self._all.apply_event(kind, data)
-            self._happened.extend(self._after(kind, data))
+            self._happened.extend(self._note_consequences(kind, data))
         self._all.agents.settle()
         if is_end:
             yield from self._end()
 
-    def _look(self, data: Mapping[str, Any]) -> Iterator[Log]:
+    def _note_sensor_data(self, data: Mapping[str, Any]) -> Iterator[Log]:
         """Record the sensor data of the own agents; yields the previous turn, with the agents seen after it."""
-        looks = self._own_looks(data)
+        looks = self._select_own_looks(data)
         others = set(self._names.values()).difference(self._own)
         reports = [Report(look, self._names) for look in chain.from_iterable(each for _, each in looks)]
         self._sighted = (self._sighted or {}) | find_sighted(reports, others, self._nearest)
         self._in_view = self._sighted.keys()
-        shown = [*self._show(self._sighted), *self._new_flags(self._flags_in_view())] if looks else []
+        shown = [*self._show(self._sighted), *self._note_new_flags(self._find_known_flags())] if looks else []
         report = (
             kinds.SENSED,
-            sensed.renumbered(sensed.columns_of(looks, self._own_fields, self._turn), self._id_of, int),
+            sensed.renumber_looks(sensed.columns_of(looks, self._own_fields, self._turn), self._get_id, int),
         )
         if looks and not self.is_shown:
             yield from self._give(shown, [report])
@@ -145,8 +145,8 @@ class KnowledgeFilter:
     def _give(self, shown: list[_Event], reports: Iterable[_Event] = ()) -> Iterator[Log]:
         """Yield the previous turn with events for the agents seen after it; note the reports that show them."""
         self.is_shown = True
-        given = self._given([*(self._waiting or ()), *shown])
-        self.looked = [data for report in reports for _, data in self._numbered(*report)]
+        given = self._apply_events([*(self._waiting or ()), *shown])
+        self.looked = [data for report in reports for _, data in self._number_event(*report)]
         if self._waiting is not None:
             yield given
             self._known.apply([])  # counts the turn
@@ -155,7 +155,7 @@ class KnowledgeFilter:
     def _end(self) -> Iterator[Log]:
         if not self.is_shown:
             yield from self._give([] if self._sighted is None else [*self._show({})])
-        own = [*self._happened, *self._later.pop(self._turn, ()), *self._new_flags(self._flags_in_view())]
+        own = [*self._happened, *self._later.pop(self._turn, ()), *self._note_new_flags(self._find_known_flags())]
         self._waiting = own
         self._turn = self._turn + 1
         self._happened = []
@@ -166,7 +166,7 @@ class KnowledgeFilter:
         """Yield the last turn, which has no sensor data after it."""
         self.looked = []
         if self._waiting is not None:
-            yield self._given(self._waiting)
+            yield self._apply_events(self._waiting)
             self._known.apply([])
             self._waiting = None
 
@@ -182,7 +182,7 @@ class KnowledgeFilter:
         if self._visuals is None:
             return None
         agents = self._own.keys() | self._met
-        sensors = {sensor["id"] for sensor in self._sensors_of(self._own)}
+        sensors = {sensor["id"] for sensor in self._list_sensors(self._own)}
         names = {"agent": agents, "sensor": sensors}
         artists = [
             one
@@ -197,7 +197,7 @@ class KnowledgeFilter:
 
     # -- own agents ---------------------------------------------------------------------------------------------
 
-    def _look_around(self) -> None:
+    def _update_agents(self) -> None:
         """Update the existing agents and the own agents."""
         columns = self._all.agents.columns
         self._all.agents.settle()
@@ -208,10 +208,10 @@ class KnowledgeFilter:
         teams = dict(zip(columns["names"], columns["teams"], strict=True))
         self._own = {name: team for name, team in teams.items() if self._is_own(name, team)}
 
-    def _id_of(self, number: int) -> int:
+    def _get_id(self, number: int) -> int:
         return self._ids[self._names[number]]
 
-    def _sensors_of(self, names: Iterable[str]) -> list[dict[str, Any]]:
+    def _list_sensors(self, names: Iterable[str]) -> list[dict[str, Any]]:
         """Return the sensors of the given agents, in the order of all sensors."""
         agents = self._all.agents
         carried = set(chain.from_iterable(agents.columns["sensors"][agents.row(name)].values() for name in names))
@@ -219,7 +219,7 @@ class KnowledgeFilter:
 
     # -- whole states ---------------------------------------------------------------------------------------------
 
-    def _restricted(self, of: Keyframe) -> Keyframe:
+    def _restrict_keyframe(self, of: Keyframe) -> Keyframe:
         """Return the state as known to the own agents; data outside the columns come from a keyframe or snapshot."""
         columns = self._all.agents.columns
         names = [name for name in columns["names"] if name in self._own]
@@ -227,7 +227,7 @@ class KnowledgeFilter:
         own = {name: [columns[name][row] for row in rows] for name in LISTS}
         own |= {name: columns[name][rows] for name in ARRAYS} | {"numbers": np.arange(len(rows))}
         own["strategies"] = [None] * len(rows)
-        packed = keyframes.packed(own, len(rows), self._sensors_of(names), self._game(), None)
+        packed = keyframes.packed(own, len(rows), self._list_sensors(names), self._make_known_game(), None)
         history: dict[str, Any] = {key: deepcopy(of[key]) for key in _OF_STATE if key in of}
         events = history.get("events", ())
         history["events"] = [event for event in events if self._is_witnessed(kinds.GAME_EVENT, event)]
@@ -239,17 +239,17 @@ class KnowledgeFilter:
         if "messages" in of:
             history["messages"] = list(select_heard(of["messages"], self._own, self._all.game.turn))
         if "starts" in of:
-            history["starts"] = self._of_own(of["starts"])
+            history["starts"] = self._select_own(of["starts"])
         return packed | history
 
-    def _game(self) -> GameState:
+    def _make_known_game(self) -> GameState:
         """Return the part of the game state that the own agents know."""
         game = GameState()
         game.put_known(self._all.game, self._own, set(self._own.values()))
-        game.data.update(self._flags_in_view())
+        game.data.update(self._find_known_flags())
         return game
 
-    def _flags_in_view(self) -> dict[Any, Any]:
+    def _find_known_flags(self) -> dict[Any, Any]:
         """Return the flags of rules as known: their bases, and that they are carried, but not by which unseen agent."""
         found = {}
         for key, kept in self._all.game.data.items():
@@ -261,7 +261,7 @@ class KnowledgeFilter:
                 found[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
         return found
 
-    def _new_flags(self, now: dict[Any, Any]) -> Iterator[_Event]:
+    def _note_new_flags(self, now: dict[Any, Any]) -> Iterator[_Event]:
         before = self._flags
         self._flags = now
         if now != before:
@@ -270,7 +270,7 @@ class KnowledgeFilter:
     def _is_in_view(self, name: str) -> bool:
         return name in self._own or name in self._in_view
 
-    def _of_own(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
+    def _select_own(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in by_name.items() if name in self._own}
 
     # -- waiting events -----------------------------------------------------------------------------------------
@@ -279,43 +279,45 @@ class KnowledgeFilter:
         """Yield the part of an event that the own agents know, given the state before the event."""
         audience = EVENTS[kind].audience if kind in EVENTS else Audience.HOST
         if audience is Audience.HEARD:
-            yield from self._heard_later(kind, data)
+            yield from self._note_messages(kind, data)
         elif audience is Audience.WITNESSED:
             if self._is_witnessed(kind, data):
                 yield kind, data
         elif audience is not Audience.HOST:
-            own = self._own_part(kind, data)
+            own = self._select_own_part(kind, data)
             if own is not None:
                 yield kind, own
 
-    def _own_part(self, kind: int, data: Plain) -> Any:
+    def _select_own_part(self, kind: int, data: Plain) -> Any:
         """Return the known part of the data of an event; None if nothing is known."""
         if kind == MOVES:
-            moves = chain.from_iterable(self._own_move(*pair) for pair in zip(data[::2], data[1::2], strict=True))
+            moves = chain.from_iterable(
+                self._select_own_move(*pair) for pair in zip(data[::2], data[1::2], strict=True)
+            )
             return list(moves) or None
         if isinstance(data, tuple):  # (number, …)
-            return (self._id_of(data[0]), *data[1:]) if self._names.get(data[0]) in self._own else None
+            return (self._get_id(data[0]), *data[1:]) if self._names.get(data[0]) in self._own else None
         known = EVENTS[kind]
         own = {}
         is_empty = known.audience is not Audience.ALL
-        rows = self._own_rows(kind, data)
+        rows = self._find_own_rows(kind, data)
         for key, value in data.items():
             role = known.fields[key].role if key in known.fields else Role.PLAIN
             own[key] = value
             if role is Role.AGENT and isinstance(value, str):
                 is_empty = is_empty and value not in self._own
             elif role in _OF_AGENTS:
-                own[key] = self._own_items(role, value, rows)
+                own[key] = self._select_own_items(role, value, rows)
                 is_empty = is_empty and not len(own[key])
         has_agents = any(field.role in _OF_AGENTS for field in known.fields.values())
         return None if is_empty and has_agents else own
 
-    def _own_move(self, number: int, node: int) -> Iterator[int]:
+    def _select_own_move(self, number: int, node: int) -> Iterator[int]:
         if self._names.get(int(number)) in self._own:
-            yield self._id_of(int(number))
+            yield self._get_id(int(number))
             yield int(node)
 
-    def _own_rows(self, kind: int, data: Mapping[str, Any]) -> list[int]:
+    def _find_own_rows(self, kind: int, data: Mapping[str, Any]) -> list[int]:
         """Return the rows of the own agents in the columns of an event."""
         names: list[str] = []
         for key, field in EVENTS[kind].fields.items():
@@ -325,22 +327,22 @@ class KnowledgeFilter:
                 names = data[key]
         return [row for row, name in enumerate(names) if name in self._own]
 
-    def _own_items(self, role: Role, value: Plain, rows: list[int]) -> Any:
+    def _select_own_items(self, role: Role, value: Plain, rows: list[int]) -> Any:
         """Return the part of the value of a field that concerns the own agents."""
         if role is Role.BY_AGENT:
-            return self._of_own(value)
+            return self._select_own(value)
         if role is Role.BY_TEAM:
             teams = set(self._own.values())
             return [pair for pair in value if pair[0] in teams]
         items = value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]
         if role is Role.NUMBER:
-            items[:] = [self._id_of(number) for number in np.asarray(items).tolist()]
+            items[:] = [self._get_id(number) for number in np.asarray(items).tolist()]
         return items
 
     def _is_witnessed(self, kind: int, data: Mapping[str, Any]) -> bool:
         return is_witnessed(kind, data, self._ids, self._own.__contains__, self._is_in_view)
 
-    def _heard_later(self, kind: int, data: Plain) -> Iterator[_Event]:
+    def _note_messages(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield a message of the own agents now, and messages of others in the turns in which they arrive."""
         for later, known in split_heard(data, self._own):
             if data["sender"] in self._own:
@@ -348,42 +350,42 @@ class KnowledgeFilter:
             else:
                 self._later.setdefault(self._turn + later, []).append((kind, known))
 
-    def _after(self, kind: int, data: Plain) -> Iterator[_Event]:
+    def _note_consequences(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield consequences of an event: state changes, agents that joined or left the team, new sensors."""
         if kind == kinds.SNAPSHOT:
             yield from self._hide(list(self._seen))
             self._in_view = ()
-            self._look_around()
-            yield kind, self._restricted(data)
-            self._flags = self._flags_in_view()
-            self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}
+            self._update_agents()
+            yield kind, self._restrict_keyframe(data)
+            self._flags = self._find_known_flags()
+            self._carried = {sensor["id"]: sensor for sensor in self._list_sensors(self._own)}
         elif self._all.agents.version != self._version:
             before = self._own
-            self._look_around()
+            self._update_agents()
             there = self._all.agents.columns["names"]
             yield from self._hide([name for name in self._seen if name in self._own or name not in there])
             for name in [name for name in before if name not in self._own]:
                 yield kinds.AGENT_DELETE, {"name": name}
             for name in [name for name in self._own if name not in before]:
                 is_new = kind == kinds.AGENT_CREATE and data["name"] == name
-                yield kinds.AGENT_CREATE, {**data, "strategy": None} if is_new else self._creation(name)
-            yield from self._new_visuals()
+                yield kinds.AGENT_CREATE, {**data, "strategy": None} if is_new else self._make_creation(name)
+            yield from self._note_new_visuals()
         if kind in (kinds.SENSORS, kinds.AGENT_CREATE, kinds.AGENT_SENSOR_REGISTER, kinds.AGENT_TEAM):
-            yield from self._new_sensors(data.get("removed", ()))
+            yield from self._note_new_sensors(data.get("removed", ()))
         if kind == kinds.VISUALS:
             self._visuals = data
-            yield from self._new_visuals()
+            yield from self._note_new_visuals()
 
-    def _new_sensors(self, removed: Iterable[str]) -> Iterator[_Event]:
+    def _note_new_sensors(self, removed: Iterable[str]) -> Iterator[_Event]:
         """Yield new or changed sensors of the own agents."""
         gone = [sensor_id for sensor_id in removed if self._carried.pop(sensor_id, None) is not None]
-        new = [sensor for sensor in self._sensors_of(self._own) if self._carried.get(sensor["id"]) != sensor]
+        new = [sensor for sensor in self._list_sensors(self._own) if self._carried.get(sensor["id"]) != sensor]
         self._carried.update((sensor["id"], sensor) for sensor in new)
         if new or gone:
-            yield kinds.SENSORS, {"sensor_kinds": keyframes.grouped(new), **({"removed": gone} if gone else {})}
-            yield from self._new_visuals()
+            yield kinds.SENSORS, {"sensor_kinds": keyframes.group_sensors(new), **({"removed": gone} if gone else {})}
+            yield from self._note_new_visuals()
 
-    def _creation(self, name: str) -> dict[str, Any]:
+    def _make_creation(self, name: str) -> dict[str, Any]:
         """Return the creation event of an agent that joined the team."""
         agents = self._all.agents
         columns = agents.columns
@@ -397,18 +399,18 @@ class KnowledgeFilter:
         }
         if columns["speed"][row] is not None:
             given["speed"] = columns["speed"][row]
-        return _coming(name, given, at["position"])
+        return _make_creation_data(name, given, at["position"])
 
     # -- visible agents -----------------------------------------------------------------------------------------
 
-    def _own_looks(self, data: Mapping[str, Any]) -> list[tuple[int, list[Look]]]:
+    def _select_own_looks(self, data: Mapping[str, Any]) -> list[tuple[int, list[Look]]]:
         """Return the looks of the sensors of the own agents, by agent."""
         numbers = [number for number in data["agents"].tolist() if self._names.get(number) in self._own]
         looks: dict[int, list[Look]] = {number: [] for number in numbers}
-        for number, look in sensed.looks_of(data, fields=self._whole_fields):
+        for number, look in sensed.decode_looks(data, fields=self._whole_fields):
             if number in looks:
                 looks[number].append(sensed.as_reported(look, self._nearest, self._names))
-        return [(self._id_of(number), each) for number, each in looks.items()]
+        return [(self._get_id(number), each) for number, each in looks.items()]
 
     def _show(self, seen: Mapping[str, Sighting]) -> Iterator[_Event]:
         """Yield events that create, delete and move other agents, so that exactly the seen ones exist."""
@@ -423,7 +425,7 @@ class KnowledgeFilter:
             before = self._seen.get(name)
             if before is None:
                 given = {"start_node_id": sighting.node, "team": columns["teams"][row]}
-                yield kinds.AGENT_CREATE, _coming(name, given, sighting.position)
+                yield kinds.AGENT_CREATE, _make_creation_data(name, given, sighting.position)
                 if not columns["alive"][row]:
                     yield kinds.AGENT_ALIVE, {"agent_name": name, "alive": False}
             elif before != sighting and sighting.position is not None:
@@ -433,9 +435,9 @@ class KnowledgeFilter:
             self._seen[name] = sighting
         if not self._met.issuperset(there):
             self._met.update(there)
-            yield from self._new_visuals()
+            yield from self._note_new_visuals()
 
-    def _new_visuals(self) -> Iterator[_Event]:
+    def _note_new_visuals(self) -> Iterator[_Event]:
         """Yield the artists and colors that the team knows, if they have changed."""
         now = self.visuals()
         if now != self._looks:
@@ -450,11 +452,11 @@ class KnowledgeFilter:
     # -- returned events
     # --------------------------------------------------------------------------------------------
 
-    def _given(self, events: Iterable[_Event]) -> Log:
+    def _apply_events(self, events: Iterable[_Event]) -> Log:
         """Return events with the agent numbers of the cut, and apply them to the known state."""
         log: Log = []
         for event in events:
-            for kind, data in self._numbered(*event):
+            for kind, data in self._number_event(*event):
                 self._known.apply_event(kind, data)
                 if kind == MOVES:
                     log.extend(data)
@@ -462,7 +464,7 @@ class KnowledgeFilter:
                     log.append((kind, data))
         return log
 
-    def _numbered(self, kind: int, data: Plain) -> Iterator[_Event]:
+    def _number_event(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield an event with the agent numbers of the cut; nothing for an unknown agent."""
         number_of = self._numbers.__getitem__
         if kind in (kinds.AGENT_CREATE, kinds.AGENT_DELETE, kinds.SNAPSHOT):
@@ -477,9 +479,9 @@ class KnowledgeFilter:
             if known:
                 yield kind, known
         elif kind == kinds.SENSED:
-            yield kind, sensed.renumbered(data, number_of)
+            yield kind, sensed.renumber_looks(data, number_of)
         elif "agent_name" not in EVENTS[kind].fields or self._ids[data["agent_name"]] in self._numbers:
-            yield kind, renumbered(kind, data, number_of)
+            yield kind, renumber_event(kind, data, number_of)
 
     def _renumber(self, kind: int, data: Plain) -> bool:
         """Update the agents after a creation or deletion; return whether anything changed."""
@@ -495,7 +497,7 @@ class KnowledgeFilter:
         return is_known == (kind == kinds.AGENT_DELETE)
 
 
-def _coming(name: str, given: dict[str, Any], position: tuple[float, ...] | None) -> dict[str, Any]:
+def _make_creation_data(name: str, given: dict[str, Any], position: tuple[float, ...] | None) -> dict[str, Any]:
     """Return the data of the creation event of an agent, on the ground or in the air."""
     if position is None:
         return {"name": name, "kwargs": given}
@@ -506,7 +508,7 @@ def _coming(name: str, given: dict[str, Any], position: tuple[float, ...] | None
     }
 
 
-def sides_of(
+def list_sides(
     header: Mapping[str, Any], first: Keyframe, is_own: Callable[[str, Any], bool] = lambda _name, _team: True
 ) -> list[str | None]:
     """Return the sides of a game in the order of their color assignment, which is the same in all cuts.
@@ -556,11 +558,11 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     def is_own(name: str, team: Any) -> bool:
         return bool((name if team is None else team) == own)
 
-    own = _team_of(reader, first[1], team)
+    own = _find_team(reader, first[1], team)
     with reporting_damage("It cannot be cut", DAMAGES):
-        cut = KnowledgeFilter(first[1], is_own, sensed.nearest_on(lambda: columns), reader.header.get("visuals"))
+        cut = KnowledgeFilter(first[1], is_own, sensed.make_nearest(lambda: columns), reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
-    header |= {"seed": None, "audience": own, "sides": sides_of(reader.header, first[1], is_own)}
+    header |= {"seed": None, "audience": own, "sides": list_sides(reader.header, first[1], is_own)}
     writer = Writer(out, header, seconds=None)
     for turn in range(reader.turns):
         with reporting_damage(f"Turn {turn + 1} cannot be cut", DAMAGES):
@@ -574,7 +576,7 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     writer.close()
 
 
-def _team_of(reader: Reader, first: Keyframe, team: object) -> Any:
+def _find_team(reader: Reader, first: Keyframe, team: object) -> Any:
     """Return the team given by a caller, as agents have it; the name of an agent without a team."""
     come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
     come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]

@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.ir.event_targets import AgentsState, State
-from gamms.ir.events import EVENTS, LOGGED, Log, events_of
+from gamms.ir.events import EVENTS, LOGGED, Log, list_events
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.schema import ON_EDGES, RECORDED_NUMBERS, SETTABLE, VECTORS
@@ -15,7 +15,7 @@ from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, Damaged, reporting_damage
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked_name
+from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, check_name
 from gamms.text import shown
 
 # Kinds whose data this state does not store; they are not decoded.
@@ -59,7 +59,7 @@ class DetachedState(State):
         self._log = at  # index of the present log
         self.component_classes: dict[tuple[str, str], list[str]] = {}
         self.components: dict[Any, dict[str, Any]] = {}
-        with _restoring():
+        with _report_damage():
             if (recorded := keyframe.get("components")) is not None:
                 self.component_classes = {(module, name): list(each) for module, name, each in recorded["classes"]}
                 self.components = {name: dict(fields) for name, fields in recorded["values"].items()}
@@ -69,7 +69,7 @@ class DetachedState(State):
 
     def apply(self, log: Log) -> None:
         """Apply the log of a turn."""
-        for kind, data in events_of(log):
+        for kind, data in list_events(log):
             self.apply_event(kind, data)
         self._log += 1
         self.agents.settle()
@@ -100,12 +100,12 @@ class DetachedState(State):
 
     def restore(self, snapshot: Keyframe) -> None:
         """Replace the state by a keyframe or a snapshot; components stay, because snapshots do not contain them."""
-        with _restoring():
-            columns = keyframes.checked(keyframes.opened(snapshot))
-            following = keyframes.checked_following(columns["numbers"].tolist(), snapshot["next"])
+        with _report_damage():
+            columns = keyframes.check_columns(keyframes.opened(snapshot))
+            following = keyframes.check_following(columns["numbers"].tolist(), snapshot["next"])
             self.agents = DetachedAgents(columns, following)
-            self.sensors = _by_id(snapshot.get("sensor_kinds", ()))
-            self.beside_agents = keyframes.held_beside_agents(snapshot)
+            self.sensors = _index_by_id(snapshot.get("sensor_kinds", ()))
+            self.beside_agents = keyframes.get_columns_beside_agents(snapshot)
             self.rng_state = snapshot.get("chance")
             self.game = GameState()
             keyframes.restore_game(self.game, snapshot)
@@ -123,7 +123,7 @@ class DetachedState(State):
         """Remove sensors, then add or update others."""
         for sensor_id in removed:
             self.sensors.pop(sensor_id, None)
-        self.sensors |= _by_id(groups)
+        self.sensors |= _index_by_id(groups)
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
         """Change names, fields and values of components, without classes that could run code."""
@@ -177,12 +177,12 @@ class DetachedAgents(AgentsState):
         self.columns = columns
         self.following = following
         self.version = 0
-        self._index()
+        self._build_index()
 
     def __len__(self) -> int:
         return len(self._row_of)
 
-    def _index(self) -> None:
+    def _build_index(self) -> None:
         """Build the index of agents by row."""
         numbers = self.columns["numbers"].tolist()
         names = self.columns["names"]
@@ -206,12 +206,12 @@ class DetachedAgents(AgentsState):
         """
         number = self.following
         row = len(self.columns["names"])
-        values = _row_of_creation(checked_name(name), number, kwargs, state, strategy)
+        values = _make_row(check_name(name), number, kwargs, state, strategy)
         if name in self._row_of_name or number in self._row_of:
             raise Damaged("two agents have the same name or number")
         for column in ARRAYS:
             with reporting_damage(f"a new agent has an invalid {shown(column)}", DAMAGES, Damaged):
-                self._resized(column, row)[row] = values[column]
+                self._make_room(column, row)[row] = values[column]
             self.columns[column] = self._whole[column][: row + 1]
         for column in LISTS:
             self.columns[column].append(values[column])
@@ -242,7 +242,7 @@ class DetachedAgents(AgentsState):
         """
         row = self._row_of.get(number)
         if row is None:
-            raise _unknown(number)
+            raise _make_unknown_error(number)
         return row
 
     def names_by_number(self) -> dict[int, str]:
@@ -272,9 +272,9 @@ class DetachedAgents(AgentsState):
             self.columns[name] = [column[row] for row in rows]
         for name in ARRAYS:
             self.columns[name] = self.columns[name][stays]
-        self._index()
+        self._build_index()
 
-    def _resized(self, name: str, rows: int) -> "np.ndarray[Any, Any]":
+    def _make_room(self, name: str, rows: int) -> "np.ndarray[Any, Any]":
         """Return a column with room for one more row than `rows`."""
         column = self._whole[name]
         if len(column) == rows:
@@ -318,7 +318,7 @@ class DetachedAgents(AgentsState):
         """Move a flying agent."""
         columns = self.columns
         if not columns["kind"][row]:
-            raise _grounded(columns["names"][row])
+            raise _make_ground_error(columns["names"][row])
         columns["previous_position"][row] = columns["position"][row]
         columns["position"][row] = position
         columns["previous"][row] = columns["node"][row]
@@ -332,8 +332,8 @@ class DetachedAgents(AgentsState):
     def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
         """Set the progress of agents along edges."""
         rows = self.rows(np.asarray(numbers, np.int64))
-        keyframes.checked_shares(columns["edge_share"])
-        keyframes.checked_motions(columns.get("edge_motion", 0))
+        keyframes.check_shares(columns["edge_share"])
+        keyframes.check_motions(columns.get("edge_motion", 0))
         for name in ON_EDGES:
             self.columns[name][rows] = columns.get(name, 0)
 
@@ -355,7 +355,7 @@ class DetachedAgents(AgentsState):
         self.columns["sensors"][row].pop(name, None)
 
 
-def _row_of_creation(
+def _make_row(
     name: str, number: int, given: dict[str, Any], state: dict[str, Any], strategy: str | None
 ) -> dict[str, Any]:
     """Return the row of a new agent."""
@@ -381,17 +381,17 @@ def _row_of_creation(
     }
 
 
-def _by_id(groups: Iterable[Mapping[str, Plain]]) -> dict[str, dict[str, Any]]:
-    return {sensor["id"]: sensor for sensor in keyframes.sensors_in(groups)}
+def _index_by_id(groups: Iterable[Mapping[str, Plain]]) -> dict[str, dict[str, Any]]:
+    return {sensor["id"]: sensor for sensor in keyframes.list_sensors(groups)}
 
 
-def _unknown(number: int) -> Damaged:
+def _make_unknown_error(number: int) -> Damaged:
     return Damaged(f"agent number {number} moves, but does not exist")
 
 
-def _grounded(name: str) -> Damaged:
+def _make_ground_error(name: str) -> Damaged:
     return Damaged(f"agent {shown(name)} flies, but is on the ground")
 
 
-def _restoring() -> reporting_damage:
+def _report_damage() -> reporting_damage:
     return reporting_damage("the whole state is invalid", DAMAGES, Damaged, with_type=True)

@@ -80,7 +80,7 @@ ENCODERS: dict[int, type[Version2Encoder | Version3Encoder]] = {2: Version2Encod
 """Format version -> encoder class."""
 
 
-def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
+def make_header(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
     """Return the header of a recording: without host, user or path, and without time unless given."""
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):

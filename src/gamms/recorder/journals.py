@@ -6,10 +6,10 @@ from typing import Any
 from gamms.ir import events as kinds
 from gamms.ir.agents import Position, Quat
 from gamms.ir.journal import Journal
-from gamms.plain import Plain, is_plain, plain_subset, to_plain
+from gamms.plain import Plain, is_plain, select_plain, to_plain
 from gamms.typing.agent_engine import SensorsOfAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import strategy_name
+from gamms.typing.game import find_strategy_name
 
 _OF_FLIGHT = 7  # weight of a flight, in addition to its entry
 
@@ -33,7 +33,7 @@ class SkippedValues:
     def plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
         """Return the values of an agent or sensor that can be written."""
         left_out: list[Any] = []
-        part = plain_subset(values, left_out)
+        part = select_plain(values, left_out)
         for key in left_out:
             self._warn(kind, repr(name), key)
         return part
@@ -49,7 +49,7 @@ class SkippedValues:
         """Warn about data of rules that cannot be written."""
         left_out: list[Any] = []
         if self._ctx.current_game is not None:
-            plain_subset(self._ctx.game.data, left_out)
+            select_plain(self._ctx.game.data, left_out)
         for key in left_out:
             self._warn("data", "of the game", key)
 
@@ -101,7 +101,7 @@ class SessionJournal(Journal):
     def note(self, kind: int, data: Plain) -> None:
         """Record an event other than a move, as plain values."""
         self._know(kind, data)
-        self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
+        self.log.append((kind, self._make_creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
 
     def attributed(self, rows: Iterable[int], name: str, values: Plain) -> None:
         """Record a custom attribute, if it can be written."""
@@ -146,18 +146,18 @@ class SessionJournal(Journal):
         super().turned(row, quat)
         self.weight += _OF_FLIGHT
 
-    def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
+    def _make_creation(self, data: dict[str, Any]) -> dict[str, Any]:
         """Return the data of a creation without keywords that cannot be written."""
         given = dict(data["kwargs"])
         strategy = given.pop("strategy", None)
         if "sensors" in given:
-            given["sensors"] = _ids_of(given["sensors"])
-        named = {} if strategy is None else {"strategy": strategy_name(strategy)}
+            given["sensors"] = _find_ids(given["sensors"])
+        named = {} if strategy is None else {"strategy": find_strategy_name(strategy)}
         return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
 
 
-def _ids_of(given: SensorsOfAgent) -> dict[str, str] | list[str]:
+def _find_ids(given: SensorsOfAgent) -> dict[str, str] | list[str]:
     """Return the ids of the sensors of a new agent, by their names in its state."""
     if isinstance(given, dict):
-        return dict(zip(map(str, given), _ids_of(list(given.values())), strict=True))
+        return dict(zip(map(str, given), _find_ids(list(given.values())), strict=True))
     return [one if isinstance(one, str) else one.sensor_id for one in given]

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir.agents import AgentBlock, speeds_of
+from gamms.ir.agents import AgentBlock, list_speeds
 from gamms.ir.events import LOGGED
 from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Motion, Progress
 from gamms.ir.schema import AGENT_COLUMNS, BESIDE_AGENTS, ON_EDGES, PLACES, RECORDED_NUMBERS, VECTORS
-from gamms.plain import Plain, plain_subset, to_plain
+from gamms.plain import Plain, select_plain, to_plain
 from gamms.recorder.errors import Damaged
 from gamms.text import shown
 from gamms.typing.context import HostContext
-from gamms.typing.game import strategy_name
+from gamms.typing.game import find_strategy_name
 
 Keyframe = dict[str, Any]
 Columns = dict[str, Any]  # the columns of `LISTS` and `ARRAYS`
@@ -35,29 +35,29 @@ _MOST_AGENTS = 1 << 24  # most agents in a recording
 # -- writing ------------------------------------------------------------------------------------------------------
 
 
-def captured(ctx: HostContext) -> Keyframe:
+def capture_state(ctx: HostContext) -> Keyframe:
     """Return the present state of a context as a keyframe."""
     rows = ctx.agent.block
     described = ctx.sensor.storage.described()
-    groups = grouped(described)
+    groups = group_sensors(described)
     details = ctx.agent.storage.details()
     rows.locate()
     columns: Columns = rows.arrays(column.name for column in PLACES if column.is_recorded and not column.parts)
-    columns |= rows.arrays(("names", "kind", "alive")) | beside_agents(rows)
-    columns |= progress_columns(rows, np.arange(len(rows)))
+    columns |= rows.arrays(("names", "kind", "alive")) | list_columns_beside_agents(rows)
+    columns |= make_progress_columns(rows, np.arange(len(rows)))
     columns["numbers"] = np.array(rows.journal.ids[: len(details)], np.int64)
     columns["alive"] = columns["alive"].astype(np.int64)
     columns["teams"] = to_plain(list(rows.teams))
-    columns["speed"] = speeds_of(rows.games)
+    columns["speed"] = list_speeds(rows.games)
     carried = [{name: sensor.sensor_id for name, sensor in sensors.items()} for sensors, _, _ in details]
-    columns["carried"] = _carried(carried, groups)
-    columns["strategies"] = _names_of(deciders(ctx, [strategy for *_, strategy in details]))
-    attributes = {row: plain_subset(one) for row, one in ctx.agent.storage.attributes().items()}
+    columns["carried"] = _list_carried_sensors(carried, groups)
+    columns["strategies"] = _find_names(list_deciders(ctx, [strategy for *_, strategy in details]))
+    attributes = {row: select_plain(one) for row, one in ctx.agent.storage.attributes().items()}
     state = ctx.game.internals.state
-    return _in_order(columns, len(rows.journal.names), groups, attributes, state, ctx.rng_state())
+    return _make_keyframe(columns, len(rows.journal.names), groups, attributes, state, ctx.rng_state())
 
 
-def beside_agents(rows: AgentBlock) -> Columns:
+def list_columns_beside_agents(rows: AgentBlock) -> Columns:
     """Return the recorded columns of teams (team -> numbers) and of the game, without initial values."""
     columns: Columns = {}
     for one in BESIDE_AGENTS:
@@ -70,7 +70,7 @@ def beside_agents(rows: AgentBlock) -> Columns:
     return columns
 
 
-def held_beside_agents(keyframe: Keyframe) -> Columns:
+def get_columns_beside_agents(keyframe: Keyframe) -> Columns:
     """Return the columns of teams and of the game in a keyframe."""
     return {one.name: keyframe[one.name] for one in BESIDE_AGENTS if one.name in keyframe}
 
@@ -109,14 +109,14 @@ def packed(
         game: state of the game.
         rng_state: state of the context's own random stream.
     """
-    groups = grouped(sensors)
+    groups = group_sensors(sensors)
     attributes = {row: values for row, values in enumerate(columns["attributes"]) if values}
     copies = {name: columns[name].copy() for name in (*ARRAYS, *LISTS) if name in columns}
-    copies |= {**held_beside_agents(columns), "carried": _carried(columns["sensors"], groups)}
-    return _in_order(copies, following, groups, attributes, game, rng_state)
+    copies |= {**get_columns_beside_agents(columns), "carried": _list_carried_sensors(columns["sensors"], groups)}
+    return _make_keyframe(copies, following, groups, attributes, game, rng_state)
 
 
-def _in_order(
+def _make_keyframe(
     columns: Columns, following: int, groups: list[dict[str, Any]], attributes: Plain, game: GameState, rng_state: Plain
 ) -> Keyframe:
     """Return a keyframe of these parts."""
@@ -129,10 +129,10 @@ def _in_order(
         "node": columns["node"],
         "came": (came << 1) ^ (came >> 63),  # 0, -1, 1, -2 as 0, 1, 2, 3
         **{name: columns[name] for name in (*VECTORS, "alive")},
-        **{name: columns[name] for name in _needed(columns)},
+        **{name: columns[name] for name in _find_needed_columns(columns)},
         **{one.name: columns[one.name] for one in RECORDED_NUMBERS if (columns[one.name] != one.initial).any()},
         **{name: columns[name] for name in ("teams", "speed", "carried")},
-        **held_beside_agents(columns),
+        **get_columns_beside_agents(columns),
         "sensor_kinds": groups,
         "attributes": attributes,
         "strategies": columns["strategies"],
@@ -166,27 +166,27 @@ def restore_game(game: GameState, keyframe: Keyframe) -> None:
         game.put(name, FIELDS[name].restored(captured))
 
 
-def history(ctx: HostContext) -> Keyframe:
+def make_history(ctx: HostContext) -> Keyframe:
     """Return data of snapshots that are too large for keyframes: events, facts, settings, starts."""
     game = ctx.game
     logs = {log: getattr(game.internals.state, log) for log in LOGGED.values()}
     return {
         **{log: to_plain(entries) for log, entries in logs.items() if entries or log == "events"},
         "settings": game.plain_settings(),
-        **({"facts": plain_subset(game.facts)} if game.facts else {}),
+        **({"facts": select_plain(game.facts)} if game.facts else {}),
         **({"starts": to_plain(game.internals.starts)} if game.internals.starts else {}),
     }
 
 
-def first_history(ctx: HostContext) -> Keyframe:
-    """Return `history` for the beginning of a recording, without starts of agents that still exist."""
-    first = history(ctx)
-    if first.get("starts") == places_of(ctx):
+def make_first_history(ctx: HostContext) -> Keyframe:
+    """Return `make_history` for the beginning of a recording, without starts of agents that still exist."""
+    first = make_history(ctx)
+    if first.get("starts") == list_places(ctx):
         del first["starts"]
     return first
 
 
-def places_of(ctx: HostContext) -> dict[str, Any]:
+def list_places(ctx: HostContext) -> dict[str, Any]:
     """Return the positions of agents: nodes, or (x, y, z) for flying agents."""
     columns = ctx.agent.block
     nodes = columns.ids_of(columns.node)
@@ -196,12 +196,12 @@ def places_of(ctx: HostContext) -> dict[str, Any]:
     return found
 
 
-def components_of(ctx: HostContext) -> Keyframe:
+def pack_components(ctx: HostContext) -> Keyframe:
     """Return the recorded components for a keyframe; after a snapshot they are recorded as events."""
     return {"components": to_plain(ctx.record.components.keyframe())}
 
 
-def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
+def list_flyers(ctx: HostContext) -> dict[str, Any] | None:
     """Return the present and previous nodes below all flying agents; None without flying agents."""
     columns = ctx.agent.block
     columns.locate()
@@ -213,7 +213,7 @@ def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
     return found
 
 
-def progress_columns(block: AgentBlock, rows: IntArray) -> Columns:
+def make_progress_columns(block: AgentBlock, rows: IntArray) -> Columns:
     """Return the progress of the agents in some rows along edges as columns; zeros for agents on nodes."""
     columns: dict[str, Any] = {name: np.zeros(len(rows), ARRAYS[name][0]) for name in ON_EDGES}
     shares = np.asarray(block.share)[rows]
@@ -223,13 +223,13 @@ def progress_columns(block: AgentBlock, rows: IntArray) -> Columns:
     return columns
 
 
-def progress_event(block: AgentBlock, rows: IntArray) -> Columns:
-    """Return `progress_columns` without columns that games which count edges do not need."""
-    columns = progress_columns(block, rows)
+def make_progress_event(block: AgentBlock, rows: IntArray) -> Columns:
+    """Return `make_progress_columns` without columns that games which count edges do not need."""
+    columns = make_progress_columns(block, rows)
     return {name: columns[name] for name in (ON_EDGES if columns["edge_motion"].any() else ON_EDGES[:3])}
 
 
-def _needed(columns: Columns) -> tuple[str, ...]:
+def _find_needed_columns(columns: Columns) -> tuple[str, ...]:
     """Return the names of the progress columns that are not all zero."""
     if "edge_motion" not in columns:
         return ()
@@ -238,7 +238,7 @@ def _needed(columns: Columns) -> tuple[str, ...]:
     return ON_EDGES[:3] if columns["edge_share"].any() else ()
 
 
-def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def group_sensors(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Group sensors that differ only by their ids; of several sensors with one id the first is kept."""
     groups: dict[str, dict[str, Any]] = {}
     firsts: dict[str, dict[str, Any]] = {}
@@ -246,7 +246,7 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
         firsts.setdefault(one["id"], one)
     places: dict[str, list[int]] = {}
     for at, one in enumerate(firsts.values()):
-        keywords = plain_subset(one["keywords"])
+        keywords = select_plain(one["keywords"])
         key = repr((one["type"], keywords))
         group = groups.setdefault(key, {"type": one["type"], "keywords": keywords, "ids": []})
         group["ids"].append(one["id"])
@@ -258,7 +258,7 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return list(groups.values())
 
 
-def deciders(ctx: HostContext, strategies: list[Any]) -> list[Any]:
+def list_deciders(ctx: HostContext, strategies: list[Any]) -> list[Any]:
     """Return the functions that decide for the agents: the plan of a team, or the agent's own strategy."""
     plans = ctx.game.plans
     if not plans:
@@ -267,17 +267,17 @@ def deciders(ctx: HostContext, strategies: list[Any]) -> list[Any]:
     return list(map(functions.get, ctx.agent.block.teams, strategies))
 
 
-def _names_of(functions: list[Any]) -> list[str | None]:
+def _find_names(functions: list[Any]) -> list[str | None]:
     keys = list(map(id, functions))
-    names = {key: strategy_name(function) for key, function in dict(zip(keys, functions, strict=True)).items()}
+    names = {key: find_strategy_name(function) for key, function in dict(zip(keys, functions, strict=True)).items()}
     return list(map(names.__getitem__, keys))
 
 
-def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:
+def _list_carried_sensors(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the sensors of agents, as indices in the list of all sensors, and names that differ from their ids."""
     names = list(chain.from_iterable(sensors))
     ids = list(chain.from_iterable(one.values() for one in sensors))
-    place = {sensor["id"]: i for i, sensor in enumerate(sensors_in(groups))}
+    place = {sensor["id"]: i for i, sensor in enumerate(list_sensors(groups))}
     others = [sensor_id for sensor_id in dict.fromkeys(ids) if sensor_id not in place]
     place |= {sensor_id: len(place) + i for i, sensor_id in enumerate(others)}
     return {
@@ -299,7 +299,7 @@ def opened(keyframe: Keyframe) -> Columns:
     came = keyframe["came"]
     carried = keyframe["carried"]
     columns["previous"] = keyframe["node"] + ((came >> 1) ^ -(came & 1))
-    known = [*(sensor["id"] for sensor in sensors_in(keyframe.get("sensor_kinds", ()))), *carried["others"]]
+    known = [*(sensor["id"] for sensor in list_sensors(keyframe.get("sensor_kinds", ()))), *carried["others"]]
     ids = [known[place] for place in carried["ids"].tolist()]
     ends = np.cumsum(carried["counts"]).tolist()
     pairs = list(zip(ids if carried["names"] is None else carried["names"], ids, strict=True))
@@ -309,13 +309,13 @@ def opened(keyframe: Keyframe) -> Columns:
     return columns
 
 
-def checked(columns: Columns) -> Columns:
+def check_columns(columns: Columns) -> Columns:
     """Return copies of the columns, with the right types and equal lengths.
 
     Raises:
         Damaged: the columns are invalid; other errors mean the same.
     """
-    names = [checked_name(name) for name in columns["names"]]
+    names = [check_name(name) for name in columns["names"]]
     columns = {
         one.name: np.full(len(names), one.initial, one.kind) for one in _WRITTEN if one.initial is not None
     } | columns
@@ -324,15 +324,15 @@ def checked(columns: Columns) -> Columns:
         whole[name] = np.array(columns[name], dtype)
         if whole[name].shape != (len(names), *shape):
             raise Damaged(f"{shown(name)} has the shape {whole[name].shape}, with {len(names)} agents")
-    checked_shares(whole["edge_share"])
-    checked_motions(whole["edge_motion"])
+    check_shares(whole["edge_share"])
+    check_motions(whole["edge_motion"])
     lengths = {name: len(whole[name]) for name in LISTS}
     if set(lengths.values()) != {len(names)}:
         raise Damaged(f"its lists have different lengths: {lengths}")
     return whole
 
 
-def checked_name(name: object) -> str:
+def check_name(name: object) -> str:
     """Return the checked name of an agent.
 
     Raises:
@@ -343,7 +343,7 @@ def checked_name(name: object) -> str:
     return name
 
 
-def checked_following(numbers: list[int], following: int) -> int:
+def check_following(numbers: list[int], following: int) -> int:
     """Return the checked number of the next new agent.
 
     Raises:
@@ -355,7 +355,7 @@ def checked_following(numbers: list[int], following: int) -> int:
     return following
 
 
-def checked_shares(values: Plain) -> FloatArray:
+def check_shares(values: Plain) -> FloatArray:
     """Return the checked shares of edges that agents have covered, (agents,).
 
     Raises:
@@ -367,7 +367,7 @@ def checked_shares(values: Plain) -> FloatArray:
     return found
 
 
-def checked_motions(values: object) -> IntArray:
+def check_motions(values: object) -> IntArray:
     """Return the checked motions of agents on edges, (agents,), as numbers of `ir.progress.Motion`.
 
     Raises:
@@ -385,14 +385,14 @@ def progress_of(source: int, target: int, share: float, edge: int = 0, motion: i
     Raises:
         Damaged: the share is not between 0 and 1, or the motion is unknown.
     """
-    covered = float(checked_shares(share))
+    covered = float(check_shares(share))
     if not covered:
         return None
-    return Progress(int(source), int(target), covered, int(edge), int(checked_motions(motion)))
+    return Progress(int(source), int(target), covered, int(edge), int(check_motions(motion)))
 
 
-def sensors_in(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
-    """Return the sensors in groups of `grouped`, one by one."""
+def list_sensors(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
+    """Return the sensors in groups of `group_sensors`, one by one."""
     groups = list(groups)
     found: list[dict[str, Any]] = []
     places: list[int] = []

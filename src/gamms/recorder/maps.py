@@ -44,14 +44,14 @@ def is_map_of(packed: bytes, header: dict[str, Any]) -> bool:
     return packed == header["world"] if "world" in header else hash_of(packed) == header.get(HASH)
 
 
-def without_map(header: dict[str, Any]) -> dict[str, Any]:
+def remove_map(header: dict[str, Any]) -> dict[str, Any]:
     """Return the header with the SHA-256 of the map instead of the map."""
     if "world" not in header:
         return header
     return {**{key: value for key, value in header.items() if key != "world"}, HASH: hash_of(header["world"])}
 
 
-def packed_of(graph: object) -> bytes:
+def pack_map(graph: object) -> bytes:
     """Return the packed bytes of a map.
 
     Args:
@@ -74,14 +74,14 @@ def packed_of(graph: object) -> bytes:
     return packed
 
 
-def given_map(graph: object, header: dict[str, Any]) -> bytes:
+def check_given_map(graph: object, header: dict[str, Any]) -> bytes:
     """Return the packed bytes of a given map, if it is the map of the recording.
 
     Raises:
         RecordingError: it is another map.
-            BadType (TypeError), OSError: see `packed_of`.
+            BadType (TypeError), OSError: see `pack_map`.
     """
-    packed = packed_of(graph)
+    packed = pack_map(graph)
     if not is_map_of(packed, header):
         raise RecordingError(
             f"This is not the map of the recording: its SHA-256 is {hash_of(packed)}, and not {hash_in(header)}."
@@ -98,7 +98,7 @@ def attach(ctx: HostContext, header: dict[str, Any]) -> None:
     name = hash_in(header)
     if has_map(header):
         become(ctx, name, lambda: header["world"])
-    elif hash_of(packed_of(ctx)) != name:
+    elif hash_of(pack_map(ctx)) != name:
         raise RecordingError(
             "This recording does not contain its map, and the graph of this context is another. Load the map with "
             f"the SHA-256 {name} first: ctx.graph.load('map.gamms')."
@@ -118,7 +118,7 @@ def become(ctx: HostContext, name: str, packed: Callable[[], bytes], others: tup
         RecordingError: the map is damaged, or the context has another map.
     """
     is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
-    now = None if is_empty else hash_of(packed_of(ctx))
+    now = None if is_empty else hash_of(pack_map(ctx))
     if now not in (None, name, *others):
         raise RecordingError(
             "The graph or the obstacles of this context are not those of the recording. Give a context without a "

@@ -8,13 +8,13 @@ from gamms.arguments import as_int
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS
-from gamms.ir.progress import Progress, steps_along
+from gamms.ir.progress import Progress, find_steps_along
 from gamms.ir.schema import ON_EDGES
 from gamms.recorder import keyframes
 from gamms.recorder.errors import RecorderBusy, reporting_damage
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import Replayer
-from gamms.recorder.resuming import EventHistory, delete_others, history
+from gamms.recorder.resuming import EventHistory, delete_others, read_history
 from gamms.typing.context import HostContext
 from gamms.typing.recorder import IPlayback, OpCodes, Step
 
@@ -23,7 +23,7 @@ _LOOKS = (kinds.VISUALS,)
 _DRAWINGS = {kinds.VISUAL_COMMANDS}
 
 
-def _places_of(columns: keyframes.Columns) -> dict[str, int | Progress]:
+def _find_places(columns: keyframes.Columns) -> dict[str, int | Progress]:
     """Return agent -> its node, or its progress on an edge, for agents on the ground."""
     progress = zip(*(columns[name].tolist() for name in ON_EDGES), strict=True)
     rows = zip(columns["names"], columns["kind"].tolist(), columns["node"].tolist(), progress, strict=True)
@@ -88,11 +88,11 @@ class Playback(IPlayback):
         steps = zip(columns["names"], flies, walks, flights, strict=True)
         found = {name: (tuple(air[0]), tuple(air[1])) if is_up else ground for name, is_up, ground, air in steps}
         if turn and columns["edge_motion"].any():
-            was, now = (_places_of(self._recording.detached(one).agents.columns) for one in (turn - 1, turn))
+            was, now = (_find_places(self._recording.detached(one).agents.columns) for one in (turn - 1, turn))
             on_edges = [name for name in now if name in was and isinstance(now[name], Progress)]
             found.update((name, (was[name], now[name])) for name in on_edges)
         named = state.game.named_edges_of(state.number_turn(turn))
-        return found | steps_along({name: found[name] for name in named if name in found}, named)
+        return found | find_steps_along({name: found[name] for name in named if name in found}, named)
 
     def play_turn(self) -> None:
         """Replay the next turn."""
@@ -121,15 +121,15 @@ class Playback(IPlayback):
         with reporting_damage(f"Turn {turn} cannot be shown"):
             if recording.map_hash(turn) != recording.map_hash(min(self.turn, self.turns)):
                 ctx.graph.storage.unpack(recording.map_at(turn).packed)
-            snapshot = recording.detached(turn).keyframe(turn) | history(self._reader, self._past, turn)
+            snapshot = recording.detached(turn).keyframe(turn) | read_history(self._reader, self._past, turn)
             delete_others(ctx, snapshot["names"])
             state.restore(snapshot)
             for _, kind, data in self._past.events(turn, tuple(COMPONENTS)):
                 ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
-        self._replayer.show(*self._looks(turn))
+        self._replayer.show(*self._read_visuals(turn))
         self._replayer.turn = turn
 
-    def _looks(self, turn: int) -> tuple[Any, list[Any]]:
+    def _read_visuals(self, turn: int) -> tuple[Any, list[Any]]:
         """Return the declared visuals at a turn, and the recorded drawings of custom artists."""
         header = self._reader.header
         declared = self._past.events(turn, _LOOKS)

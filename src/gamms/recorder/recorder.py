@@ -9,24 +9,24 @@ from typing import Any, BinaryIO
 
 from gamms.arguments import as_bool, as_int, as_name
 from gamms.compat import Surface
-from gamms.deciding import ContextPart, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, get_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS
-from gamms.plain import Plain, to_plain, why_not_plain
+from gamms.plain import Plain, describe_flaw, to_plain
 from gamms.recorder.compat import ComponentNames
 from gamms.recorder.components import Components
-from gamms.recorder.encoders import ENCODERS, header_of
+from gamms.recorder.encoders import ENCODERS, make_header
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Output
-from gamms.recorder.maps import without_map
+from gamms.recorder.maps import remove_map
 from gamms.recorder.playback import Playback
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import Follower, RecordingSession
-from gamms.recorder.streams import RecordingTarget, format_of, locks, readable
+from gamms.recorder.streams import RecordingTarget, locks, open_readable, read_format
 from gamms.text import shown
 from gamms.typing.context import HostContext
 from gamms.typing.recorder import IRecorder, OpCodes
@@ -44,9 +44,9 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
     _called = "ctx.record"
 
     def __init__(self, ctx: HostContext) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self.ctx = ctx
-        self.components = Components(self._component_event, self._phase)
+        self.components = Components(self._record_component_event, self._phase)
         self.is_replaying = False
         self._session: RecordingSession | None = None
         self._target: RecordingTarget | None = None
@@ -74,7 +74,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         """Whether a recording has started and not stopped, paused or not."""
         return self._session is not None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def start(
         self,
         path: str | os.PathLike[str] | BinaryIO,
@@ -114,7 +114,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             self.close()
         if self._session is not None:
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
-        options = _checked_options(version, created, provenance)
+        options = _check_options(version, created, provenance)
         flags = {"overwrite": overwrite, "embed_graph": embed_graph}
         overwrite, embed_graph = (as_bool(flag, name) for name, flag in flags.items())
         with_sensed = None if sensed is None else as_bool(sensed, "sensed")
@@ -122,8 +122,8 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             with_sensed = False
 
         def header(session: RecordingSession) -> dict[str, Any]:
-            found = header_of(self.ctx, session, options) if session.header is None else session.header
-            return found if embed_graph else without_map(found)
+            found = make_header(self.ctx, session, options) if session.header is None else session.header
+            return found if embed_graph else remove_map(found)
 
         self._end_watch()
         session = RecordingSession(
@@ -147,10 +147,10 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self._session = session
         self._version = version
         for name, data in self.components.since((set(), {})):
-            self._component_event(name, data)
+            self._record_component_event(name, data)
         self._tell_followers()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def stop(self) -> None:
         """End the recording and close its file.
 
@@ -167,7 +167,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self.close()
         self._tell_followers()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def close(self) -> None:
         """End the recording if there is one, even if it is paused, and close its file.
 
@@ -187,7 +187,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             if target is not None and not target.close():
                 self.ctx.logger.warning("The file of the recording was removed while it was written; it is lost.")
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def pause(self) -> None:
         """Pause the recording until `play`."""
         if self.ctx.is_terminated():
@@ -199,7 +199,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self._recorded = self.components.recorded()
         self._tell_followers()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def play(self) -> None:
         """Resume the recording with the present state."""
         if self.ctx.is_terminated():
@@ -210,12 +210,12 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self._end_watch()
         self._session.play()
         for name, data in self.components.since(self._recorded):
-            self._component_event(name, data)
+            self._record_component_event(name, data)
         self._tell_followers()
 
     # -- followers ----------------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def follow(self, follower: Follower) -> None:
         """Send all events to a follower from now on, whether or not the game is recorded.
 
@@ -229,7 +229,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self._followers = (*self._followers, follower)
         self._tell_followers()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def unfollow(self, follower: Follower) -> None:
         """Stop sending events to a follower."""
         self._followers = tuple(one for one in self._followers if one is not follower)
@@ -238,19 +238,19 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
     def _tell_followers(self) -> None:
         """Connect followers to the present recording; without one, to a separate session."""
         self._end_watch()
-        session = self._recording()
+        session = self._get_recording()
         if session is None and self._followers and not self.ctx.is_terminated():
             session = RecordingSession(self.ctx, with_sensed=True, with_drawings=True)
             self._watch = session
         if session is not None:
-            session.follow(self._followers, lambda session: header_of(self.ctx, session, {}))
+            session.follow(self._followers, lambda session: make_header(self.ctx, session, {}))
 
     def _end_watch(self) -> None:
         if self._watch is not None:
             self._watch.abandon()
             self._watch = None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
         """Write one record unchanged; SIMULATE ends a turn.
 
@@ -260,7 +260,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         """
         if self.ctx.is_terminated():
             return
-        session = self._recording()
+        session = self._get_recording()
         if session is None:
             raise RecorderBusy("No recording is being written, or it is paused.")
         _check_record(opCode, data)
@@ -269,7 +269,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         else:
             session.log.append((opCode.value, to_plain(data)))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def event(self, kind: str, **data: Plain) -> None:
         """Record a custom event with plain values; does nothing if no recording is being written.
 
@@ -277,9 +277,9 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             BadType: a value is not plain.
         """
         kind = as_name(kind, "an event")
-        if flaw := why_not_plain(data):
+        if flaw := describe_flaw(data):
             raise BadType(f"Recorded data must be plain values, not {shown(data)}: data{flaw}.")
-        if (session := self._recording()) is not None:
+        if (session := self._get_recording()) is not None:
             session.log.append((kinds.USER_EVENT, {"kind": kind, **to_plain(data)}))
 
     def time(self) -> int:
@@ -290,7 +290,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
 
     # -- replay -------------------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def replay(self, path: str | os.PathLike[str] | BinaryIO | Recording, *, start: int = 0) -> Iterator[Record]:
         """Apply a recording to this context, and yield its records one by one, as in 1.0.0.
 
@@ -311,7 +311,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             return
         if self.is_replaying:
             raise RecorderBusy("A recording is being replayed already.")
-        records = self._records(path, start)
+        records = self._read_records(path, start)
         self.is_replaying = True
         try:
             yield from records
@@ -324,17 +324,17 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             self.is_replaying = False
             self._replayer = None
 
-    def _records(self, path: str | os.PathLike[str] | BinaryIO | Recording, start: int) -> Iterator[Record]:
+    def _read_records(self, path: str | os.PathLike[str] | BinaryIO | Recording, start: int) -> Iterator[Record]:
         """Yield the records of a recording of any version while they are applied."""
         if isinstance(path, Recording):
             yield from self._replay_version_3(path, start, None)
             return
-        stream, is_owned = readable(path)
+        stream, is_owned = open_readable(path)
         with ExitStack() as closing:
             if is_owned:
                 locks(stream, alone=False)
                 closing.callback(stream.close)
-            if not 0 <= format_of(stream) < 3:
+            if not 0 <= read_format(stream) < 3:
                 owned = stream if is_owned else None
                 if (yield from self._replay_version_3(Recording(Reader(stream)), start, owned)):
                     closing.pop_all()
@@ -348,7 +348,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
     ) -> Generator[Record, None, bool]:
         """Replay, and return whether a window keeps the recording open for seeking."""
         reader = recording.reader
-        replayer = Replayer(self.ctx, self._recording)
+        replayer = Replayer(self.ctx, self._get_recording)
         self._replayer = replayer
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
@@ -367,13 +367,13 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         return keep is not None
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
-        replayer = Replayer(self.ctx, self._recording, is_version_2=True)
+        replayer = Replayer(self.ctx, self._get_recording, is_version_2=True)
         self._replayer = replayer
-        if (session := self._recording()) is not None and self._version == 2:
+        if (session := self._get_recording()) is not None and self._version == 2:
             session.take_records()
         for record in version2.read(stream):
             replayer.clock = record["timestamp"]
-            session = self._recording()
+            session = self._get_recording()
             taken = session is not None and session.takes_records
             with session.as_replayed(deepcopy(record)) if session is not None and taken else nullcontext():
                 if record["opCode"] != kinds.TERMINATE:
@@ -382,12 +382,12 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             if self.ctx.is_terminated():
                 return
 
-    def _recording(self) -> RecordingSession | None:
+    def _get_recording(self) -> RecordingSession | None:
         """Return the present recording."""
         return self._session if self.record() else None
 
-    def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
-        if (session := self._recording()) is not None:
+    def _record_component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
+        if (session := self._get_recording()) is not None:
             session.note_component(OpCodes[opcode_name].value, to_plain(data))
 
 
@@ -399,7 +399,7 @@ def _check_record(opcode: object, data: object) -> None:
         raise BadValue("TERMINATE is written by ctx.record.stop().")
     if not isinstance(data, dict):
         raise BadType(f"Recorded data must be a dict of plain values, not {shown(data)}.")
-    if flaw := why_not_plain(data):
+    if flaw := describe_flaw(data):
         raise BadType(f"Recorded data must be a dict of plain values, not {shown(data)}: data{flaw}.")
     fields = {key: field for key, field in EVENTS[opcode.value].fields.items() if not field.is_optional}
     if missing := sorted(fields.keys() - data.keys()):
@@ -409,10 +409,10 @@ def _check_record(opcode: object, data: object) -> None:
             field.check(data[key], f"{key!r} of {opcode.name}")
 
 
-def _checked_options(version: object, created: object, provenance: Plain) -> dict[str, Any]:
+def _check_options(version: object, created: object, provenance: Plain) -> dict[str, Any]:
     if not isinstance(version, int) or version not in ENCODERS:
         raise BadValue(f"version must be {' or '.join(map(str, ENCODERS))}, not {shown(version)}.")
-    if flaw := why_not_plain(provenance):
+    if flaw := describe_flaw(provenance):
         raise BadType(f"provenance must be plain values, not {shown(provenance)}: it{flaw}.")
     return {"created": None if created is None else as_int(created, "created"), "provenance": to_plain(provenance)}
 

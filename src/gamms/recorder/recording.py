@@ -13,21 +13,30 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target, names_keywords, with_options
+from gamms.arguments import (
+    as_bool,
+    as_context,
+    as_int,
+    as_mapping,
+    as_path,
+    as_target,
+    explain_call_errors,
+    spell_out_options,
+)
 from gamms.compat import Surface
 from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
 from gamms.ir.graph import read_only
-from gamms.ir.tables import frame_of, table_of, with_latlon
+from gamms.ir.tables import add_latlon, frame_of, make_table
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError, reporting_damage
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
-from gamms.recorder.states import State, state_of
-from gamms.recorder.streams import StreamOwner, format_of, readable, written
+from gamms.recorder.maps import become, check_given_map, has_map, hash_in, hash_of
+from gamms.recorder.states import State, copy_state
+from gamms.recorder.streams import StreamOwner, open_readable, read_format, written
 from gamms.text import shown
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
@@ -67,9 +76,9 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> 
         RecordingError (ValueError): not a recording, of version 2, with a damaged header, or with another map.
         BadType (TypeError): `source` is neither a path nor a binary stream, or `graph` is not a map.
     """
-    stream, is_owned = readable(source)
+    stream, is_owned = open_readable(source)
     try:
-        if 0 < format_of(stream) < 3:
+        if 0 < read_format(stream) < 3:
             raise RecordingError(  # noqa: TRY301 - the stream is closed below
                 "This recording has format version 2, which has neither a map nor an index. `gamms convert IN OUT` "
                 "makes version 3 of it; ctx.record.replay plays it as it is."
@@ -104,7 +113,7 @@ class Recording(Surface, StreamOwner):
             raise BadType(f"gamms.recorder.open opens a recording; this is made of a Reader, not {shown(reader)}.")
         super().__init__(owned)
         self.reader = reader
-        self._given = None if graph is None else given_map(graph, reader.header)
+        self._given = None if graph is None else check_given_map(graph, reader.header)
         self.header = {key: value for key, value in reader.header.items() if key not in _BLOBS}
         for key in _CALLERS:
             if isinstance(self.header.get("scenario"), dict) and key in self.header["scenario"]:
@@ -127,7 +136,7 @@ class Recording(Surface, StreamOwner):
         """
         try:
             scores = "".join(f"<br/>{escape(f'{of}: {score}')}" for of, score in self[-1].scores.items())
-            with self._live(self.turns, {}, is_quiet=True) as ctx:
+            with self._make_context(self.turns, {}, is_quiet=True) as ctx:
                 still = ctx.visual.pictures.as_html()
             content = pages["gamms"](self, still=b64decode(still.partition("base64,")[2].partition('"')[0]))
             if len(content) <= _MOST_SHOWN:
@@ -139,7 +148,7 @@ class Recording(Surface, StreamOwner):
     def _repr_png_(self) -> bytes | None:
         """Return a picture of the last state, for printed notebooks; None if no renderer is available."""
         try:
-            with self._live(self.turns, {}, is_quiet=True) as ctx:
+            with self._make_context(self.turns, {}, is_quiet=True) as ctx:
                 found: bytes | None = ctx.visual.pictures.as_png()
                 return found
         except Exception:  # noqa: BLE001 - a notebook then shows its repr
@@ -158,13 +167,13 @@ class Recording(Surface, StreamOwner):
     @property
     def title(self) -> str:
         """The name of the scenario, else the sides of the game."""
-        from gamms.recorder.cut import sides_of
+        from gamms.recorder.cut import list_sides
 
         scenario = self.header.get("scenario")
         name = scenario.get("name") if isinstance(scenario, dict) else None
         if isinstance(name, str) and name:
             return name
-        sides = self.header.get("sides") or sides_of(self.header, self.detached(0).keyframe(0))
+        sides = self.header.get("sides") or list_sides(self.header, self.detached(0).keyframe(0))
         named = [side for side in sides if side is not None]
         return " and ".join(named) if 0 < len(named) <= _FEW_SIDES else "A recorded game"
 
@@ -182,15 +191,15 @@ class Recording(Surface, StreamOwner):
 
     # -- states -------------------------------------------------------------------------------------------------
 
-    @names_keywords
+    @explain_call_errors
     def state(self, turn: int) -> State:
         """Return the state after a number of turns; 0 is the start."""
         state = self.detached(turn := as_int(turn, "turn"))
         version = state.agents, state.agents.version
         if self._named[0] != version:
-            named = table_of({name: state.agents.columns[key] for name, key in _LISTS.items()})
+            named = make_table({name: state.agents.columns[key] for name, key in _LISTS.items()})
             self._named = version, {name: read_only(column) for name, column in named.items()}
-        return state_of(state, turn, self._named[1], lambda: self.map_at(turn))
+        return copy_state(state, turn, self._named[1], lambda: self.map_at(turn))
 
     @overload
     def __getitem__(self, turn: int) -> State: ...
@@ -213,14 +222,14 @@ class Recording(Surface, StreamOwner):
             raise BadValue(f"There is no state after {number} turns: this recording has {self.turns} turns.")
         return number
 
-    @names_keywords
+    @explain_call_errors
     def detached(self, turn: int) -> DetachedState:
         """Return the state after a number of turns, valid until the next call."""
         turn = self._as_turn(turn)
         with reporting_damage(f"The state after turn {turn} cannot be worked out", (Damaged,)):
-            return self._computed(turn)
+            return self._compute_state(turn)
 
-    def _computed(self, turn: int) -> DetachedState:
+    def _compute_state(self, turn: int) -> DetachedState:
         """Return a state, computed from the last keyframe or from the previous result."""
         state = self._state
         if state is None or not max(self.reader.keyframe_before(turn), 0) <= self._at <= turn:
@@ -260,7 +269,7 @@ class Recording(Surface, StreamOwner):
         *,
         ctx: C,
     ) -> C: ...
-    @names_keywords
+    @explain_call_errors
     def resume(
         self,
         turn: int,
@@ -297,7 +306,7 @@ class Recording(Surface, StreamOwner):
         if ctx is not None and vis_engine is not None:
             raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
         given = {} if strategies is None else as_mapping(strategies, "strategies")
-        live: HostContext = self._live(turn, given, seed, vis_engine, ctx)
+        live: HostContext = self._make_context(turn, given, seed, vis_engine, ctx)
         return live
 
     def branch(
@@ -326,9 +335,9 @@ class Recording(Surface, StreamOwner):
 
         made = resuming.builders["gamms"](self) if build is None else build
         named = as_mapping({} if strategies is None else strategies, "strategies")
-        return table_of(list(resuming.branches(partial(self.resume, turn), made, named, seeds, max_turns)))
+        return make_table(list(resuming.play_branches(partial(self.resume, turn), made, named, seeds, max_turns)))
 
-    def _live(
+    def _make_context(
         self,
         turn: int,
         strategies: Mapping[str, Any],
@@ -347,12 +356,12 @@ class Recording(Surface, StreamOwner):
             seed = 0  # unused, because such a recording does not reveal its seed
         if ctx is not None:
             as_context(ctx, "resume")
-        chosen = resuming.strategies_of(self.detached(turn), strategies)
-        seed = resuming.as_seed(seed, resuming.seed_at(self.reader, turn))
-        live: Any = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
+        chosen = resuming.find_strategies(self.detached(turn), strategies)
+        seed = resuming.as_seed(seed, resuming.find_seed(self.reader, turn))
+        live: Any = resuming.open_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         own = set(live.agent.agents)
         try:
-            with nullcontext() if ctx is None or live.is_recording else resuming.all_or_nothing(live):
+            with nullcontext() if ctx is None or live.is_recording else resuming.restore_on_error(live):
                 become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
                 live.reseed(seed)
                 resuming.resume(live, self.reader, turn, self.detached(turn), is_fresh=ctx is None)
@@ -369,8 +378,8 @@ class Recording(Surface, StreamOwner):
             raise
         return live
 
-    @with_options()
-    @names_keywords
+    @spell_out_options()
+    @explain_call_errors
     def save(
         self,
         path: str | os.PathLike[str],
@@ -410,13 +419,13 @@ class Recording(Surface, StreamOwner):
             return
         if audience is not None:
             raise BadValue("audience is for pages, .html; `gamms render --fog` draws what a team knows.")
-        with self._live(self.turns if turn is None else turn, {}, is_quiet=True) as ctx:
+        with self._make_context(self.turns if turn is None else turn, {}, is_quiet=True) as ctx:
             ctx.visual.save(path, width, height, dpi=dpi, **options)
 
     def _save_page(self, path: str | os.PathLike[str], options: dict[str, Any]) -> None:
         write_whole(as_target(path), pages["gamms"](self, **options), through_links=True)
 
-    @names_keywords
+    @explain_call_errors
     def cut(self, path: str | os.PathLike[str] | BinaryIO, team: object, *, overwrite: bool = False) -> None:
         """Write the knowledge of a team as a separate recording; see docs/recording.md.
 
@@ -436,7 +445,7 @@ class Recording(Surface, StreamOwner):
         with written(path, overwrite=as_bool(overwrite, "overwrite")) as stream:
             write_cut(self.reader, self.graph.columns(), stream, team)
 
-    @names_keywords
+    @explain_call_errors
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
         """Return the state that an agent's strategy received in a turn; requires recorded sensor data.
 
@@ -457,7 +466,7 @@ class Recording(Surface, StreamOwner):
         turn = as_int(turn, "turn")
         if not 1 <= turn <= self.turns:
             raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
-        with self._live(turn - 1, {}, is_quiet=True) as ctx:
+        with self._make_context(turn - 1, {}, is_quiet=True) as ctx:
             return resuming.observation(ctx, self.reader.log(turn - 1), self.detached(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------
@@ -469,9 +478,9 @@ class Recording(Surface, StreamOwner):
         Raises:
             RecordingError: it is not in the recording, and was not given to `open`.
         """
-        return self._map(0, self._first_map)
+        return self._map(0, self._make_first_map)
 
-    def _first_map(self) -> Any:
+    def _make_first_map(self) -> Any:
         header = self.reader.header
         if self._given is None and not has_map(header):
             raise RecordingError(
@@ -495,9 +504,9 @@ class Recording(Surface, StreamOwner):
     def map_at(self, turn: int) -> IPackedGraph:
         """Return the read-only map after a number of turns."""
         last = self._map_turn(turn)
-        return self._map(last, lambda: self._changed_map(last)) if last else self.graph
+        return self._map(last, lambda: self._make_changed_map(last)) if last else self.graph
 
-    def _changed_map(self, turn: int) -> Any:
+    def _make_changed_map(self, turn: int) -> Any:
         *_, (*_, data) = self.reader.events(turn - 1, turn, {kinds.WORLD})
         return data.get("world") if isinstance(data, dict) else None
 
@@ -521,7 +530,7 @@ class Recording(Surface, StreamOwner):
             `turn`, `kind`, and the data of the event. For events of rules, the turn is the turn number of the game, as
             in a `Result`.
         """
-        return tables.events(self.reader, *self._logs_of(start, stop))
+        return tables.events(self.reader, *self._find_logs(start, stop))
 
     def steps(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
         """Yield all events of these turns, in order.
@@ -530,9 +539,9 @@ class Recording(Surface, StreamOwner):
             `turn`; `event`, which is "MOVE", or the name of a kind of the format; `agent` and `node` for a move, `data`
             for other events.
         """
-        return tables.steps(self.reader, *self._logs_of(start, stop), self._names_at)
+        return tables.steps(self.reader, *self._find_logs(start, stop), self._find_names)
 
-    @names_keywords
+    @explain_call_errors
     def export(self, path: str | os.PathLike[str], *, turn_seconds: float = 1.0) -> Path:
         """Write the positions of agents at the start and after each turn: `.gpx`, `.geojson` or `.csv`.
 
@@ -571,8 +580,8 @@ class Recording(Surface, StreamOwner):
             UnknownName (KeyError): the table does not exist.
             BadValue (ValueError): `lat_lon` for a table without nodes or a map without a CRS.
         """
-        table = tables.table(self.reader, name, *self._logs_of(start, stop), self._names_at)
-        return with_latlon(table, self.state(self.turns).graph.columns()) if as_bool(lat_lon, "lat_lon") else table
+        table = tables.table(self.reader, name, *self._find_logs(start, stop), self._find_names)
+        return add_latlon(table, self.state(self.turns).graph.columns()) if as_bool(lat_lon, "lat_lon") else table
 
     def to_pandas(
         self, name: str, start: int | None = None, stop: int | None = None, *, lat_lon: bool = False
@@ -587,7 +596,7 @@ class Recording(Surface, StreamOwner):
 
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
         """Yield the log of each turn from `start` until before `stop`; see docs/recording-format.md."""
-        return (self.reader.log(log) for log in range(*self._logs_of(start, stop)))
+        return (self.reader.log(log) for log in range(*self._find_logs(start, stop)))
 
     def content(self) -> bytes:
         """Return the present bytes of the file."""
@@ -604,12 +613,12 @@ class Recording(Surface, StreamOwner):
         """Return the number of moves of agents on the ground."""
         return self.reader.count_moves()
 
-    def _names_at(self, log: int) -> tuple[dict[int, str], int]:
+    def _find_names(self, log: int) -> tuple[dict[int, str], int]:
         """See `tables.NamesAt`."""
         agents = self.detached(log).agents
         return agents.names_by_number(), agents.following
 
-    def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:
+    def _find_logs(self, start: int | None, stop: int | None) -> tuple[int, int]:
         """Return the range of logs for turns from `start` until before `stop`; turn n is in log n - 1."""
         first = 0 if start is None else as_int(start, "start")
         last = self.reader.turns + 1 if stop is None else as_int(stop, "stop")

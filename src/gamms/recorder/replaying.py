@@ -19,7 +19,7 @@ from gamms.ir.events import (
     LOGGED,
     Mover,
     as_entry,
-    events_of,
+    list_events,
     records_of,
 )
 from gamms.ir.graph import IntArray
@@ -112,12 +112,12 @@ class LiveState(State):
         for sensor_id in removed:
             if sensor_id in self._ctx.sensor.sensors:
                 self._ctx.sensor.delete_sensor(sensor_id)
-        for sensor in keyframes.sensors_in(groups):
+        for sensor in keyframes.list_sensors(groups):
             self._ctx.sensor.storage.put(sensor)
             self.sensor_ids.add(sensor["id"])
 
     def _restore_sensors(self, groups: list[dict[str, Plain]]) -> None:
-        gone = self.sensor_ids - {sensor["id"] for sensor in keyframes.sensors_in(groups)}
+        gone = self.sensor_ids - {sensor["id"] for sensor in keyframes.list_sensors(groups)}
         self.change_sensors(groups, sorted(gone))
 
     def replace_world(self, world: bytes) -> None:
@@ -171,10 +171,10 @@ class LiveAgents(AgentsState):
 
     def restore(self, snapshot: Keyframe, make_sensors: Callable[[], None]) -> None:
         """Create and place the agents of a snapshot."""
-        columns = keyframes.checked(keyframes.opened(snapshot))
+        columns = keyframes.check_columns(keyframes.opened(snapshot))
         numbers = columns["numbers"].tolist()
         names = columns["names"]
-        self.following = keyframes.checked_following(numbers, snapshot["next"])
+        self.following = keyframes.check_following(numbers, snapshot["next"])
         make_sensors()
         with self._engine.block.accepting_any_node():
             for row, name in enumerate(names):
@@ -306,7 +306,7 @@ class LiveAgents(AgentsState):
     def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
         """Set or delete a custom attribute."""
         for number, value in zip(numbers, [None] * len(numbers) if values is None else values, strict=True):
-            agent = self._agent(self.row_of(number))
+            agent = self._get_agent(self.row_of(number))
             known = getattr(type(agent), name, None)
             if name[0] == "_" or callable(known) or isinstance(known, property):
                 raise BadValue(f"{shown(name)} is no attribute of agent {agent.name!r} that a program may set.")
@@ -315,7 +315,7 @@ class LiveAgents(AgentsState):
             else:
                 setattr(agent, name, deepcopy(value))
 
-    def _agent(self, row: int) -> Any:
+    def _get_agent(self, row: int) -> Any:
         return self._engine.agents[self._block.names[row]]
 
     def equip(self, row: int, name: str, sensor_id: str) -> None:
@@ -325,14 +325,14 @@ class LiveAgents(AgentsState):
             self._ctx.logger.error(f"Sensor {shown(sensor_id)} does not exist: it is left out of the replay.")
             return
         try:
-            self._agent(row).register_sensor(name, sensor)
+            self._get_agent(row).register_sensor(name, sensor)
         except GammsError as error:
             self._ctx.logger.error(f"{reason(error)} The sensor is left out of the replay.")  # noqa: TRY400 - ILogger has none
 
     def unequip(self, row: int, name: str) -> None:
         """Remove a sensor from an agent, unless it is already gone."""
-        if name in self._agent(row).sensors:
-            self._agent(row).deregister_sensor(name)
+        if name in self._get_agent(row).sensors:
+            self._get_agent(row).deregister_sensor(name)
 
     # -- the journal ----------------------------------------------------------------------------------------------
 
@@ -359,7 +359,7 @@ class LiveAgents(AgentsState):
         def number_of(number: int) -> int:
             return journal.ids[self.row_of(number)]
 
-        renumber = sensed.renumbered if kind == kinds.SENSED else partial(kinds.renumbered, kind)
+        renumber = sensed.renumber_looks if kind == kinds.SENSED else partial(kinds.renumber_event, kind)
         journal.append(kind, renumber(data, number_of))
 
 
@@ -395,11 +395,11 @@ class _LegacyAgents(LiveAgents):
 
     def set(self, row: int, column: str, value: Plain) -> None:
         """Set an attribute of an agent."""
-        setattr(self._agent(row), ATTRIBUTES[column], value)
+        setattr(self._get_agent(row), ATTRIBUTES[column], value)
 
     def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:  # noqa: ARG002
         """Move a flying agent; the graph gives the node below."""
-        self._agent(row).position = position
+        self._get_agent(row).position = position
 
 
 # -- replay -------------------------------------------------------------------------------------------------------
@@ -435,7 +435,7 @@ class ReportReader:
         found = list[tuple[int, Look]]()
         with reporting_damage("The sensor data are damaged", with_type=True):
             for at, *_, data in self._reader.events(first, turn + 1, {kinds.SENSED}):
-                looks = sensed.looks_of(data, fields=self._fields)
+                looks = sensed.decode_looks(data, fields=self._fields)
                 found += looks if at == turn else []
         self._following = turn + 1
         return found
@@ -493,7 +493,7 @@ class Replayer:
     def _declare(self, header: dict[str, Any]) -> None:
         maps.attach(self._ctx, header)
         self.show(header.get("visuals"), header.get("drawings", []))
-        self.state.order_sides(_sides_in(header))
+        self.state.order_sides(_read_sides(header))
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Apply the turns of a recording from the present one on, and yield their records.
@@ -510,12 +510,12 @@ class Replayer:
     def play_turn(self, reader: Reader) -> Iterator[Record]:
         """Apply the next turn, and yield its records; a seek during the iteration changes the next turn."""
         self.turn += 1
-        return self._turn(self.turn - 1, reader.log(self.turn - 1))
+        return self._replay_turn(self.turn - 1, reader.log(self.turn - 1))
 
     def play_log(self, log: kinds.Log) -> None:
         """Apply the log of the next turn."""
         self.turn += 1
-        for _ in self._turn(self.turn - 1, log):
+        for _ in self._replay_turn(self.turn - 1, log):
             pass
 
     def _reports_now(self, reports: ReportReader) -> dict[tuple[str, str], Report]:
@@ -531,7 +531,7 @@ class Replayer:
 
     def play_until_sensed(self, log: kinds.Log, agent: str) -> Any:
         """Apply a turn until an agent senses, and return the sensor data; None if it does not sense."""
-        for code, data in events_of(log):
+        for code, data in list_events(log):
             if code != kinds.SENSED:
                 self.apply(code, data)
                 continue
@@ -549,16 +549,16 @@ class Replayer:
         if recording is not None:
             recording.renumber(snapshot) if is_adopted else recording.emit_snapshot()
 
-    def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
+    def _replay_turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
         timestamp = turn * TURN_NS
         is_over = True
         ctx = self._ctx
-        for kind, data in events_of(log):
+        for kind, data in list_events(log):
             if ctx.is_terminated():
                 return
             self.clock = timestamp
             if kind == kinds.MOVES:
-                yield from self._moves(data, turn)
+                yield from self._replay_moves(data, turn)
             elif kind == kinds.UNFINISHED:
                 is_over = False
             else:
@@ -569,7 +569,7 @@ class Replayer:
             self.apply(kinds.SIMULATE, {})
             yield {"timestamp": timestamp, "opCode": kinds.SIMULATE, "data": {}}
 
-    def _moves(self, flat: list[int], turn: int) -> Iterator[Record]:
+    def _replay_moves(self, flat: list[int], turn: int) -> Iterator[Record]:
         timestamp = turn * TURN_NS
         is_terminated = self._ctx.is_terminated
         move = self.state.agents.move_one
@@ -645,7 +645,7 @@ class Replayer:
                     self.state.draw(drawing)
 
 
-def _sides_in(header: Mapping[str, Any]) -> tuple[str | None, ...]:
+def _read_sides(header: Mapping[str, Any]) -> tuple[str | None, ...]:
     """Return the sides in the header of a cut recording; empty for a whole recording."""
     sides = header.get("sides", ())
     if not isinstance(sides, list | tuple) or any(not isinstance(side, str | None) for side in sides):

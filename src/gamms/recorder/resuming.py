@@ -11,7 +11,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_function_of, as_ids, as_int, as_items, as_mapping
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
@@ -26,7 +26,7 @@ from gamms.text import as_code, reason, shown
 from gamms.typing import SensorType
 from gamms.typing.actions import makes_strategies
 from gamms.typing.context import HostContext, contexts
-from gamms.typing.game import strategy_name
+from gamms.typing.game import find_strategy_name
 from gamms.typing.recorder import OpCodes
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _FEW = 5  # agents that a warning names
 _HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN, kinds.AGENT_CREATE)
 
 
-def opened_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostContext:
+def open_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostContext:
     """Return a new context; `vis_engine` None: without a window."""
     level = getLogger("gamms").level  # restored, because the program may have set it
     more = {} if vis_engine is None else {"vis_engine": vis_engine}
@@ -78,7 +78,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     agents.following = before.agents.following
     found = replayer.play_until_sensed(log, agent)
     if found is None:
-        if any(kind == kinds.SENSED for kind, _ in kinds.events_of(log)):
+        if any(kind == kinds.SENSED for kind, _ in kinds.list_events(log)):
             raise UnknownName("living agent", agent, before.agents.columns["names"])
         raise BadValue(
             f"This recording has no sensor data of turn {turn}: start it with ctx.record.start(…, sensed=True), "
@@ -92,12 +92,12 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
         raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
     numbers = {name: number for number, name in agents.names.items()}
     with reporting_damage(f"The sensor data of turn {turn} are damaged", with_type=True):
-        looks = sensed.looks_of(found, numbers[agent])
+        looks = sensed.decode_looks(found, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {
             look.sensor: (
                 SensorType.__members__.get(look.kind, SensorType.CUSTOM),
-                sensed.data_of(look, graph, agents.names),
+                sensed.restore_data(look, graph, agents.names),
             )
             for _, look in looks
         }
@@ -105,7 +105,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
 
 
 @contextmanager
-def all_or_nothing(ctx: HostContext) -> Iterator[None]:
+def restore_on_error(ctx: HostContext) -> Iterator[None]:
     """Restore the game of a context if an error occurs in the block."""
     before = ctx.game.snapshot()
     draw_start = ctx.game.internals.draw_start
@@ -134,20 +134,20 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     facts = dict(ctx.game.facts)
     ctx.game.internals.draw_start = None
     ctx.game.internals.state.begin_from_here()
-    phase_of(ctx).drop_plans()
+    get_phase(ctx).drop_plans()
     replayer = Replayer(ctx)
     past = EventHistory(reader)
     with reporting_damage(f"This game cannot go on from turn {turn}"):
-        known = history(reader, past, turn)
+        known = read_history(reader, past, turn)
         refuse_misfit(known["starts"], _STARTS, "The starts of agents", ())
         known["facts"] = facts | known["facts"]  # keep facts that a recording cannot contain
         if is_fresh:
             ctx.game.configure(known["settings"])
         snapshot = then.keyframe(turn) | known
-        if ctx.seed != seed_at(reader, turn):
+        if ctx.seed != find_seed(reader, turn):
             snapshot["chance"] = None
         delete_others(ctx, snapshot["names"])
-        replayer.state.sensor_ids = sensor_ids(reader, past, turn)
+        replayer.state.sensor_ids = find_sensor_ids(reader, past, turn)
         replayer.state.restore(snapshot)
     for name, agent in ctx.agent.agents.items():
         agent.decide_by(strategies.get(name))
@@ -162,7 +162,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
         drawing.turns.jump()
 
 
-def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:
+def find_strategies(then: DetachedState, given: Strategies) -> dict[str, Any]:
     """Return the strategies of agents by name, from strategies by agent or team.
 
     Raises:
@@ -195,7 +195,7 @@ def complete_strategies(ctx: HostContext, then: DetachedState, own: Collection[s
     """
     agents = ctx.agent.agents
     functions = {
-        strategy_name(one.strategy): one.strategy
+        find_strategy_name(one.strategy): one.strategy
         for one in agents.values()
         if isinstance(one.strategy, FunctionType) and one.strategy.__closure__ is None
     }
@@ -221,13 +221,13 @@ def complete_strategies(ctx: HostContext, then: DetachedState, own: Collection[s
         )
 
 
-def seed_at(reader: "Reader", turn: int) -> Any:
+def find_seed(reader: "Reader", turn: int) -> Any:
     """Return the seed of the game after a number of turns: that of the recording, or of a later reset."""
     later = [data["seed"] for *_, data in EventHistory(reader).events(turn, (kinds.SNAPSHOT,)) if "seed" in data]
     return [reader.header.get("seed"), *later][-1]
 
 
-def branches(
+def play_branches(
     resume: Callable[..., HostContext],
     build: Callable[[], HostContext],
     strategies: Mapping[str, Any],
@@ -239,14 +239,14 @@ def branches(
         raise BadType(f"build must be a function that makes a context, such as scenario.build, not {shown(build)}.")
     strategies = as_mapping(strategies, "strategies")
     chosen: list[int | None] = [None] if seeds is None else [*as_ids(seeds, "seeds")]
-    for names, combination in _combinations(strategies):
+    for names, combination in _list_combinations(strategies):
         with resume(combination, chosen[0], ctx=build()) as ctx:
             for seed in chosen:
                 ctx.game.reset(seed)
-                yield {**names, "seed": ctx.seed, **_played(ctx, max_turns)}
+                yield {**names, "seed": ctx.seed, **_play_to_end(ctx, max_turns)}
 
 
-def _combinations(given: Mapping[str, Any]) -> Iterator[tuple[dict[str, str | None], dict[str, Any]]]:
+def _list_combinations(given: Mapping[str, Any]) -> Iterator[tuple[dict[str, str | None], dict[str, Any]]]:
     """Yield all combinations of strategies by team or agent, with their names; None means that none is given.
 
     Raises:
@@ -264,7 +264,7 @@ def _combinations(given: Mapping[str, Any]) -> Iterator[tuple[dict[str, str | No
         yield names, {of: one for of, (_, one) in zip(given, chosen, strict=True) if one is not None}
 
 
-def _played(ctx: HostContext, max_turns: int | None) -> dict[str, Any]:
+def _play_to_end(ctx: HostContext, max_turns: int | None) -> dict[str, Any]:
     """Play a game to its end; return the row of its result, or its error."""
     try:
         row: dict[str, Any] = ctx.game.run(max_turns).row()
@@ -297,12 +297,12 @@ def delete_others(ctx: HostContext, names: list[str]) -> None:
         ctx.agent.delete_agent(name)
 
 
-def sensor_ids(reader: "Reader", past: "EventHistory", turn: int) -> set[str]:
+def find_sensor_ids(reader: "Reader", past: "EventHistory", turn: int) -> set[str]:
     """Return the ids of all sensors that existed at the end of any turn until then."""
     begin = reader.keyframe(0)
     said = [data for *_, data in past.events(turn, (kinds.SENSORS, kinds.SNAPSHOT))]
     said += [] if begin is None else [begin[1]]
-    sensors = chain.from_iterable(keyframes.sensors_in(data.get("sensor_kinds", ())) for data in said)
+    sensors = chain.from_iterable(keyframes.list_sensors(data.get("sensor_kinds", ())) for data in said)
     return {sensor["id"] for sensor in sensors}
 
 
@@ -322,15 +322,15 @@ class EventHistory:
         return known[: bisect_left(known, turn, key=itemgetter(0))]
 
 
-def history(reader: "Reader", past: EventHistory, turn: int) -> dict[str, Any]:
+def read_history(reader: "Reader", past: EventHistory, turn: int) -> dict[str, Any]:
     """Return the events and facts until then, and the starts of agents."""
     found = reader.keyframe(0)
     begin = {} if found is None else found[1]
-    starts = _starts_of(begin)
-    known = _history_in(begin)
+    starts = _read_starts(begin)
+    known = _read_history(begin)
     for _, kind, data in past.events(turn, _HISTORY):
         if kind == kinds.SNAPSHOT:
-            known = _history_in(deepcopy(data))  # copied, because `change` extends its lists
+            known = _read_history(deepcopy(data))  # copied, because `change` extends its lists
         elif kind in LOGGED:
             known[LOGGED[kind]].append(data)
         elif kind == kinds.GAME_FACTS:
@@ -343,12 +343,12 @@ def history(reader: "Reader", past: EventHistory, turn: int) -> dict[str, Any]:
     return {**known, "starts": starts}
 
 
-def _history_in(snapshot: Mapping[str, Any]) -> dict[str, Any]:
+def _read_history(snapshot: Mapping[str, Any]) -> dict[str, Any]:
     found = {"facts": dict(snapshot.get("facts", {})), "settings": snapshot.get("settings", {})}
     return {log: list(snapshot.get(log, ())) for log in LOGGED.values()} | found
 
 
-def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:
+def _read_starts(begin: Mapping[str, Any]) -> dict[str, Any]:
     """Return the starts of agents from the first keyframe of a recording."""
     if "starts" in begin:
         return dict(begin["starts"])

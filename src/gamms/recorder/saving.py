@@ -36,7 +36,7 @@ class BackgroundSaving:
     def begin(self) -> bool:
         """Start saving in the background until `end`, and at exit; return False if threads are not available."""
         if self._background is None:
-            self._background = _background()
+            self._background = _get_saver()
             self._background.add(self)
         return self._background.has_thread
 
@@ -98,7 +98,7 @@ class _SavingThread:
 _backgrounds: list[_SavingThread] = []
 
 
-def _background() -> _SavingThread:
+def _get_saver() -> _SavingThread:
     """Return the background saver of this process, which may have been forked."""
     if not _backgrounds or _backgrounds[-1].process != os.getpid():
         _backgrounds.append(_SavingThread())

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
@@ -54,7 +54,7 @@ class Follower(Protocol):
         """
 
 
-class Following:
+class EventFollowers:
     """The followers of a session, and the events that they have received.
 
     Args:
@@ -118,7 +118,7 @@ class RecordingSession:
         self._with_sensed = with_sensed
         self._versions: tuple[Any, ...] = ()  # versions of the recorded parts, to detect changes
         self._graph = ctx.graph
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._writer: TurnWriter | None = None
         self._front = 0  # position in the log for map changes: after earlier events of another start
         self.turn = 0
@@ -126,7 +126,7 @@ class RecordingSession:
         self.is_paused = False
         self._replayed: DetachedState | None = None  # state of the recording that this one continues
         self.takes_records = False
-        self._following: Following | None = None
+        self._following: EventFollowers | None = None
         self._pending: Log = []  # declarations of components that the replayed recording may repeat
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
@@ -141,9 +141,9 @@ class RecordingSession:
         self.visuals = self.drawings.specs()
         self._members: Mapping[str, Any] = {}  # agents at the pause
         self._journal = self._listen()
-        self.begin = keyframes.captured(ctx) | keyframes.first_history(ctx) | keyframes.components_of(ctx)
+        self.begin = keyframes.capture_state(ctx) | keyframes.make_first_history(ctx) | keyframes.pack_components(ctx)
         self._revised = _REVISIONS(self._graph)
-        self._changes = self._present_state()
+        self._changes = self._read_state()
 
     def write_to(self, encoder: Encoder, *, in_background: bool) -> None:
         """Start writing.
@@ -197,7 +197,7 @@ class RecordingSession:
             followers: receivers of the events.
             header: returns the header of a session.
         """
-        self._following = Following(followers, lambda: header(self)) if followers else None
+        self._following = EventFollowers(followers, lambda: header(self)) if followers else None
         if followers:
             self._note_sensors()
         self._begin_with_followers()
@@ -211,7 +211,7 @@ class RecordingSession:
         self._front = len(self.log)
         self._journal.last_set = None  # included in their initial state
         looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs(), "drawings": self.drawings.noted}
-        state = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"pace": self._changes.game.pace}
+        state = keyframes.capture_state(self.ctx) | keyframes.make_history(self.ctx) | {"pace": self._changes.game.pace}
         following.begin(looks, state, self.drawings.edits, len(self.log))
 
     def _tell_followers(self, log: Log, *, is_over: bool) -> None:
@@ -249,10 +249,10 @@ class RecordingSession:
         # Returning agents are created in their order, and so are all later ones.
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
-        snapshot = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"seed": self.ctx.seed}
+        snapshot = keyframes.capture_state(self.ctx) | keyframes.make_history(self.ctx) | {"seed": self.ctx.seed}
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
-        self._changes = self._present_state()
+        self._changes = self._read_state()
         self._begin_with_followers()
 
     def close(self) -> None:
@@ -320,7 +320,7 @@ class RecordingSession:
         self._revised = _REVISIONS(self._graph)
         self._declarations = self.drawings.edits
         self.drawings.changes()
-        self._changes = self._present_state()
+        self._changes = self._read_state()
 
     def note_component(self, kind: int, data: dict[str, Any]) -> None:
         """Record a change of a component."""
@@ -384,11 +384,11 @@ class RecordingSession:
         block.locate()
         journal = SessionJournal(block.names, self._skipped, self._accept, self._note_sensors)
         block.journal = journal
-        for callbacks, callback in self._callbacks():
+        for callbacks, callback in self._list_callbacks():
             callbacks.append(callback)
         return journal
 
-    def _callbacks(self) -> list[tuple[list[Any], Callable[..., None]]]:
+    def _list_callbacks(self) -> list[tuple[list[Any], Callable[..., None]]]:
         """Return (list of callbacks of the context, callback) pairs."""
         internals = self.ctx.game.internals
         found: list[Any] = [(self.ctx.visual.after_turn, self.end_turn), (internals.after_reset, self.restart)]
@@ -427,7 +427,7 @@ class RecordingSession:
         block = self.ctx.agent.block
         if block.journal is self._journal:
             block.journal = PLAIN
-        for callbacks, callback in self._callbacks():
+        for callbacks, callback in self._list_callbacks():
             if callback in callbacks:
                 callbacks.remove(callback)
 
@@ -435,7 +435,9 @@ class RecordingSession:
         """Return the state after the last turn."""
         if self._replayed is not None:  # it has data that no context can have, such as names of strategies
             return self._replayed.keyframe(self.turn)
-        return keyframes.captured(self.ctx) | {"pace": self._changes.game.pace} | keyframes.components_of(self.ctx)
+        return (
+            keyframes.capture_state(self.ctx) | {"pace": self._changes.game.pace} | keyframes.pack_components(self.ctx)
+        )
 
     def _note_changes(self, *, is_set_next: bool = False) -> None:
         """Record changes that the journal does not contain: the map, before the agents on it, and the game.
@@ -446,18 +448,18 @@ class RecordingSession:
         # NOTE: in most turns no version has changed, and only the fields of the game are compared
         # (benchmarks: w4).
         log = self._journal.log
-        versions = self._current_versions()
+        versions = self._list_versions()
         has_changed = versions != self._versions
         if has_changed:
             self._note_world(log, is_set_next=is_set_next)
         if self._journal.progressed:
-            log += self._new_progress()
+            log += self._note_progress()
         if has_changed:
             self._changes.strategies.detect(log)
             self._versions = versions
         self._changes.game.detect(log)
 
-    def _current_versions(self) -> tuple[Any, ...]:
+    def _list_versions(self) -> tuple[Any, ...]:
         """Return version numbers that change with maps, sensors, artists, agents, teams, strategies and plans."""
         ctx = self.ctx
         return (
@@ -471,20 +473,20 @@ class RecordingSession:
     def _note_world(self, log: Log, *, is_set_next: bool) -> None:
         """Record changes of the map, the sensors and the artists."""
         if _REVISIONS(self._graph) != self._revised:
-            changes = self._world_changes()
+            changes = self._note_map_changes()
             log[self._front : self._front] = changes
             self._front += len(changes)
-            above = None if is_set_next else keyframes.flyers_of(self.ctx)
+            above = None if is_set_next else keyframes.list_flyers(self.ctx)
             if above is not None:
                 log.append((kinds.FLYERS_ABOVE, above))
         if self._changes.sensors.are_due:
-            place = self._front + len(list(takewhile(_precedes_sensors, log[self._front :])))
+            place = self._front + len(list(takewhile(_must_precede_sensors, log[self._front :])))
             changes = self._changes.sensors.detect()
             log[place:place] = changes
             if changes:
                 self._finder.forget()
         if self.drawings.edits != self._declarations:
-            log += self._visual_changes()
+            log += self._note_visual_changes()
 
     def _accept(self, kind: int, data: Plain) -> None:
         """Accept the change of a replayed event as known; later changes come after it."""
@@ -506,12 +508,12 @@ class RecordingSession:
         else:
             self._changes.game.accept(kind, data)
 
-    def _present_state(self) -> ContextChanges:
+    def _read_state(self) -> ContextChanges:
         """Return the present state, with which later states are compared."""
         self._journal.progressed.clear()
         return ContextChanges(self.ctx, self._skipped.check_sensors)
 
-    def _new_progress(self) -> Log:
+    def _note_progress(self) -> Log:
         """Return an event with the progress of agents along edges, if it changed."""
         block = self.ctx.agent.block
         ids = self._journal.ids
@@ -519,10 +521,10 @@ class RecordingSession:
         rows = [row for row in range(len(block)) if ids[row] in progressed]
         progressed.clear()
         numbers = np.array([ids[row] for row in rows], np.int64)
-        progress = keyframes.progress_event(block, np.array(rows, np.int64))
+        progress = keyframes.make_progress_event(block, np.array(rows, np.int64))
         return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
 
-    def _visual_changes(self) -> Log:
+    def _note_visual_changes(self) -> Log:
         """Return an event with changed visuals; visuals of the first turn go to the header."""
         self._declarations = self.drawings.edits
         visuals = self.drawings.specs()
@@ -531,7 +533,7 @@ class RecordingSession:
             return []
         return [(kinds.VISUALS, visuals)]
 
-    def _world_changes(self) -> Log:
+    def _note_map_changes(self) -> Log:
         """Return an event with a changed map; the first map goes to the header, even if it is loaded late."""
         self._revised = _REVISIONS(self._graph)
         self._finder.forget()
@@ -542,6 +544,6 @@ class RecordingSession:
         return [(kinds.WORLD, {"world": world})]
 
 
-def _precedes_sensors(entry: Any) -> bool:
+def _must_precede_sensors(entry: Any) -> bool:
     """Return whether a log entry must precede sensor changes, which precede agents that carry the sensors."""
     return type(entry) is tuple and entry[0] in (kinds.SNAPSHOT, kinds.SENSORS)

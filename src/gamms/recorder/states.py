@@ -54,7 +54,7 @@ class State:
         """Return the positions of the agents, (agents, 2), map units; NaN for agents without a position."""
         from gamms.recorder import tracks  # which few need
 
-        return tracks.positions_of(self.agents, self._map().columns())[:, :2]
+        return tracks.make_positions(self.agents, self._map().columns())[:, :2]
 
 
 class MapOfState:
@@ -75,14 +75,14 @@ class MapOfState:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _known_map, (self._read(),)
+        return _make_known_map, (self._read(),)
 
 
-def _known_map(graph: IPackedGraph) -> MapOfState:
+def _make_known_map(graph: IPackedGraph) -> MapOfState:
     return MapOfState(lambda: graph)
 
 
-def state_of(
+def copy_state(
     state: DetachedState, turn: int, named: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
 ) -> State:
     """Return an independent state for the caller."""

@@ -77,14 +77,14 @@ class RecordingTarget:
         self.is_owned = False
         self._old: BinaryIO | None = None
         if isinstance(path, str | os.PathLike):
-            self.stream: BinaryIO = self._new_file(path, overwrite=overwrite)
+            self.stream: BinaryIO = self._open_new_file(path, overwrite=overwrite)
             self.is_owned = True
         elif hasattr(path, "write") and not isinstance(path, io.TextIOBase):
             self.stream = path
         else:
             raise BadType(f"A recording is written to a path or a binary stream, not to {shown(path)}.")
 
-    def _new_file(self, path: str | os.PathLike[str], *, overwrite: bool) -> BinaryIO:
+    def _open_new_file(self, path: str | os.PathLike[str], *, overwrite: bool) -> BinaryIO:
         file = named(path)
         self._at = Path(os.path.realpath(file)) if overwrite else file
         self._path = self._at
@@ -149,7 +149,7 @@ def written(path: _PathOrStream, *, overwrite: bool = False) -> Iterator[BinaryI
         target.close()
 
 
-def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
+def open_readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
     """Return a seekable stream, and whether it was opened here; the suffix of a path may be left out.
 
     Raises:
@@ -165,7 +165,7 @@ def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
         if not file.exists():
             raise MissingFile("a recording", file)
         stream = file.open("rb")
-        if format_of(stream) < 0:
+        if read_format(stream) < 0:
             stream.close()
             raise RecordingError(f"{str(file)!r} is not a recording: it does not begin with 'MMGR' and a version.")
         return stream, True
@@ -186,7 +186,7 @@ def refuse_other(file: Path) -> None:
         raise RecordingError(f"{str(file)!r} is not a recording: `gamms run` plays scenarios.")
 
 
-def format_of(stream: BinaryIO) -> int:
+def read_format(stream: BinaryIO) -> int:
     """Return the format version of the recording at the present position of a stream; -1 if there is none."""
     head = stream.read(8)
     stream.seek(-len(head), os.SEEK_CUR)

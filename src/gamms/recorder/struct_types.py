@@ -22,7 +22,7 @@ import numpy as np
 
 from gamms.errors import BadType
 from gamms.recorder.errors import RecordingError
-from gamms.text import shown, syntax_tree
+from gamms.text import parse_syntax, shown
 
 _SCALARS: dict[str, type] = {
     "int": int,
@@ -98,7 +98,7 @@ class FieldType:
 
     def or_none(self) -> "FieldType":
         """Return the type with None, which every field may be, and is initially."""
-        return union([self, FieldType((_NONE,))])
+        return unite_types([self, FieldType((_NONE,))])
 
     def fits(self, value: object) -> bool:
         """Return whether a value has this type; an integer counts as a float, as in Python's typing."""
@@ -120,7 +120,7 @@ class FieldType:
         return next(filter(self.fits, shapes), shapes[0] if shapes else value)
 
 
-def union(parts: Iterable[FieldType]) -> FieldType:
+def unite_types(parts: Iterable[FieldType]) -> FieldType:
     """Return the union of types, without duplicates, in order; None comes last."""
     members = tuple(dict.fromkeys(chain.from_iterable(part.members for part in parts)))
     return FieldType(members[::-1] if len(members) == 2 and members[0] == _NONE else members)
@@ -129,7 +129,7 @@ def union(parts: Iterable[FieldType]) -> FieldType:
 # -- from hints and texts ---------------------------------------------------------------------------------------
 
 
-def of_hint(hint: object) -> FieldType:
+def parse_hint(hint: object) -> FieldType:
     """Return the type of a Python hint, by its text in the grammar above.
 
     Raises:
@@ -155,7 +155,7 @@ def parse(text: object) -> FieldType:
     plain = _CLASS.sub(r" \1 ", text).strip()
     if _LETTERS.fullmatch(plain) and not _EMPTY_END.search(plain):
         try:
-            return _type(syntax_tree(plain, mode="eval").body, 1)
+            return _parse_type(parse_syntax(plain, mode="eval").body, 1)
         except (SyntaxError, RecursionError, MemoryError):
             pass
         except ValueError as error:
@@ -163,7 +163,7 @@ def parse(text: object) -> FieldType:
     raise RecordingError(f"{text[:100]!r} is not the type of a field. Use {_ALLOWED}.{why}")
 
 
-def _type(node: ast.expr, depth: int) -> FieldType:
+def _parse_type(node: ast.expr, depth: int) -> FieldType:
     """Return the type of an expression (ValueError)."""
     if depth > _MOST_DEPTH:
         raise ValueError(f" It is nested deeper than {_MOST_DEPTH}.")
@@ -171,39 +171,41 @@ def _type(node: ast.expr, depth: int) -> FieldType:
     while isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
         parts.append(node.right)
         node = node.left
-    return _one_kind([_atom(part, depth) for part in (node, *reversed(parts))])
+    return _merge_kinds([_parse_atom(part, depth) for part in (node, *reversed(parts))])
 
 
-def _one_kind(parts: list[FieldType]) -> FieldType:
-    found = union(parts)
+def _merge_kinds(parts: list[FieldType]) -> FieldType:
+    found = unite_types(parts)
     if len({member.kind for member in found.members if isinstance(member, Array)}) > 1:
         raise ValueError(" It has both tuples and lists, which a recording cannot tell apart.")
     return found
 
 
-def _atom(node: ast.expr, depth: int) -> FieldType:
+def _parse_atom(node: ast.expr, depth: int) -> FieldType:
     if isinstance(node, ast.Constant) and node.value in (None, ...):
         return FieldType((_NONE if node.value is None else _OPEN,))
     if isinstance(node, ast.Name) and node.id in _SCALARS:
         return FieldType((node.id,))
     if not isinstance(node, ast.Subscript):
         raise ValueError  # noqa: TRY004 - it is the text that is wrong
-    inside = [_type(one, depth + 1) for one in (node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice])]
+    inside = [
+        _parse_type(one, depth + 1) for one in (node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice])
+    ]
     name = ast.unparse(node.value).removeprefix("typing.").lower()
     dots = FieldType((_OPEN,))
     if name == "optional" and len(inside) == 1:
         return inside[0].or_none()
     if name == "union":
-        return _one_kind(inside)
+        return _merge_kinds(inside)
     if name == "list" and len(inside) == 1:
-        return _array(Array(list, tuple(inside), is_open=True))
+        return _make_array_type(Array(list, tuple(inside), is_open=True))
     if name == "tuple" and inside[0] != dots:
         is_open = len(inside) == 2 and inside[1] == dots
-        return _array(Array(tuple, tuple(inside[:1] if is_open else inside), is_open))
+        return _make_array_type(Array(tuple, tuple(inside[:1] if is_open else inside), is_open))
     raise ValueError
 
 
-def _array(array: Array) -> FieldType:
+def _make_array_type(array: Array) -> FieldType:
     members = chain.from_iterable(item.members for item in array.items)
     if any(list in (array.kind, member.kind) for member in members if isinstance(member, Array)):
         raise ValueError(" A list holds scalars, and a tuple holds no list.")

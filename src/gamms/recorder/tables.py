@@ -8,13 +8,13 @@ import numpy as np
 from gamms.arguments import as_name
 from gamms.errors import UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, as_entry, steps_of
+from gamms.ir.events import EVENTS, as_entry, list_steps
 from gamms.ir.game_state import as_named_edges
 from gamms.ir.graph import IntArray
-from gamms.ir.messages import MESSAGE_COLUMNS, message_table
+from gamms.ir.messages import MESSAGE_COLUMNS, make_message_table
 from gamms.ir.schema import ON_EDGES
-from gamms.ir.tables import table_of
-from gamms.knowledge.looks import looks_of, seen_by
+from gamms.ir.tables import make_table
+from gamms.knowledge.looks import decode_looks, list_seen
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, RecordingError, reporting_damage
@@ -68,42 +68,42 @@ def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[
     """Yield all events in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
     names, following = names_at(start)
     for log in range(start, stop):
-        for kind, data in steps_of(reader.log(log)):
+        for kind, data in list_steps(reader.log(log)):
             if kind == kinds.MOVES:
-                yield {"turn": log + 1, "event": "MOVE", "agent": _name(names, data[0], log), "node": data[1]}
+                yield {"turn": log + 1, "event": "MOVE", "agent": _find_name(names, data[0], log), "node": data[1]}
                 continue
             if kind in _ROSTER:
-                names, following = _roster_after(kind, data, names, following)
-            named = _by_name(kind, data, _name(names, data[0], log)) if kind in FORMS else data
+                names, following = _update_roster(kind, data, names, following)
+            named = _name_agent(kind, data, _find_name(names, data[0], log)) if kind in FORMS else data
             yield {"turn": log + 1, "event": KINDS.get(kind, f"{kind:#010x}"), "data": named}
 
 
-def _by_name(kind: int, data: tuple[Plain, ...], name: str) -> dict[str, Any]:
+def _name_agent(kind: int, data: tuple[Plain, ...], name: str) -> dict[str, Any]:
     """Return the data of an event with the name of its agent instead of its number."""
     if kind == kinds.AERIAL_AGENT_FLIGHT:
         return {"agent_name": name, "position": list(data[2:]), "node": data[1]}
     return {"agent_name": name, "quat": list(data[1:])}
 
 
-def _name(names: dict[int, str], number: int, log: int) -> str:
+def _find_name(names: dict[int, str], number: int, log: int) -> str:
     if number not in names:
         raise RecordingError(f"Agent number {number} moves in turn {log + 1}, but does not exist.")
     return names[number]
 
 
-def _roster_after(
+def _update_roster(
     kind: int, data: Mapping[str, Plain], names: dict[int, str], following: int
 ) -> tuple[dict[int, str], int]:
     """Return the names of agents by number, and the next number, after a creation or a snapshot."""
     with reporting_damage(f"An event of kind {KINDS[kind]} is damaged", DAMAGES, with_type=True):
         if kind == kinds.SNAPSHOT:
             numbers = data["numbers"].tolist()
-            return dict(zip(numbers, data["names"], strict=True)), keyframes.checked_following(numbers, data["next"])
+            return dict(zip(numbers, data["names"], strict=True)), keyframes.check_following(numbers, data["next"])
         names[following] = data["name"]  # in place, because a thousand agents may be created one by one
     return names, following + 1
 
 
-def _with_names(
+def _read_with_names(
     reader: Reader, start: int, stop: int, names_at: NamesAt, of: set[int]
 ) -> Iterator[tuple[int, int, Any, dict[int, str]]]:
     """Yield the events of some kinds in these logs: log, kind, data, and number -> name of the agents at that time."""
@@ -112,7 +112,7 @@ def _with_names(
         if kind in of:
             yield log, kind, data, names
         else:
-            names, following = _roster_after(kind, data, names, following)
+            names, following = _update_roster(kind, data, names, following)
 
 
 def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
@@ -131,25 +131,25 @@ def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -
         known = {event["kind"] for event in events(reader, 0, reader.turns)}
         if name not in known:
             raise UnknownName("table", name, [*_TABLES, *sorted(known)])
-        return _rows_as({"turn": np.int64}, [])
-    return table_of([{key: value for key, value in row.items() if key != "kind"} for row in rows])
+        return _make_table({"turn": np.int64}, [])
+    return make_table([{key: value for key, value in row.items() if key != "kind"} for row in rows])
 
 
-def _events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
-    return _rows_as(_EVENTS, [(event["turn"], event["kind"]) for event in events(reader, start, stop)])
+def _read_events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+    return _make_table(_EVENTS, [(event["turn"], event["kind"]) for event in events(reader, start, stop)])
 
 
-def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+def _read_moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return all moves of agents on the ground: turn, agent, node."""
     turns, numbers, nodes = reader.moves(start, stop)
     places = turns.searchsorted(np.arange(start, stop))
     roster = list(reader.events(start, stop, _ROSTER))
     before = [int(places[log - start]) + place for log, place, _, _ in roster]
-    names = _names(numbers, before, [(kind, data) for _, _, kind, data in roster], names_at(start))
+    names = _find_names(numbers, before, [(kind, data) for _, _, kind, data in roster], names_at(start))
     return {"turn": turns + 1, "agent": names, "node": nodes.copy()}
 
 
-def _names(
+def _find_names(
     numbers: IntArray, before: list[int], roster: list[tuple[int, Any]], known: tuple[dict[int, str], int]
 ) -> np.ndarray[Any, Any]:
     """Return the names of agents by number; `before` numbers come before each event of the roster."""
@@ -158,14 +158,14 @@ def _names(
     names, following = known
     for until, (kind, data) in zip(before, roster, strict=True):
         if kind == kinds.SNAPSHOT:
-            parts.append(_named(numbers[done:until], names))
+            parts.append(_replace_numbers(numbers[done:until], names))
             done = until
-        names, following = _roster_after(kind, data, names, following)
-    parts.append(_named(numbers[done:], names))
+        names, following = _update_roster(kind, data, names, following)
+    parts.append(_replace_numbers(numbers[done:], names))
     return np.concatenate(parts)
 
 
-def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
+def _replace_numbers(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
     if not len(numbers):
         return np.zeros(0, np.str_)
     distinct, places = np.unique(numbers, return_inverse=True)
@@ -177,37 +177,37 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
     return np.array(names, object if is_long else np.str_)[places]
 
 
-def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+def _read_positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return all moves of flying agents: turn, agent, position."""
     rows: list[tuple[Any, ...]] = []
-    for log, kind, data, names in _with_names(reader, start, stop, names_at, _FLIGHTS):
+    for log, kind, data, names in _read_with_names(reader, start, stop, names_at, _FLIGHTS):
         if kind == kinds.AERIAL_AGENT_FLIGHT:
-            rows.append((log + 1, _name(names, data[0], log), *data[2:]))
+            rows.append((log + 1, _find_name(names, data[0], log), *data[2:]))
         else:
             rows.append((log + 1, data["agent_name"], *data["position"]))
-    return _rows_as(_POSITIONS, rows)
+    return _make_table(_POSITIONS, rows)
 
 
-def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+def _read_travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return the progress of agents after each change: turn, agent, edge, and share."""
     rows: list[tuple[Any, ...]] = []
-    for log, _, data, names in _with_names(reader, start, stop, names_at, {kinds.AGENT_PROGRESS}):
+    for log, _, data, names in _read_with_names(reader, start, stop, names_at, {kinds.AGENT_PROGRESS}):
         columns = [np.asarray(data[name]).tolist() for name in ("numbers", *ON_EDGES) if name in data]
         for number, source, target, share, *place in zip(*columns, strict=True):
             if place and place[1]:
-                rows.append((log + 1, _name(names, number, log), source, target, place[0], share))
-    return _rows_as(_TRAVEL, rows)
+                rows.append((log + 1, _find_name(names, number, log), source, target, place[0], share))
+    return _make_table(_TRAVEL, rows)
 
 
-def _edges(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+def _read_edges(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     """Return the edges that actions have named and agents have taken: turn, agent, edge."""
     rows: list[tuple[Any, ...]] = []
     for log, _, _, data in reader.events(start, stop, {kinds.GAME_NAMED_EDGES}):
         rows += [(log + 1, name, edge) for name, (_, edge) in as_named_edges(data["named_edges"]).items()]
-    return _rows_as(_EDGES, rows)
+    return _make_table(_EDGES, rows)
 
 
-def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+def _read_scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     """Return all scores of each turn in which a score changed."""
     found: dict[int, Any] = {}  # the last value of each turn
     for log, _, _, data in reader.events(start, stop, {kinds.GAME_SCORES, kinds.SNAPSHOT}):
@@ -215,46 +215,46 @@ def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     rows: list[tuple[Any, ...]] = []
     for turn, scores in found.items():
         rows += [(turn, of, score) for of, score in scores]
-    return _rows_as(_SCORES, rows)
+    return _make_table(_SCORES, rows)
 
 
-def _deeds(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+def _read_deeds(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     """Return all deeds of agents: turn, agent, deed, node, and fields."""
     rows = [data for *_, data in reader.events(start, stop, {kinds.GAME_DEED})]
-    return table_of([dict(row) for row in rows]) if rows else _rows_as(_DEEDS, [])
+    return make_table([dict(row) for row in rows]) if rows else _make_table(_DEEDS, [])
 
 
-def _messages(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+def _read_messages(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     """Return all messages: one row per message and receiver; see `ir.messages`."""
     sent = [as_entry("messages", data) for *_, data in reader.events(start, stop, {kinds.GAME_MESSAGE})]
-    return table_of(message_table(sent)) if sent else _rows_as(_MESSAGES, [])
+    return make_table(make_message_table(sent)) if sent else _make_table(_MESSAGES, [])
 
 
-def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+def _read_sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return all nodes seen by sensors: turn, agent, sensor, node, and the agent there if it was seen."""
     rows: list[tuple[Any, ...]] = []
-    for log, _, data, names in _with_names(reader, start, stop, names_at, {kinds.SENSED}):
-        for number, look in looks_of(data):
-            for node, other in zip(*seen_by(look), strict=True):
+    for log, _, data, names in _read_with_names(reader, start, stop, names_at, {kinds.SENSED}):
+        for number, look in decode_looks(data):
+            for node, other in zip(*list_seen(look), strict=True):
                 rows.append((log + 1, names[number], look.sensor, node, "" if other < 0 else names[other]))
-    return _rows_as(_SENSED, rows)
+    return _make_table(_SENSED, rows)
 
 
-def _rows_as(dtypes: Mapping[str, type], rows: list[tuple[Any, ...]]) -> Table:
+def _make_table(dtypes: Mapping[str, type], rows: list[tuple[Any, ...]]) -> Table:
     """Return rows as columns, with these types if there are no rows."""
     if not rows:
         return {name: np.zeros(0, dtype) for name, dtype in dtypes.items()}
-    return table_of(dict(zip(dtypes, zip(*rows, strict=True), strict=True)))
+    return make_table(dict(zip(dtypes, zip(*rows, strict=True), strict=True)))
 
 
 _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
-    "deeds": _deeds,
-    "edges": _edges,
-    "events": _events,
-    "messages": _messages,
-    "moves": _moves,
-    "positions": _positions,
-    "scores": _scores,
-    "sensed": _sensed,
-    "travel": _travel,
+    "deeds": _read_deeds,
+    "edges": _read_edges,
+    "events": _read_events,
+    "messages": _read_messages,
+    "moves": _read_moves,
+    "positions": _read_positions,
+    "scores": _read_scores,
+    "sensed": _read_sensed,
+    "travel": _read_travel,
 }

@@ -12,12 +12,12 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_range, as_target
 from gamms.errors import BadValue, UnknownType, nearest
-from gamms.folders import whole_file, write_csv
+from gamms.folders import open_whole_file, write_csv
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.limits import refuse_above
 from gamms.text import as_xml
-from gamms.typing.on_edges import point_along
+from gamms.typing.on_edges import find_point_along
 
 _BYTES = 350  # of memory for one position, measured
 _DECIMALS = 8  # decimals of degrees: a millimetre
@@ -71,7 +71,7 @@ def export(path: object, moments: Iterable[AgentsAtTurn], turns: int, created: o
         turn_seconds: duration of a turn.
     """
     target = as_target(path)
-    seconds = checked_seconds(turn_seconds, turns)
+    seconds = check_seconds(turn_seconds, turns)
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
@@ -83,12 +83,12 @@ def export(path: object, moments: Iterable[AgentsAtTurn], turns: int, created: o
             f"{target.suffix} needs degrees, and the map of this recording has no CRS. Write .csv, or record a map "
             "whose ctx.graph.graph.crs is set."
         )
-    with whole_file(target, through_links=True) as beside:
+    with open_whole_file(target, through_links=True) as beside:
         write(beside, found)
     return target
 
 
-def checked_seconds(turn_seconds: float, turns: int) -> float:
+def check_seconds(turn_seconds: float, turns: int) -> float:
     """Check the duration of a turn in a game with this number of turns.
 
     Raises:
@@ -110,7 +110,7 @@ def tracks_of(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float
     for turn, moment in enumerate(moments):
         agents = moment.agents
         crs = moment.columns.crs
-        xyz = positions_of(agents, moment.columns)
+        xyz = make_positions(agents, moment.columns)
         parts.append((np.full(len(xyz), turn), agents["name"], agents["team"], agents["node"], agents["alive"], xyz))
         times.append((start + timedelta(seconds=turn * turn_seconds)).isoformat().replace("+00:00", "Z"))
         count += len(xyz)
@@ -126,7 +126,7 @@ def tracks_of(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float
     return AgentTracks(turns[order], names[order], teams[order], nodes[order], alive[order], xyz[order], latlon, texts)
 
 
-def positions_of(agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphColumns) -> FloatArray:
+def make_positions(agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphColumns) -> FloatArray:
     """Return positions (agents, 3) for the columns of a `State`; NaN for z on the ground, and for removed nodes."""
     xyz = np.column_stack([np.asarray(agents[axis], np.float64) for axis in "xyz"])
     on_ground = np.flatnonzero(~np.isfinite(xyz[:, 0]))
@@ -137,14 +137,14 @@ def positions_of(agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphCol
         edges = kernels.rows_of(columns.edge_ids, np.asarray(agents["edge"])[between], columns.edge_order)
         for row, edge in zip(between[edges >= 0].tolist(), edges[edges >= 0].tolist(), strict=True):
             line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
-            xyz[row, :2] = point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
+            xyz[row, :2] = find_point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
     return xyz
 
 
 # -- formats ------------------------------------------------------------------------------------------------------
 
 
-def _agents(tracks: AgentTracks) -> Iterator[tuple[str, Any, slice]]:
+def _list_agents(tracks: AgentTracks) -> Iterator[tuple[str, Any, slice]]:
     """Yield the name and team of each agent, and the range of its positions."""
     starts = (np.flatnonzero(tracks.agent[1:] != tracks.agent[:-1]) + 1).tolist()
     bounds = [0, *starts, len(tracks.agent)] if len(tracks.agent) else [0]
@@ -173,10 +173,10 @@ def _write_gpx(file: Path, tracks: AgentTracks) -> None:
     with file.open("w", encoding="utf-8") as stream:
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n')
         stream.write('<gpx version="1.1" creator="GAMMS" xmlns="http://www.topografix.com/GPX/1/1">\n')
-        for name, team, rows in _agents(tracks):
+        for name, team, rows in _list_agents(tracks):
             kind = "" if team is None else f"<type>{as_xml(str(team), quote=False)}</type>"
             stream.write(f"<trk><name>{as_xml(name, quote=False)}</name>{kind}<trkseg>\n")
-            for (lat, lon), z, time in _places(tracks, rows):
+            for (lat, lon), z, time in _list_places(tracks, rows):
                 height = "" if z is None else f"<ele>{z:.3f}</ele>"
                 stream.write(f'<trkpt lat="{lat:.8f}" lon="{lon:.8f}">{height}<time>{time}</time></trkpt>\n')
             stream.write("</trkseg></trk>\n")
@@ -187,8 +187,8 @@ def _write_geojson(file: Path, tracks: AgentTracks) -> None:
     with file.open("w", encoding="utf-8", errors="backslashreplace") as stream:
         stream.write('{"type": "FeatureCollection", "features": [')
         comma = "\n"
-        for name, team, rows in _agents(tracks):
-            places = [([lon, lat] if z is None else [lon, lat, z]) for (lat, lon), z, _ in _places(tracks, rows)]
+        for name, team, rows in _list_agents(tracks):
+            places = [([lon, lat] if z is None else [lon, lat, z]) for (lat, lon), z, _ in _list_places(tracks, rows)]
             is_line = len(places) > 1
             geometry = {"type": "LineString" if is_line else "Point", "coordinates": places if is_line else places[0]}
             given = {"agent": name, "team": team, "turns": tracks.turn[rows].tolist(), "times": tracks.time[rows]}
@@ -198,7 +198,7 @@ def _write_geojson(file: Path, tracks: AgentTracks) -> None:
         stream.write("\n]}\n")
 
 
-def _places(tracks: AgentTracks, rows: slice) -> Iterator[tuple[list[float], float | None, str]]:
+def _list_places(tracks: AgentTracks, rows: slice) -> Iterator[tuple[list[float], float | None, str]]:
     """Yield (latitude and longitude, height, time) of the positions of an agent."""
     latlon = np.zeros((0, 2)) if tracks.latlon is None else tracks.latlon
     heights = [float(z) if np.isfinite(z) else None for z in tracks.xyz[rows, 2]]

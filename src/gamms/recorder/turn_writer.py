@@ -93,7 +93,7 @@ class TurnWriter:
         """Write the waiting turns, the log of the unfinished turn, and the end."""
         if rest:
             self._logs.append(rest)
-        with self._writing():
+        with self._protect_writing():
             self._encode()
             self._encoder.close()
             self._saving.end()
@@ -121,7 +121,7 @@ class TurnWriter:
         if self.has_stopped():
             return
         turn = self._session.turn
-        with self._writing():
+        with self._protect_writing():
             if self._in_background:
                 self._in_background = self._saving.begin()
             self._encode()
@@ -135,7 +135,7 @@ class TurnWriter:
                 self._writes_at = turn - turn % _TURNS_OF_STREAM + _TURNS_OF_STREAM
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
+    def _protect_writing(self) -> Iterator[None]:
         """Delay Ctrl-C, and end the recording if writing fails."""
         with uninterrupted(), self._saving.lock:
             try:

@@ -15,7 +15,7 @@ from gamms.plain import Plain
 from gamms.recorder import Reader, Recording, RecordingError, State
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
-from gamms.recordings.conversion import with_map
+from gamms.recordings.conversion import make_context_with_map
 from gamms.text import as_text, reason, shown, written
 
 
@@ -65,12 +65,12 @@ def first_difference(first: Recording, second: Recording) -> Difference | None:
         maps = first.map_hash(turn), second.map_hash(turn)
         found = next(differences(first[turn], second[turn], maps), None)
         if found is None and turn:
-            found = _of_events(turn, first, second)
+            found = _compare_events(turn, first, second)
         if found is not None:
             return found
     if first.turns != second.turns:
         return Difference(min(first.turns, second.turns), None, "turns", first.turns, second.turns)
-    return _of_events(first.turns + 1, first, second)
+    return _compare_events(first.turns + 1, first, second)
 
 
 def _is_same(one: Plain, other: Plain) -> bool:
@@ -86,7 +86,7 @@ def differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[
     """Yield the differences of two states: of their maps, whose hashes are `maps`, then agent by agent."""
     turn = first.turn
     if maps[0] != maps[1]:
-        yield Difference(turn, None, "map", _size(first, maps[0]), _size(second, maps[1]))
+        yield Difference(turn, None, "map", _describe_size(first, maps[0]), _describe_size(second, maps[1]))
     names = [state.agents["name"].tolist() for state in (first, second)]
     if set(names[0]) != set(names[1]):
         only = [sorted(set(names[i]) - set(names[1 - i])) for i in (0, 1)]
@@ -109,21 +109,21 @@ def differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[
 
 def _is_equal(one: Plain, other: Plain) -> bool:
     """Return whether two values are the same, NaN being equal to itself."""
-    return one == other if type(one) is int and type(other) is int else _plain(one) == _plain(other)
+    return one == other if type(one) is int and type(other) is int else _make_plain(one) == _make_plain(other)
 
 
-def _plain(value: Plain) -> Plain:
+def _make_plain(value: Plain) -> Plain:
     """Return a comparable form of a value."""
     if isinstance(value, np.ndarray):
-        return (str(value.dtype), _plain(value.tolist()))
+        return (str(value.dtype), _make_plain(value.tolist()))
     if isinstance(value, dict):
-        return {key: _plain(one) for key, one in value.items()}
+        return {key: _make_plain(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(one) for one in value]
+        return [_make_plain(one) for one in value]
     return "NaN" if value != value else value  # noqa: PLR0124 - that is what NaN is
 
 
-def _size(state: State, name: str) -> str:
+def _describe_size(state: State, name: str) -> str:
     try:
         columns = state.graph.columns()
     except RecordingError:  # it is not in the recording
@@ -131,7 +131,7 @@ def _size(state: State, name: str) -> str:
     return f"{len(columns.node_ids)} nodes, {len(columns.edge_ids)} edges"
 
 
-def _of_events(turn: int, first: Recording, second: Recording) -> Difference | None:
+def _compare_events(turn: int, first: Recording, second: Recording) -> Difference | None:
     """Return the difference between the events of rules and programs in a turn."""
     events = [list(one.events(turn, turn + 1)) for one in (first, second)]
     for i in range(max(map(len, events))):
@@ -172,8 +172,8 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
         )
     _check_keyframes(path)
     before = Path(path).read_bytes()
-    after = re_recorded(path, map)
-    if before != after and (part := _differing_part(before, after)) is not None:
+    after = record_again(path, map)
+    if before != after and (part := _find_differing_part(before, after)) is not None:
         raise RecordingError(f"Replayed and recorded again, it is another recording: {part} is not the same.")
 
 
@@ -208,19 +208,21 @@ def _check_keyframes(path: str | os.PathLike[str]) -> None:
         computed.state(stored.turns)  # which raises where an event cannot have happened
 
 
-def _differing_part(before: bytes, after: bytes) -> str | None:
+def _find_differing_part(before: bytes, after: bytes) -> str | None:
     """Return the first part that differs between two recordings; None if only blocks and compression differ."""
     with Reader(io.BytesIO(before)) as first, Reader(io.BytesIO(after)) as second:
         if first.turns != second.turns:
             return "the number of turns"
-        if _packed(first.header) != _packed(second.header):
+        if _pack_value(first.header) != _pack_value(second.header):
             return "the header"
-        differing = (turn for turn in range(first.turns) if _packed(first.log(turn)) != _packed(second.log(turn)))
+        differing = (
+            turn for turn in range(first.turns) if _pack_value(first.log(turn)) != _pack_value(second.log(turn))
+        )
         turn = next(differing, None)
         return None if turn is None else f"turn {turn + 1}"
 
 
-def _packed(value: Plain) -> bytes:
+def _pack_value(value: Plain) -> bytes:
     return to_bytes(value, "The recording")
 
 
@@ -231,14 +233,14 @@ class _FinalBuffer(io.BytesIO):
         return False
 
 
-def re_recorded(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> bytes:
+def record_again(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> bytes:
     """Replay a recording of version 3 into a fresh context, record it there, and return the bytes.
 
     Raises:
         RecordingError (ValueError): it cannot be replayed.
     """
     stream = _FinalBuffer()
-    with with_map(map) as ctx:
+    with make_context_with_map(map) as ctx:
         ctx.record.start(stream)
         try:
             for _ in ctx.record.replay(path):

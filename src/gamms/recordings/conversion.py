@@ -14,7 +14,7 @@ from typing import Any, Literal
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadValue
-from gamms.folders import whole_file, write_csv
+from gamms.folders import open_whole_file, write_csv
 from gamms.ir import events as kinds
 from gamms.knowledge.fields import FieldTable
 from gamms.knowledge.looks import columns_of, take_looks
@@ -24,9 +24,9 @@ from gamms.recorder import open as opened
 from gamms.recorder.formats import version2
 from gamms.recorder.maps import HASH
 from gamms.recorder.replaying import Replayer
-from gamms.recorder.streams import format_of, named, readable
-from gamms.recorder.tracks import checked_seconds
-from gamms.typing.actions import known_node
+from gamms.recorder.streams import named, open_readable, read_format
+from gamms.recorder.tracks import check_seconds
+from gamms.typing.actions import check_node
 from gamms.visual import Engine
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
@@ -43,13 +43,13 @@ def version_of(path: str | os.PathLike[str]) -> int:
         RecordingError (ValueError): it is not a recording.
         OSError: it cannot be read.
     """
-    stream, _ = readable(as_path(path, "The path of a recording"))
+    stream, _ = open_readable(as_path(path, "The path of a recording"))
     with stream:
-        return format_of(stream)
+        return read_format(stream)
 
 
 @contextmanager
-def in_version_3(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> Iterator[Recording]:
+def open_as_version_3(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> Iterator[Recording]:
     """Open a recording of any version for a `with` block; version 2 is converted to a temporary file.
 
     Args:
@@ -95,9 +95,11 @@ def context_for(
         with opened(path) as recording:
             vis_kwargs.setdefault("title", recording.title)
     if version > 2 or map is not None:
-        return with_map(map, vis_engine, **vis_kwargs)
-    ids = sorted(set(_node_ids(path)))
-    return _filled(vis_engine, vis_kwargs, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids)))
+        return make_context_with_map(map, vis_engine, **vis_kwargs)
+    ids = sorted(set(_read_node_ids(path)))
+    return _make_filled_context(
+        vis_engine, vis_kwargs, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids))
+    )
 
 
 def watch(
@@ -136,17 +138,21 @@ def watch(
         ctx.visual.stay_open()
 
 
-def with_map(map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_VIS, **vis_kwargs: object) -> Context:
+def make_context_with_map(
+    map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_VIS, **vis_kwargs: object
+) -> Context:
     """Create a context with a map written by `ctx.graph.save`; None: without a map.
 
     Raises:
         BadFile (ValueError): the file is damaged.
         OSError: it cannot be read.
     """
-    return _filled(vis_engine, vis_kwargs, lambda ctx: None if map is None else ctx.graph.load(map))
+    return _make_filled_context(vis_engine, vis_kwargs, lambda ctx: None if map is None else ctx.graph.load(map))
 
 
-def _filled(vis_engine: Engine, vis_kwargs: dict[str, object], fill: Callable[[Context], object]) -> Context:
+def _make_filled_context(
+    vis_engine: Engine, vis_kwargs: dict[str, object], fill: Callable[[Context], object]
+) -> Context:
     """Create a context that logs nothing, and fill it."""
     ctx = create_context(seed=0, logger_config=_QUIET, vis_engine=vis_engine, vis_kwargs=vis_kwargs)
     try:
@@ -167,7 +173,7 @@ def records_of(path: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
         yield from version2.read(file)
 
 
-def _node_ids(path: str | os.PathLike[str]) -> Iterator[int]:
+def _read_node_ids(path: str | os.PathLike[str]) -> Iterator[int]:
     """Yield the node ids in a recording of version 2, as far as it is whole."""
     is_begun = False
     try:
@@ -238,7 +244,7 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
         if waiting is not None:
             if _is_move(ctx, waiting, record):
                 block = ctx.agent.block
-                block.move(block.row_of(data["agent_name"]), known_node(ctx.graph.graph, block, data["node_id"]))
+                block.move(block.row_of(data["agent_name"]), check_node(ctx.graph.graph, block, data["node_id"]))
                 waiting = None
                 continue
             replayer.apply(waiting["opCode"], waiting["data"])
@@ -284,14 +290,14 @@ def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> 
     target = as_path(out, "out")
     if target.exists():
         raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
-    with opened(path) as recording, whole_file(target, through_links=True) as beside:
+    with opened(path) as recording, open_whole_file(target, through_links=True) as beside:
         with beside.open("w", encoding="utf-8", errors=_ESCAPED) as file:
-            lines = (json.dumps(as_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
+            lines = (json.dumps(as_json(line), ensure_ascii=False, allow_nan=False) for line in _list_lines(recording))
             file.writelines(f"{line}\n" for line in lines)
         return recording.warning
 
 
-def _lines(recording: Recording) -> Iterator[_Record]:
+def _list_lines(recording: Recording) -> Iterator[_Record]:
     size: dict[str, Plain] = {"sha256": recording.map_hash(0)}
     if HASH not in recording.header:
         columns = recording.graph.columns()
@@ -337,7 +343,7 @@ def to_csv(
     """
     target = as_path(out, "out")
     with opened(path) as recording:
-        seconds = checked_seconds(turn_seconds, recording.turns)
+        seconds = check_seconds(turn_seconds, recording.turns)
         kinds_of_events = dict.fromkeys(event["kind"] for event in recording.events())
         names = dict.fromkeys((*_TABLES, *islice(filter(_FILE_NAME.fullmatch, kinds_of_events), _MOST_KINDS)))
         tables = {name: table for name in names if len((table := recording.table(name))["turn"])}
@@ -348,15 +354,15 @@ def to_csv(
                 raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
         with ExitStack() as all_or_none:
             for name, table in tables.items():
-                beside = all_or_none.enter_context(whole_file(files[name], through_links=True))
-                columns = [[_cell(value) for value in column.tolist()] for column in table.values()]
+                beside = all_or_none.enter_context(open_whole_file(files[name], through_links=True))
+                columns = [[_make_cell(value) for value in column.tolist()] for column in table.values()]
                 write_csv(beside, table, zip(*columns, strict=True))
             for name in with_tracks:
                 recording.export(files[name], turn_seconds=seconds)
         return list(files.values()), recording.warning
 
 
-def _cell(value: Plain) -> str | int | float | bool | None:
+def _make_cell(value: Plain) -> str | int | float | bool | None:
     """Return a value as a cell of a CSV file."""
     plain = as_json(value)
     return plain if plain is None or isinstance(plain, (str, int, float, bool)) else json.dumps(plain)
@@ -380,7 +386,7 @@ def with_sensed(recording: Recording) -> Recording:
         raise RecordingError("This recording does not say how it begins.")
     writer = Writer(stream, reader.header, seconds=None)
     writer.keyframe(first[1])
-    with with_map(None) as ctx:
+    with make_context_with_map(None) as ctx:
         ctx.graph.storage.unpack(recording.graph.packed)
         replayer = Replayer(ctx)
         replayer.begin(reader)

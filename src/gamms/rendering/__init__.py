@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from gamms.arguments import as_known, as_target, names_keywords
+from gamms.arguments import as_known, as_target, explain_call_errors
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.errors import suggest_names as _suggest_names
@@ -19,12 +19,12 @@ from gamms.ir.events import DECISIONS
 from gamms.ir.graph import FloatArray
 from gamms.recorder import Recording
 from gamms.recorder.states import State
-from gamms.recordings.conversion import in_version_3, with_map
+from gamms.recordings.conversion import make_context_with_map, open_as_version_3
 from gamms.text import as_text, shown
 from gamms.typing import PictureOptions
 from gamms.typing.recorder import IPlayback, pages
 from gamms.visual.backends import FILMS, FORMATS
-from gamms.visual.drawers.graph import longer_side, typical_edge_length
+from gamms.visual.drawers.graph import find_typical_edge_length, measure_longer_side
 from gamms.visual.fog import Fog
 
 __all__ = ["Fog", "RenderOptions", "render"]
@@ -94,7 +94,7 @@ class RenderOptions:
     sensors: bool = True
 
 
-@names_keywords
+@explain_call_errors
 def render(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
@@ -128,13 +128,13 @@ def render(
     out = as_target(out)
     suffix = out.suffix.lower()
     _check_format(out, options)
-    with in_version_3(path, map) as recording:
+    with open_as_version_3(path, map) as recording:
         _check_turns(recording, options)
         if options.follow == AUTO:
-            options = replace(options, follow=_most_eventful(recording, options))
+            options = replace(options, follow=_find_most_eventful(recording, options))
         if suffix == _PAGE:
             return _save_page(recording, out, options)
-        with with_map(map) as ctx:
+        with make_context_with_map(map) as ctx:
             renderer = _Renderer(ctx, recording, options, show)
             return renderer.film(out) if suffix in FILMS else renderer.picture(out)
 
@@ -187,7 +187,7 @@ def _save_page(recording: Recording, out: Path, options: RenderOptions) -> int:
     return recording.turns
 
 
-def _most_eventful(recording: Recording, options: RenderOptions) -> str:
+def _find_most_eventful(recording: Recording, options: RenderOptions) -> str:
     """Return the agent that most happens to in the requested turns, among those that live through them.
 
     Events that name an agent count, and flags that it carries at the start or the end; then its moves; then its name.
@@ -198,7 +198,7 @@ def _most_eventful(recording: Recording, options: RenderOptions) -> str:
     first = max((options.first or 1) - 1, 0)
     last = recording.turns if options.last is None else options.last
     states = recording[first], recording[last]
-    living = [_living(state, options.fog) for state in states]
+    living = [_list_living(state, options.fog) for state in states]
     candidates = sorted(living[0] & living[1]) or sorted(living[0]) or sorted(living[1])
     if not candidates:
         raise BadValue(
@@ -211,19 +211,19 @@ def _most_eventful(recording: Recording, options: RenderOptions) -> str:
         if event["kind"] not in DECISIONS:
             counts.update(as_text(event[key]) for key in ("agent", "other") if key in event)
     for state in states:
-        counts.update(dict.fromkeys(_carriers(state), _CARRIES))
+        counts.update(dict.fromkeys(_list_carriers(state), _CARRIES))
     moves = Counter(recording.table("moves", first + 1, last + 1)["agent"].tolist())
     return max(candidates, key=lambda name: (counts[name], moves[name]))
 
 
-def _living(state: State, team: str | None) -> set[str]:
+def _list_living(state: State, team: str | None) -> set[str]:
     """Return the names of the living agents; of a team, if one is given."""
     agents = state.agents
     pairs = zip(agents["name"].tolist(), agents["team"].tolist(), agents["alive"].tolist(), strict=True)
     return {name for name, own, is_alive in pairs if is_alive and team in (None, as_text(name if own is None else own))}
 
 
-def _carriers(state: State) -> list[str]:
+def _list_carriers(state: State) -> list[str]:
     """Return the names of the agents that carry a flag."""
     kept = [value.get("carriers") for value in state.data.values() if isinstance(value, Mapping)]
     return [as_text(name) for one in kept if isinstance(one, Mapping) for name in one.values() if name is not None]
@@ -246,7 +246,7 @@ class _Renderer:
         from gamms.visual import files
 
         options = self._options
-        files.sheet(out, options.width, options.height, 96.0)  # fail early
+        files.check_sheet(out, options.width, options.height, 96.0)  # fail early
         if options.last == 0:
             self._play_start()
         else:
@@ -259,10 +259,10 @@ class _Renderer:
 
     def film(self, out: Path) -> int:
         """Film the turns that were asked for."""
-        from gamms.visual.files import film_plan
+        from gamms.visual.files import check_film_plan
 
         options = self._options
-        film_plan(out, options.fps, options.width, options.height, options.frames_per_turn)
+        check_film_plan(out, options.fps, options.width, options.height, options.frames_per_turn)
         self._play(max((options.first or 1) - 1, 0))
         if self._turn == 0:
             next(self._records, None)  # the map and the agents come with the first record
@@ -326,7 +326,7 @@ class _Renderer:
         """Keep an agent in the middle."""
         ctx = self._ctx
         as_known(name, "agent", ctx.agent.agents)
-        ctx.visual.follow(name, _view(ctx) if self._options.view is None else self._options.view)
+        ctx.visual.follow(name, _compute_view_width(ctx) if self._options.view is None else self._options.view)
 
     def _crop(self) -> None:
         """Show the part of the map where the living agents are, unless that is nearly all of it.
@@ -343,13 +343,13 @@ class _Renderer:
         high = places.max(axis=0)
         across, up = (high - low).tolist()
         shape = 1.0 if options.width is None or options.height is None else options.width / options.height
-        width = max(_AROUND * across, _AROUND * up * shape, _view(ctx))
+        width = max(_AROUND * across, _AROUND * up * shape, _compute_view_width(ctx))
         columns = ctx.graph.columns()
         on_map = np.ptp(columns.xy, axis=0) * (1.0, shape)  # how wide pictures are that hold its width, and its height
         if on_map.min() < _STAMP * on_map.max():
             width = min(width, float(on_map.min()))
-        if width < longer_side(columns):
-            x, y = _fullest(places, np.array([width, width / shape]), columns.xy).tolist()
+        if width < measure_longer_side(columns):
+            x, y = _find_fullest_view(places, np.array([width, width / shape]), columns.xy).tolist()
             ctx.visual.look_at(x, y, width)
 
     def _end_turn(self) -> None:
@@ -360,7 +360,7 @@ class _Renderer:
         self._show(f"Turn {self._turn} of {self._total}")
 
 
-def _fullest(places: FloatArray, size: FloatArray, xy: FloatArray) -> FloatArray:
+def _find_fullest_view(places: FloatArray, size: FloatArray, xy: FloatArray) -> FloatArray:
     """Return the middle (2,) of a view that holds most of some places, and is on the map as far as it can be.
 
     Args:
@@ -379,9 +379,9 @@ def _fullest(places: FloatArray, size: FloatArray, xy: FloatArray) -> FloatArray
     return fullest
 
 
-def _view(ctx: Context) -> float:
+def _compute_view_width(ctx: Context) -> float:
     """Return the default width of the view with `follow`, map units: at most some hundred metres."""
     columns = ctx.graph.columns()
-    wanted = _VIEW_EDGES * typical_edge_length(columns) if columns.crs is None else _VIEW_M
-    widest = longer_side(columns)
+    wanted = _VIEW_EDGES * find_typical_edge_length(columns) if columns.crs is None else _VIEW_M
+    widest = measure_longer_side(columns)
     return min(wanted, widest) or wanted

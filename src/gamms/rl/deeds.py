@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.array_functions.view import ArrayView, lasting_in, movement_in
+from gamms.game.array_functions.view import ArrayView, get_movement, list_lasting_deeds
 from gamms.game.deeds import DeclaredField
 from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import IntArray
@@ -70,7 +70,7 @@ class DeedChoices:
         self._deeds: list[_DeedOptions] = []
         names = ["nothing"]
         for deed, declarations in declared.items():
-            fields = {key: _options_of(deed, key, field, known) for key, field in declarations.items()}
+            fields = {key: _list_options(deed, key, field, known) for key, field in declarations.items()}
             ways = [[*([] if one.is_required else [_LEFT_OUT]), *range(len(values))] for one, values in fields.values()]
             many = len(names) + int(np.prod([len(one) for one in ways], dtype=np.float64))
             if many > _MOST:
@@ -80,12 +80,12 @@ class DeedChoices:
                 )
             options = np.array([*product(*ways)], np.int64).reshape(many - len(names), len(fields))
             self._deeds.append(_DeedOptions(deed, len(names), fields, options))
-            names += [_name_of(deed, fields, row) for row in options.tolist()]
+            names += [_make_name(deed, fields, row) for row in options.tolist()]
         self.names = tuple(names)
         self._needs = {
-            kind: self._needed(kind) for kind in _NEAR
+            kind: self._find_needed(kind) for kind in _NEAR
         }  # (choices,) the number of nodes and edges that a choice needs
-        self._names = self._named()
+        self._names = self._list_named_agents()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -98,7 +98,7 @@ class DeedChoices:
         degrees = self._degrees[view.node][..., None]
         found: BoolArray = (self._needs["node"] <= view.counts[..., None]) & (self._needs["edge"] <= degrees)
         found[..., 1:] &= view.mask[..., None]
-        for number, _ in lasting_in(view):
+        for number, _ in list_lasting_deeds(view):
             deed = self._deeds[number]
             found[..., deed.first : deed.first + len(deed.options)] &= view["doing"].kind[..., None] < 0
         are_there = view.is_there
@@ -115,7 +115,7 @@ class DeedChoices:
             if where.any():
                 rows = deed.options[np.where(where, chosen - deed.first, 0)]
                 columns = enumerate(deed.fields.items())
-                found[deed.name] = where, {key: self._values(*of, rows[..., i], view) for i, (key, of) in columns}
+                found[deed.name] = where, {key: self._find_values(*of, rows[..., i], view) for i, (key, of) in columns}
         return found
 
     def do(self, chosen: IntArray, view: ArrayView) -> None:
@@ -132,7 +132,7 @@ class DeedChoices:
             node: the id of the agent's node.
         """
         row = int(np.flatnonzero(self._columns.node_ids == node)[0])
-        edges = self._columns.edge_ids[self._edges_from(row)].tolist()
+        edges = self._columns.edge_ids[self._find_edges(row)].tolist()
         for deed in self._deeds:
             if not 0 <= choice - deed.first < len(deed.options):
                 continue
@@ -145,11 +145,11 @@ class DeedChoices:
             }
         return {}
 
-    def _edges_from(self, node: int) -> IntArray:
+    def _find_edges(self, node: int) -> IntArray:
         columns = self._columns
         return columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]]
 
-    def _values(self, field: DeclaredField, known: Sequence[Any], options: IntArray, view: ArrayView) -> Any:
+    def _find_values(self, field: DeclaredField, known: Sequence[Any], options: IntArray, view: ArrayView) -> Any:
         """Return the values of a field, (games, agents), as `ArrayView.do` takes them."""
         if field.kind == "agent":
             return options
@@ -164,13 +164,13 @@ class DeedChoices:
         for place in np.argwhere(is_given).tolist():
             at = tuple(place)
             if field.kind == "edge":
-                edges = self._edges_from(int(view.node[at]))
+                edges = self._find_edges(int(view.node[at]))
                 values[at] = int(self._columns.edge_ids[edges[options[at]]]) if options[at] < len(edges) else None
             else:
                 values[at] = known[options[at]]
         return values
 
-    def _named(self) -> list[tuple[int, int]]:
+    def _list_named_agents(self) -> list[tuple[int, int]]:
         """Return pairs (choice, agent) for the choices that name an agent."""
         found = []
         for deed in self._deeds:
@@ -180,7 +180,7 @@ class DeedChoices:
                     found += [(choice, agent) for choice, agent in rows if agent != _LEFT_OUT]
         return found
 
-    def _needed(self, kind: str) -> IntArray:
+    def _find_needed(self, kind: str) -> IntArray:
         needed = [np.zeros(1, np.int64)]
         for deed in self._deeds:
             columns = [i for i, (field, _) in enumerate(deed.fields.values()) if field.kind == kind]
@@ -188,7 +188,7 @@ class DeedChoices:
         return np.concatenate(needed)
 
 
-def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredField]]) -> DeedChoices | None:
+def get_choices(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredField]]) -> DeedChoices | None:
     """Return the deed choices in a view, computed once for its map; None: no deeds are declared."""
     if not declared:
         return None
@@ -200,14 +200,14 @@ def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredFiel
     key = repr((declared, roster.names, teams, sensors, width))
     if key not in known:
         of_game = {"agent": roster.names, "team": teams, "sensor": sensors}
-        known[key] = DeedChoices(declared, of_game, movement_in(view).streets, width)
+        known[key] = DeedChoices(declared, of_game, get_movement(view).streets, width)
     return known[key]
 
 
 _known: WeakKeyDictionary[StreetGraph, dict[str, DeedChoices]] = WeakKeyDictionary()
 
 
-def _options_of(
+def _list_options(
     deed: str, key: str, field: DeclaredField, known: Mapping[str, Sequence[Any]]
 ) -> tuple[DeclaredField, Sequence[Any]]:
     """Return a field with its options."""
@@ -220,7 +220,7 @@ def _options_of(
     return field, values
 
 
-def _name_of(deed: str, fields: Mapping[str, tuple[DeclaredField, Sequence[Any]]], row: Sequence[int]) -> str:
+def _make_name(deed: str, fields: Mapping[str, tuple[DeclaredField, Sequence[Any]]], row: Sequence[int]) -> str:
     parts = []
     for option, (key, (field, known)) in zip(row, fields.items(), strict=True):
         if option != _LEFT_OUT:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gamms.arguments import as_count, names_keywords
+from gamms.arguments import as_count, explain_call_errors
 from gamms.errors import BadValue
 from gamms.game.batch import MostAgents
 from gamms.plugins import needing
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gamms.rl.tensor_env import TensorEnv
 
 
-@names_keywords
+@explain_call_errors
 def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what they get
     scenario: Scenario,
     *,
@@ -71,9 +71,9 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         MissingExtra (ImportError): PettingZoo is not installed.
     """
     with needing("An environment of PettingZoo", "rl"):
-        from gamms.rl.interface import EnvInterface, EnvRecipe, engine_of
+        from gamms.rl.interface import EnvInterface, EnvRecipe, choose_engine
         from gamms.rl.team_env import TeamEnv
-    window = engine_of(render_mode)
+    window = choose_engine(render_mode)
     games: dict[str, Any] = {
         "others": others,
         "observation": observation,
@@ -84,14 +84,14 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         "moves": moves,
     }
     learners = Learners(scenario, teams=team, vis_engine=window, **games)
-    with _closing_after_error(learners):
+    with _close_on_error(learners):
         env = TeamEnv(EnvInterface(learners, mask, actions), scenario.spec.name, render_mode)
     form: dict[str, Any] = {"mask": mask, "actions": actions, "render_mode": render_mode}
     env.recipe = EnvRecipe(parallel_env, scenario, {"team": team, **games, **form})
     return env
 
 
-@names_keywords
+@explain_call_errors
 def single_agent_env(  # noqa: PLR0913 - as above
     scenario: Scenario,
     *,
@@ -127,9 +127,9 @@ def single_agent_env(  # noqa: PLR0913 - as above
         MissingExtra (ImportError): Gymnasium is not installed.
     """
     with needing("An environment of Gymnasium", "rl"):
-        from gamms.rl.gym_envs import AgentEnv, spec_of
-        from gamms.rl.interface import EnvInterface, EnvRecipe, engine_of
-    window = engine_of(render_mode)
+        from gamms.rl.gym_envs import AgentEnv, make_spec
+        from gamms.rl.interface import EnvInterface, EnvRecipe, choose_engine
+    window = choose_engine(render_mode)
     games: dict[str, Any] = {
         "agent": agent,
         "others": others,
@@ -140,15 +140,15 @@ def single_agent_env(  # noqa: PLR0913 - as above
         "moves": moves,
     }
     learners = Learners(scenario, vis_engine=window, **games)
-    with _closing_after_error(learners):
+    with _close_on_error(learners):
         env = AgentEnv(EnvInterface(learners, mask, actions), scenario.spec.name, render_mode)
     options: dict[str, Any] = {**games, "mask": mask, "actions": actions}
-    env.spec = spec_of(single_agent_env, scenario, options)
+    env.spec = make_spec(single_agent_env, scenario, options)
     env.recipe = EnvRecipe(single_agent_env, scenario, {**options, "render_mode": render_mode})
     return env
 
 
-@names_keywords
+@explain_call_errors
 def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what they get
     scenario: Scenario,
     *,
@@ -207,11 +207,11 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         MissingExtra (ImportError): Gymnasium is not installed.
     """
     with needing("An environment of Gymnasium", "rl"):
-        from gamms.rl.gym_envs import GamesEnv, mode_of
-        from gamms.rl.interface import EnvInterface, EnvRecipe, engine_of, prepare
+        from gamms.rl.gym_envs import GamesEnv, parse_mode
+        from gamms.rl.interface import EnvInterface, EnvRecipe, choose_engine, prepare
         from gamms.rl.processes import ProcessesEnv
-    mode = mode_of(autoreset_mode)
-    window = engine_of(render_mode)
+    mode = parse_mode(autoreset_mode)
+    window = choose_engine(render_mode)
     several = as_count(workers, "workers", least=1) > 1
     if several:
         refuse_in_worker()
@@ -233,7 +233,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     if several:
         played = {"num_games": 1}
     learners = Learners(scenario, teams=team, seed=seed, **played, **games)
-    with _closing_after_error(learners):
+    with _close_on_error(learners):
         interface = EnvInterface(learners, mask, actions)
         if several:
             make = partial(vector_env, scenario, **options)
@@ -265,7 +265,7 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
 
 
 @contextmanager
-def _closing_after_error(learners: Learners) -> Iterator[None]:
+def _close_on_error(learners: Learners) -> Iterator[None]:
     """Close the learners if making an environment fails."""
     try:
         yield
@@ -274,7 +274,7 @@ def _closing_after_error(learners: Learners) -> Iterator[None]:
         raise
 
 
-@names_keywords
+@explain_call_errors
 def torchrl_env(  # noqa: PLR0913 - what environments are given
     scenario: Scenario,
     *,

@@ -56,13 +56,13 @@ class Evaluation:
         Raises:
             MissingExtra (ImportError): SciPy is not installed.
         """
-        found = self._rows_by(self.rows.keys, confidence)
+        found = self._list_rows(self.rows.keys, confidence)
         if "map" in self.rows.keys:
             others = [key for key in self.rows.keys if key != "map"]
-            found += [{"map": _ALL, **row} for row in self._rows_by(others, confidence)]
+            found += [{"map": _ALL, **row} for row in self._list_rows(others, confidence)]
         return Table.of(found)
 
-    def _rows_by(self, keys: Iterable[str], confidence: float) -> list[dict[str, Any]]:
+    def _list_rows(self, keys: Iterable[str], confidence: float) -> list[dict[str, Any]]:
         """Return the rows of the table for each combination of values of these keys."""
         own = f"strategies.{self.team}"
         columns = self.rows.summary(list(keys), [self.metric], confidence=confidence)
@@ -84,7 +84,7 @@ class Evaluation:
             BadValue: exact play was not evaluated, or is nowhere better than the reference.
         """
         own = f"strategies.{self.team}"
-        rows = self._rows_by(self.rows.keys, 0.95)
+        rows = self._list_rows(self.rows.keys, 0.95)
         as_known(strategy, "strategy", dict.fromkeys(str(row[own]) for row in rows))
         shares = [row.get("gap_closed", np.nan) for row in rows if row[own] == strategy]
         known = [float(share) for share in shares if np.isfinite(share)]
@@ -161,7 +161,7 @@ def evaluate(  # noqa: PLR0913 - each option is independent of the others
     if maps is not None:
         vary["map"] = name_maps(maps)
     vary[f"strategies.{team}"] = {**compared, **({} if exact is None else {EXACT: exact})}
-    for other, known in _by_team(opponents or {}, [one for one in teams if one != team]).items():
+    for other, known in _group_by_team(opponents or {}, [one for one in teams if one != team]).items():
         vary[f"strategies.{other}"] = known
     seeds = range(seed, seed + as_count(games, "games"))
     rows = run(scenario, seeds, vary, out=out, workers=workers)
@@ -173,7 +173,7 @@ def name_maps(maps: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
     return dict(maps) if isinstance(maps, Mapping) else {str(number): one for number, one in enumerate(maps)}
 
 
-def _by_team(opponents: Mapping[Any, Any], others: list[Any]) -> Mapping[Any, Any]:
+def _group_by_team(opponents: Mapping[Any, Any], others: list[Any]) -> Mapping[Any, Any]:
     """Return the opponents as team -> name -> strategy."""
     known = as_mapping(opponents, "opponents")
     if all(isinstance(one, Mapping) for one in known.values()):

@@ -21,10 +21,10 @@ from gamms.rl.interface import (
     CopyableEnv,
     EnvInterface,
     RenderMode,
-    mask_in,
-    metadata_of,
+    make_mask_infos,
+    make_metadata,
     prepare,
-    rendered,
+    render_first_game,
 )
 from gamms.rl.learners import ActionArray, Begins, Seeds
 from gamms.scenario import Scenario
@@ -52,7 +52,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
     _own = "spec", "observation_space", "action_space"
 
     def __init__(self, interface: EnvInterface, name: str, render_mode: RenderMode) -> None:
-        self.metadata = metadata_of(name)
+        self.metadata = make_metadata(name)
         self._interface = interface
         self.render_mode = render_mode
         self.learners = interface.learners
@@ -64,16 +64,16 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         """Reset the game to a seed; None: the next seed."""
         super().reset(seed=seed, options=options)
         self.learners.begin_next(seed)
-        found = self._columns()
-        return self._interface.given(found), mask_in(found) | self._drawn()
+        found = self._list_columns()
+        return self._interface.given(found), make_mask_infos(found) | self._list_drawn()
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; after an illegal action the agent stays, and `info["is_legal"]` is False."""
         heads = self._interface.heads_of([(np.array([0]), action)])
         was_legal = bool(are_legal(self.learners, heads)[0, 0])
         played = self.learners.step(*heads)
-        found = self._columns()
-        infos = {**mask_in(found), **self._drawn(), "is_legal": was_legal}
+        found = self._list_columns()
+        infos = {**make_mask_infos(found), **self._list_drawn(), "is_legal": was_legal}
         is_out = bool(played.terminated[0, 0])
         is_late = bool(played.truncated[0, 0])
         return self._interface.given(found), float(played.rewards[0, 0]), is_out, is_late, infos
@@ -85,16 +85,16 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
 
     def render(self) -> Any:
         """Return a picture, (height, width, 3), or show it in the window; do nothing without a render mode."""
-        return rendered(self.learners, self.render_mode)
+        return render_first_game(self.learners, self.render_mode)
 
     def close(self) -> None:
         """Close the game."""
         self.learners.close()
 
-    def _drawn(self) -> Infos:
+    def _list_drawn(self) -> Infos:
         return {key: column[0] for key, column in self.learners.drawn.items()}
 
-    def _columns(self) -> Columns:
+    def _list_columns(self) -> Columns:
         return {key: column[0, 0] for key, column in self._interface.columns().items()}
 
 
@@ -156,7 +156,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
     ) -> None:
         self._interface = interface
         self._autoreset_mode = autoreset_mode
-        self.metadata = {**metadata_of(name), "autoreset_mode": autoreset_mode}
+        self.metadata = {**make_metadata(name), "autoreset_mode": autoreset_mode}
         self.render_mode = render_mode
         learners = interface.learners
         self.learners = learners
@@ -185,15 +185,15 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
             BadType, BadValue: the seeds or the mask have another form; or the mask names only some of the agents that
                 still play in a game.
         """
-        seeds = self._seeds_of(seed)
+        seeds = self._list_seeds(seed)
         which = np.arange(self.num_games)
         if options is not None and "reset_mask" in options:
-            which = self._named_by(options["reset_mask"])
+            which = self._find_games(options["reset_mask"])
         found, alive = self._begin(which, seeds)
         is_other = np.ones(self.num_games, np.bool_)
         is_other[which] = False
         self._go_on_with(np.repeat(is_other, self.num_agents))
-        return self._interface.given(found), _infos(found, alive) | self._drawn()
+        return self._interface.given(found), _make_infos(found, alive) | self._list_drawn()
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
         """Play a turn of all games, and reset finished games as `autoreset_mode` says.
@@ -205,24 +205,24 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         Raises:
             BadValue: these are not actions; or a game has ended that only `reset` may reset.
         """
-        if self._autoreset_mode is AutoresetMode.DISABLED and self._over().any():
+        if self._autoreset_mode is AutoresetMode.DISABLED and self._find_ended_games().any():
             raise BadValue(
-                f"Game {int(self._over().argmax())} has ended: call reset(options={{'reset_mask': terminated | "
-                "truncated}) before step()."
+                f"Game {int(self._find_ended_games().argmax())} has ended: call reset(options={{'reset_mask': "
+                "terminated | truncated}) before step()."
             )
-        drawn = self._drawn()
+        drawn = self._list_drawn()
         turn = self._play(actions)
         ends = turn.terminated | turn.truncated
         infos = Infos()
         if self._autoreset_mode is AutoresetMode.SAME_STEP and ends.any():
-            final = _infos(turn.last, turn.valid) | drawn
+            final = _make_infos(turn.last, turn.valid) | drawn
             infos = {"final_obs": self._interface.given(turn.last), "final_info": final}
             infos |= {"_final_obs": ends, "_final_info": ends.copy()}
-        infos |= self._lives(turn, ends)
-        infos |= _infos(turn.now, turn.valid) | self._drawn()
+        infos |= self._note_lives(turn, ends)
+        infos |= _make_infos(turn.now, turn.valid) | self._list_drawn()
         return self._interface.given(turn.now), turn.rewards, turn.terminated, turn.truncated, infos
 
-    def _lives(self, turn: SlotsTurn, ends: BoolArray) -> Infos:
+    def _note_lives(self, turn: SlotsTurn, ends: BoolArray) -> Infos:
         """Add a turn to the lives of agents; return the infos of those that end, (slots,)."""
         self._returns = self._returns + turn.rewards
         self._lengths = self._lengths + turn.valid
@@ -247,7 +247,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         Only game 0 is rendered: the pictures of the slots of other games are black. Without a render mode, log a
         warning and return None.
         """
-        picture = self._rendered()
+        picture = self._render_game()
         if picture is None:
             return None
         black = np.zeros_like(picture)
@@ -259,7 +259,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
 
     # -- inside: methods that `ProcessesEnv` overrides ----------------------------------------------------------
 
-    def _drawn(self) -> Infos:
+    def _list_drawn(self) -> Infos:
         """Return what the games play with, (slots,); see `Learners.drawn`."""
         return {key: np.repeat(column, self.num_agents) for key, column in self.learners.drawn.items()}
 
@@ -268,7 +268,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         if seeds is not None:
             self.learners.begin_from(seeds, which)
         self.learners.begin_again(which)
-        return self._flat(self._interface.columns()), self.learners.alive.ravel()
+        return self._flatten_columns(self._interface.columns()), self.learners.alive.ravel()
 
     def _play(self, actions: ActionArray) -> SlotsTurn:
         """Play a turn."""
@@ -282,7 +282,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
             was_over[begun] = False
             if was_over.any():
                 learners.begin_again(np.flatnonzero(was_over))
-        now = self._flat(self._interface.columns())
+        now = self._flatten_columns(self._interface.columns())
         last = now
         num_over = np.count_nonzero(learners.is_over)
         if mode is AutoresetMode.SAME_STEP and (played.num_ended or len(begun) or num_over):
@@ -308,16 +308,16 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         for key, of_games in rows.items():
             columns[key].reshape(self.num_games, self.num_agents, *of_games.shape[2:])[games] = of_games
 
-    def _rendered(self) -> Any:
+    def _render_game(self) -> Any:
         """Return a picture of game 0, or show it in its window."""
-        return rendered(self.learners, self.render_mode)
+        return render_first_game(self.learners, self.render_mode)
 
-    def _over(self) -> BoolArray:
+    def _find_ended_games(self) -> BoolArray:
         """Return whether games have ended, (games,)."""
         over: BoolArray = self.learners.is_over
         return over
 
-    def _plays(self) -> BoolArray:
+    def _find_playing_agents(self) -> BoolArray:
         """Return whether agents still play, (games, agents)."""
         learners = self.learners
         plays: BoolArray = (learners.alive | (learners.is_there & learners.may_return)) & ~learners.is_over[:, None]
@@ -325,7 +325,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _seeds_of(self, seed: object) -> Seeds:
+    def _list_seeds(self, seed: object) -> Seeds:
         """Return a single seed for all games, or a list with one for each."""
         if seed is None or isinstance(seed, int | np.integer):
             return None if seed is None else as_int(seed, "seed")
@@ -346,7 +346,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
                 )
         return [seeds[0] for seeds in of_games]
 
-    def _named_by(self, given: object) -> IntArray:
+    def _find_games(self, given: object) -> IntArray:
         """Return the numbers of the games that a mask of slots resets."""
         mask = given
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
@@ -357,7 +357,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
                 f"({self.num_envs},), not {shown(given)}."
             )
         named = mask.reshape(self.num_games, self.num_agents)
-        plays = self._plays()
+        plays = self._find_playing_agents()
         goes_on = (plays & ~named).any(axis=1)
         torn = goes_on & (plays & named).any(axis=1)
         if torn.any():
@@ -367,16 +367,16 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
             )
         return np.flatnonzero(named.any(axis=1) & ~goes_on)
 
-    def _flat(self, found: Columns) -> Columns:
+    def _flatten_columns(self, found: Columns) -> Columns:
         return {key: column.reshape(self.num_envs, *column.shape[2:]) for key, column in found.items()}
 
 
-def _infos(found: Columns, valid: BoolArray) -> Infos:
+def _make_infos(found: Columns, valid: BoolArray) -> Infos:
     """Return the infos of all slots, with the masks of their observations."""
-    return {**{key: mask > 0 for key, mask in mask_in(found).items()}, "valid": valid.copy()}
+    return {**{key: mask > 0 for key, mask in make_mask_infos(found).items()}, "valid": valid.copy()}
 
 
-def mode_of(given: object) -> AutoresetMode:
+def parse_mode(given: object) -> AutoresetMode:
     """Return a mode from the mode itself or its name.
 
     Raises:
@@ -392,7 +392,7 @@ def mode_of(given: object) -> AutoresetMode:
         raise BadValue(f"autoreset_mode must be one of {names}, not {shown(given)}.") from None
 
 
-def spec_of(make: Callable[..., Any], scenario: Scenario, options: dict[str, Any]) -> EnvSpec:
+def make_spec(make: Callable[..., Any], scenario: Scenario, options: dict[str, Any]) -> EnvSpec:
     """Return the spec by which Gymnasium can make the environment again with another render mode."""
     name = "".join(word for word in scenario.spec.name.title() if word.isalnum()) or "Game"
     return EnvSpec(f"gamms/{name}-v0", entry_point=partial(make, scenario), kwargs=options)

@@ -28,7 +28,7 @@ class ActionHeads(NamedTuple):
     flights: FloatArray | None
 
 
-def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_flat: bool = False) -> ActionHeads:
+def make_heads(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_flat: bool = False) -> ActionHeads:
     """Return the heads of actions.
 
     Args:
@@ -78,13 +78,13 @@ def as_actions(
     choices = 0 if learners.deeds is None else len(learners.deeds)
     if learners.flies[agents[0]]:
         wide = AXES + choices
-        return _numbers(actions, (*shape, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
+        return _check_numbers(actions, (*shape, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
     if not choices or are_flat:
-        return _numbers(actions, shape, "iu", "integers, one for each")
-    return _numbers(actions, (*shape, 2), "iu", "integers, each a pair of a move and a deed for each")
+        return _check_numbers(actions, shape, "iu", "integers, one for each")
+    return _check_numbers(actions, (*shape, 2), "iu", "integers, each a pair of a move and a deed for each")
 
 
-def _numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> np.ndarray[Any, Any]:
+def _check_numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> np.ndarray[Any, Any]:
     try:
         given = np.asarray(actions)
     except ValueError:  # rows of different shapes

@@ -132,26 +132,26 @@ class EnvInterface:
         return heads.action_masks(self.learners, are_flat=self._are_flat)
 
     def heads_of(self, given: Sequence[tuple[IntArray, Any]]) -> heads.ActionHeads:
-        """Return the decoded heads of actions; see `heads.heads_of`."""
-        return heads.heads_of(self.learners, given, are_flat=self._are_flat)
+        """Return the decoded heads of actions; see `heads.make_heads`."""
+        return heads.make_heads(self.learners, given, are_flat=self._are_flat)
 
     def as_actions(self, games: int, agents: IntArray, actions: object) -> np.ndarray[Any, Any]:
         """Return actions as an array (games, agents, …); see `heads.as_actions`."""
         return heads.as_actions(self.learners, games, agents, actions, are_flat=self._are_flat)
 
 
-def mask_in(columns: Columns) -> dict[str, Any]:
+def make_mask_infos(columns: Columns) -> dict[str, Any]:
     """Return the infos of an environment: the action mask, if the columns contain one; flying agents have no mask."""
     return {key: value for key, value in columns.items() if key == "action_mask"}
 
 
-def metadata_of(name: str) -> dict[str, Any]:
+def make_metadata(name: str) -> dict[str, Any]:
     """Return the metadata of an environment; without a display, "human" is not among the render modes."""
     modes = [mode for mode in METADATA["render_modes"] if mode != "human" or may_open()]
     return {**METADATA, "render_modes": modes, "name": name or "gamms"}
 
 
-def engine_of(mode: object) -> Engine | None:
+def choose_engine(mode: object) -> Engine | None:
     """Return the visual engine for a render mode.
 
     Raises:
@@ -168,7 +168,7 @@ def prepare(learners: Learners, mode: RenderMode) -> None:
         learners.games.context(0).visual.turn_seconds = 1.0 / METADATA["render_fps"]
 
 
-def rendered(learners: Learners, mode: str | None) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
+def render_first_game(learners: Learners, mode: str | None) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
     """Return a picture of the first game, (height, width, 3), or show it in its window."""
     if mode is None:
         learners.games.game.ctx.logger.warning(
@@ -203,7 +203,7 @@ class CopyableEnv:
     _own: tuple[str, ...] = ()  # names of attributes that copies keep unchanged
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return remake, (self.recipe, {name: getattr(self, name) for name in self._own}, self._carried())
+        return remake, (self.recipe, {name: getattr(self, name) for name in self._own}, self._get_checkpoint())
 
     def set_others(self, others: Mapping[str, Any] | None) -> None:
         """Replace the strategies of other agents and teams: in each game from its next start on.
@@ -219,7 +219,7 @@ class CopyableEnv:
         """
         self.learners.set_others(others)
 
-    def _carried(self) -> Any:
+    def _get_checkpoint(self) -> Any:
         """Return a checkpoint of the games."""
         return self.learners.carried()
 

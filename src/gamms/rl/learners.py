@@ -17,24 +17,24 @@ from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import (
     ArrayView,
     LearnerWriter,
-    lasting_in,
-    movement_in,
-    nodes_in,
+    encode_vectors,
+    get_movement,
+    get_nodes,
+    list_lasting_deeds,
+    make_writer,
     set_width,
-    vectors_in,
     width_in,
-    writer_of,
 )
 from gamms.game.batch import (
     Batch,
     MostAgents,
     begins_at_once,
     change_strategies,
+    find_opponent_names,
     find_pools,
     have_first_roads,
     list_newest_sources,
     list_sources,
-    name_opponents,
     plays_at_once,
     prepare_starts,
     reset_alike,
@@ -42,11 +42,11 @@ from gamms.game.batch import (
     view_source,
 )
 from gamms.game.block.vectors import ObservationVectors
-from gamms.game.deeds import field_of
+from gamms.game.deeds import parse_field
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rl.deeds import DeedChoices, choices_of
+from gamms.rl.deeds import DeedChoices, get_choices
 from gamms.rl.turns import ActionHistory, GameOutcomes, ScriptedActions, Turn, TurnArrays, TurnOutcome
 from gamms.scenario import Scenario
 from gamms.text import shown
@@ -207,13 +207,13 @@ class Learners:
         self.begun: IntArray = np.zeros(0, np.int64)
         self._num_used = 0  # how many games have begun since their next starts were drawn
         try:
-            self._look_at((teams,) if isinstance(teams, str) else teams, agent)
+            self._set_learners((teams,) if isinstance(teams, str) else teams, agent)
             self._refuse_learners(first_others)
         except BaseException:
             self.games.close()
             raise
 
-    def _look_at(self, teams: Sequence[Hashable] | None, agent: str | None) -> None:
+    def _set_learners(self, teams: Sequence[Hashable] | None, agent: str | None) -> None:
         """Determine the learning agents, and refuse games that cannot be learned."""
         if agent is None:
             self.teams = self.games.teams if teams is None else tuple(as_items(teams, "team", "names of teams"))
@@ -225,14 +225,14 @@ class Learners:
                 raise BadValue(
                     f"Agent {shown(agent)} is of the team {shown(self.teams[0])}: give agent= without team=."
                 )
-        views = self._views(0)
+        views = self._make_views(0)
         self._opposing: list[Hashable] = []  # the teams in `drawn`
         self.drawn = self._begin_drawn()
-        self._name_others()
-        self._specs = [self._views(number)[0].map_spec for number in range(self.games.num_maps)]
-        self.num_legal = self._most_legal()
-        self.num_actions = max(map(count_edge_actions, self._first_views())) if self.by_edges else self.num_legal
-        self.deeds = self._deeds_in(views[0])
+        self._add_drawn_teams()
+        self._specs = [self._make_views(number)[0].map_spec for number in range(self.games.num_maps)]
+        self.num_legal = self._count_most_legal()
+        self.num_actions = max(map(count_edge_actions, self._make_first_views())) if self.by_edges else self.num_legal
+        self.deeds = self._make_deed_choices(views[0])
         if self._scripted is not None:
             self._scripted.begin(self.games, self.deeds, by_edges=self.by_edges)
         self.has_begun = False
@@ -244,11 +244,11 @@ class Learners:
         self._can_come = not views[0].roster.is_first.all()
         self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
         game = self.games.game
-        self.may_return = any(_brings_back(one.rule) for one in game.rules)
+        self.may_return = any(_may_bring_back(one.rule) for one in game.rules)
         self._turn = TurnArrays(self._shape, may_return=self.may_return)
-        self._given = self._moves_by_team()
+        self._given = self._split_moves()
         self._begin_writing()
-        self._look()
+        self._update_legal_moves()
         self.names: tuple[str, ...] = tuple(chain.from_iterable(view["name"] for view in views))
         learners = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in learners], np.bool_)
@@ -258,7 +258,7 @@ class Learners:
         self._prefix = ActionHistory(self._shape, num_heads, flies=self.any_fly)
         reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(learners, self.flies, strict=True)]
         self.reach_m: FloatArray = np.array(reach, np.float64)
-        if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
+        if self._reward is None and not any(_may_give_scores(one.rule) for one in game.rules):
             raise BadValue(
                 "No rule of this scenario gives scores, from which rewards are made: give reward=, a function of a "
                 "turn, or add a rule such as tag with a score."
@@ -286,29 +286,29 @@ class Learners:
         found: dict[str, np.ndarray[Any, Any]] = {"map": np.zeros(games, np.int64)} if has_maps else {}
         return found | ({"map_spec": np.full(games, None, object)} if has_maps else {})
 
-    def _name_others(self) -> None:
+    def _add_drawn_teams(self) -> None:
         """Add the teams to `drawn` that others name, or that play a pool."""
         named = [*find_pools(self.games), *(team for team in self.games.teams if team in self._sets[self._newest])]
         for team in named:
             if team not in self._opposing and team not in self.teams:
                 self._opposing.append(team)
-                self.drawn[f"opponent.{team}"] = name_opponents(self.games, team, np.arange(len(self.games)))
+                self.drawn[f"opponent.{team}"] = find_opponent_names(self.games, team, np.arange(len(self.games)))
 
-    def _deeds_in(self, view: ArrayView) -> DeedChoices | None:
+    def _make_deed_choices(self, view: ArrayView) -> DeedChoices | None:
         """Return the deed choices of agents; None: the scenario declares no deeds."""
         declared = self.games.game.settings()["deeds"].items()
-        fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}
+        fields = {deed: {key: parse_field(kind) for key, kind in of.items()} for deed, of in declared}
         if fields and self.games.num_maps > 1:
             raise BadValue("Deeds of learners are for games on one map: leave maps= out, or declare no deeds.")
-        return choices_of(view, fields)
+        return get_choices(view, fields)
 
-    def _first_views(self) -> list[ArrayView]:
+    def _make_first_views(self) -> list[ArrayView]:
         """Return a view of the games on each map."""
-        return [self._views(number)[0] for number in range(self.games.num_maps)]
+        return [self._make_views(number)[0] for number in range(self.games.num_maps)]
 
-    def _most_legal(self) -> int:
+    def _count_most_legal(self) -> int:
         """Return the largest number of legal nodes on any map, and give observations on all maps this size."""
-        views = self._first_views()
+        views = self._make_first_views()
         most = max(map(width_in, views))
         for view in views:
             set_width(view, most)
@@ -347,25 +347,25 @@ class Learners:
             values = self._writer.values
             return values if which is None else values[which]
         if which is None:
-            return joined([self._observed_by(views) for views in self._now])
+            return join_by_agents([self._observe_views(views) for views in self._now])
         are_alike = all(type(view) is ArrayView for view in chain.from_iterable(self._now))  # with the same roads
         if not are_alike or not getattr(self.observation, "of_each", False):  # it may need all games
             return self.observe()[which]
-        return joined([self._observed_by(_in_games(views, which)) for views in self._now])
+        return join_by_agents([self._observe_views(_restrict_views(views, which)) for views in self._now])
 
-    def _observed_by(self, views: Sequence[ArrayView]) -> Any:
+    def _observe_views(self, views: Sequence[ArrayView]) -> Any:
         """Return the observations of agents in the views of all maps, in the order of the games."""
-        found = [self._observed(view) for view in views]
+        found = [self._observe_view(view) for view in views]
         shapes = {one.shape[2:] for one in found}
         if len(shapes) > 1:
             raise BadValue(
                 f"observation must give arrays of one shape on all maps, not {shown(sorted(shapes))} for an agent: "
                 "pad it to a fixed number of entries, as rl.neighbourhood(2, nodes=12) and rl.graph(nodes=150) do."
             )
-        return _in_order(found, views)
+        return _join_in_order(found, views)
 
-    def _observed(self, view: ArrayView) -> Any:
-        return self._checked(self._observe(view), view, "observation")
+    def _observe_view(self, view: ArrayView) -> Any:
+        return self._check_result(self._observe(view), view, "observation")
 
     def step(
         self,
@@ -390,21 +390,21 @@ class Learners:
         """
         self._refuse_closed()
         turn = self._turn
-        turn.moves[:] = self._numbers_of(actions)
+        turn.moves[:] = self._check_actions(actions)
         heads = [turn.moves]
         given = self._given
         if self.by_edges:
             heads, given = self._take_edges(turn.moves)
         if deeds is not None and self.deeds is not None:
-            done = self._numbers_of(deeds)
+            done = self._check_actions(deeds)
             heads.append(np.where(are_in(self.deed_masks, done), done, 0))
-            given = self._with_deeds(given, heads[1])
+            given = self._add_deeds(given, heads[1])
         flown = None
         if flights is not None and self.any_fly:
-            flown = within_reach(np.asarray(flights), self.reach_m, self._shape)
-            given = self._with_flights(given, flown)
+            flown = limit_to_reach(np.asarray(flights), self.reach_m, self._shape)
+            given = self._add_flights(given, flown)
         if self._scripted is not None:
-            given = self._script(given, heads, flown)
+            given = self._store_script(given, heads, flown)
         before = None if self._reward is None else self._now
         is_at_once = self._is_written and plays_at_once(self.games, given)
         writer = self._writer if is_at_once else None
@@ -425,7 +425,7 @@ class Learners:
         if writer is not None and before is None:
             return turn.outcome(writer.num_ended)
         if writer is None:
-            self._look()
+            self._update_legal_moves()
         self._earn(before, scores)
         outcome = turn.end()
         if before is not None:
@@ -452,7 +452,7 @@ class Learners:
             prepare_starts(self.games, which, later, seeds, _STARTS_AHEAD)
             left[:] = _STARTS_AHEAD
 
-    def _script(
+    def _store_script(
         self, given: dict[Hashable, OutsideActions], heads: Sequence[IntArray], flown: FloatArray | None
     ) -> dict[Hashable, OutsideActions]:
         """Store actions for the strategy of the only agent; return the actions to give, none if it is called."""
@@ -476,7 +476,7 @@ class Learners:
                 none = partial(np.zeros, len(now.games))
                 own = defaultdict(none, {key: numbers[now.games] for key, numbers in gains.items()})
                 turn = Turn(team, was, now, own, outcomes)
-                earned[now.games, columns] += self._checked(self._reward(turn), now, "reward")
+                earned[now.games, columns] += self._check_result(self._reward(turn), now, "reward")
 
     def are_legal(self, actions: ActionArray) -> BoolArray:
         """Return whether actions are legal, (games, agents)."""
@@ -543,11 +543,11 @@ class Learners:
         self._refuse_learners(given)
         change_strategies(self.games, self._add_scripted(given))
         for number in list_newest_sources(self.games):
-            set_width(self._views(number)[0], self.num_legal)
+            set_width(self._make_views(number)[0], self.num_legal)
         self._newest += 1
         self._sets[self._newest] = given
         self._sets = {number: self._sets[number] for number in {*self._set_of.tolist(), self._newest}}
-        self._name_others()
+        self._add_drawn_teams()
 
     def begin(self, which: IntArray, seeds: Sequence[int], *, keeps_others: bool = False) -> None:
         """Begin games again, with these seeds, and with the newest others, or the same ones."""
@@ -562,12 +562,12 @@ class Learners:
         self._note_begun(which)
         if self._writer is not None:
             self._writer.move(self.games.maps)
-        self._look(which)
+        self._update_legal_moves(which)
 
     def _note_begun(self, which: IntArray) -> None:
         """Note what games that have begun play with, and forget their actions."""
         for team in self._opposing:
-            self.drawn[f"opponent.{team}"][which] = name_opponents(self.games, team, which)
+            self.drawn[f"opponent.{team}"][which] = find_opponent_names(self.games, team, which)
         if "map" in self.drawn:
             self.drawn["map"][which] = self.games.maps[which]
             for game in which.tolist():
@@ -617,8 +617,8 @@ class Learners:
         For each agent of all teams, sorted by name: `alive`, `x` and `y`, and if an agent flies `z`, as shares of the
         map; then the share n / (n + 100) after n turns, and the scores of the teams.
         """
-        on_maps = [self._whole_on(number) for number in list_sources(self.games)]
-        of_agents = _in_order([values for values, _ in on_maps], [view for _, view in on_maps])
+        on_maps = [self._observe_whole(number) for number in list_sources(self.games)]
+        of_agents = _join_in_order([values for values, _ in on_maps], [view for _, view in on_maps])
         known = self.games.scores
         scores = [known.get(team, np.zeros(len(self.games))) for team in self.games.teams]
         parts = (
@@ -628,7 +628,7 @@ class Learners:
         )
         return np.concatenate(parts, axis=1, dtype=np.float32)
 
-    def _whole_on(self, number: int) -> tuple[FloatArray, ArrayView]:
+    def _observe_whole(self, number: int) -> tuple[FloatArray, ArrayView]:
         """Return the numbers of `whole` for the agents in the games of a source, and a view of these games."""
         views = [view_source(self.games, number, team) for team in self.games.teams]
         order = np.argsort(np.concatenate([view.agents for view in views]))
@@ -637,10 +637,10 @@ class Learners:
         nodes = views[0].streets.columns.xy
         low = nodes.min(axis=0)
         high = nodes.max(axis=0)
-        shares = (xy - (low + high) / 2.0) * (2.0 / _longer_side(nodes))
+        shares = (xy - (low + high) / 2.0) * (2.0 / _measure_longer_side(nodes))
         if any(agent.type is AgentType.AERIAL for agent in views[0].roster.agents):
             z = np.concatenate([view["z"] for view in views], axis=1)[:, order]
-            shares = np.concatenate((shares, z[..., None] * (2.0 / _longer_side(nodes))), axis=2)
+            shares = np.concatenate((shares, z[..., None] * (2.0 / _measure_longer_side(nodes))), axis=2)
         return np.concatenate((alive[..., None], np.where(alive[..., None], shares, 0.0)), axis=2), views[0]
 
     def names_by_team(self) -> dict[Hashable, tuple[str, ...]]:
@@ -649,7 +649,7 @@ class Learners:
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _views(self, number: int) -> list[ArrayView]:
+    def _make_views(self, number: int) -> list[ArrayView]:
         """Return the views of the teams in the games of a source, which may be empty; the first are of the maps."""
         return [view_source(self.games, number, team, self.agent) for team in self.teams]
 
@@ -657,30 +657,30 @@ class Learners:
         """Choose whether the core writes the legal actions, and the observations."""
         self._writer: LearnerWriter | None = None
         self._is_written = False  # whether the writer has written the current turn
-        self._has_vectors = self.observation is default_observation and not lasting_in(self._views(0)[0])
+        self._has_vectors = self.observation is default_observation and not list_lasting_deeds(self._make_views(0)[0])
         self._roster = self.games.roster
         if self.games.is_in_arrays:
-            views = self._first_views()
-            others = min(_num_public(views[0]) - 1, _MOST_OTHERS) if self._has_vectors else None
-            members = np.concatenate([view.agents for view in self._views(0)])
-            self._writer = writer_of(views, self.games.maps, members, self._turn, others, self._threads)
+            views = self._make_first_views()
+            others = min(_count_public_agents(views[0]) - 1, _MOST_OTHERS) if self._has_vectors else None
+            members = np.concatenate([view.agents for view in self._make_views(0)])
+            self._writer = make_writer(views, self.games.maps, members, self._turn, others, self._threads)
             self._members = members
             if self.by_edges and self._writer is not None:
                 self._edge_table = EdgeTable(views)
 
-    def _seen_now(self) -> list[tuple[ArrayView, ...]]:
+    def _list_team_views(self) -> list[tuple[ArrayView, ...]]:
         """Return for each team a view for each source that has games: a map, with the same others."""
-        by_source = [self._views(number) for number in list_sources(self.games)]
+        by_source = [self._make_views(number) for number in list_sources(self.games)]
         return list(zip(*by_source, strict=True))
 
     @property
     def _now(self) -> list[tuple[ArrayView, ...]]:
-        """The views of the current games; see `_seen_now`."""
+        """The views of the current games; see `_list_team_views`."""
         if self._known_views is None:
-            self._known_views = self._seen_now()
+            self._known_views = self._list_team_views()
         return self._known_views
 
-    def _look(self, which: IntArray | None = None) -> None:
+    def _update_legal_moves(self, which: IntArray | None = None) -> None:
         """Update what agents may do, and see if the core writes it; `which`: the games that were reset; None: all."""
         self._known_views = None
         if self.games.roster is not self._roster:
@@ -693,15 +693,17 @@ class Learners:
         if self._writer is not None and self._is_written:
             self._writer.look(which if was_written else None)
             return
-        turn.alive[:] = joined([_in_order([view.mask for view in views], views) for views in self._now])
+        turn.alive[:] = join_by_agents([_join_in_order([view.mask for view in views], views) for views in self._now])
         if self._can_come:
-            there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
-            self.is_there = joined(there)
+            there = [_join_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
+            self.is_there = join_by_agents(there)
         if self.by_edges:
-            self._edges = self._legal_edges()
+            self._edges = self._list_legal_edges()
             turn.counts[:] = 1 + (self._edges >= 0).sum(axis=-1)
         else:
-            turn.counts[:] = joined([_in_order([view.counts for view in views], views) for views in self._now])
+            turn.counts[:] = join_by_agents(
+                [_join_in_order([view.counts for view in views], views) for views in self._now]
+            )
         self._masks = np.empty((*self._shape, self.num_actions), np.bool_)
         turn.write_masks(self._masks)
 
@@ -734,7 +736,7 @@ class Learners:
         masks[..., 1:] &= ~self.is_over[:, None, None]
         return masks
 
-    def _moves_by_team(self) -> dict[Hashable, OutsideActions]:
+    def _split_moves(self) -> dict[Hashable, OutsideActions]:
         """Return team -> the moves of its agents in `TurnArrays.moves`, legal when a turn begins."""
         moves = self._turn.moves
         options: dict[str, Any] = {"may_stay": True, "are_legal": True, "name": self.agent}
@@ -743,7 +745,7 @@ class Learners:
             for team, columns in zip(self.teams, self._columns, strict=True)
         }
 
-    def _legal_edges(self) -> IntArray:
+    def _list_legal_edges(self) -> IntArray:
         """Return the ids of the edges of each action but the first, (games, agents, actions - 1); -1: none."""
         found = np.full((*self._shape, self.num_actions - 1), -1)
         for views, columns in zip(self._now, self._columns, strict=True):
@@ -755,7 +757,7 @@ class Learners:
     def _count_edges(self) -> IntArray:
         """Return the number of actions of each agent in a turn that the writer has written, (games, agents)."""
         takes_part = self._turn.alive & ~self._turn.over[:, None]
-        nodes = nodes_in(self._views(0)[0], self._members)
+        nodes = get_nodes(self._make_views(0)[0], self._members)
         return np.where(takes_part, 1 + self._edge_table.count(self.games.maps, nodes), 1)
 
     def _take_edges(self, chosen: IntArray) -> tuple[list[IntArray], dict[Hashable, OutsideActions]]:
@@ -767,7 +769,7 @@ class Learners:
         moves = np.zeros_like(chosen)
         if self._is_written:
             heads = [np.where((chosen >= 0) & (chosen < self._count_edges()), chosen, 0)]
-            nodes = nodes_in(self._views(0)[0], self._members)
+            nodes = get_nodes(self._make_views(0)[0], self._members)
             edges, moves = self._edge_table.find(self.games.maps, nodes, heads[0])
             chosen[:] = moves
         else:
@@ -780,7 +782,7 @@ class Learners:
             for (team, one), columns in zip(self._given.items(), self._columns, strict=True)
         }
 
-    def _with_deeds(self, given: dict[Hashable, OutsideActions], done: IntArray) -> dict[Hashable, OutsideActions]:
+    def _add_deeds(self, given: dict[Hashable, OutsideActions], done: IntArray) -> dict[Hashable, OutsideActions]:
         """Return actions with the deeds of agents."""
         assert self.deeds is not None  # noqa: S101 - the caller has looked
         deeds = [
@@ -788,14 +790,14 @@ class Learners:
         ]
         return {team: one._replace(deeds=of) for (team, one), of in zip(given.items(), deeds, strict=True)}
 
-    def _with_flights(self, given: dict[Hashable, OutsideActions], flown: FloatArray) -> dict[Hashable, OutsideActions]:
+    def _add_flights(self, given: dict[Hashable, OutsideActions], flown: FloatArray) -> dict[Hashable, OutsideActions]:
         """Return actions with the flights of agents, for the teams in which some fly."""
         return {
             team: one._replace(flights=flown[:, columns]) if self.flies[columns].any() else one
             for (team, one), columns in zip(given.items(), self._columns, strict=True)
         }
 
-    def _numbers_of(self, given: ActionArray) -> IntArray:
+    def _check_actions(self, given: ActionArray) -> IntArray:
         """Return the caller's actions as checked integers, (games, agents)."""
         found: IntArray = np.asarray(given)
         if found.shape != self._shape or found.dtype.kind not in "iu":
@@ -805,7 +807,7 @@ class Learners:
             )
         return found
 
-    def _checked(self, given: object, view: ArrayView, what: str) -> Any:
+    def _check_result(self, given: object, view: ArrayView, what: str) -> Any:
         """Return the result of a user's function as a checked array."""
         games = len(view.games)
         agents = len(view.agents)
@@ -865,7 +867,7 @@ class EdgeTable:
 
 def _list_edges(view: ArrayView) -> tuple[IntArray, IntArray, IntArray]:
     """Return how many edges leave each node of a map, their ids, and the numbers of their ends among legal nodes."""
-    movement = movement_in(view)
+    movement = get_movement(view)
     columns = movement.columns
     streets = view.streets
     nodes = streets.num_nodes
@@ -887,7 +889,7 @@ def count_edge_actions(view: ArrayView) -> int:
     Raises:
         BadValue: there are more than 4096.
     """
-    movement = movement_in(view)
+    movement = get_movement(view)
     columns = movement.whole.columns
     leaves = columns.sources != columns.targets
     most = int(np.bincount(columns.sources[leaves], minlength=1).max())
@@ -897,25 +899,25 @@ def count_edge_actions(view: ArrayView) -> int:
     return most
 
 
-def joined(columns: Sequence[Any]) -> Any:
+def join_by_agents(columns: Sequence[Any]) -> Any:
     """Concatenate arrays (games, agents, …) by agents; return a single one unchanged."""
     return columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
 
 
-def _in_order(parts: Sequence[Any], views: Sequence[ArrayView]) -> Any:
+def _join_in_order(parts: Sequence[Any], views: Sequence[ArrayView]) -> Any:
     """Return arrays (games of the view, …) as one array in the order of the games."""
     if len(parts) == 1:
         return parts[0]
     return np.concatenate(parts)[np.argsort(np.concatenate([view.games for view in views]))]
 
 
-def _in_games(views: Sequence[ArrayView], which: IntArray) -> list[ArrayView]:
+def _restrict_views(views: Sequence[ArrayView], which: IntArray) -> list[ArrayView]:
     """Return the views restricted to some games, ascending, without empty views."""
     found = [(view, np.flatnonzero(np.isin(view.games, which))) for view in views]
     return [view.in_games(places) for view, places in found if len(places)]
 
 
-def within_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int]) -> FloatArray:
+def limit_to_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int]) -> FloatArray:
     """Return flights (games, agents, 3), given as shares of the agents' reach, in map units.
 
     A flight longer than 1 is shortened to 1; one that is not finite hovers.
@@ -938,7 +940,7 @@ def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
     return found
 
 
-def _num_public(view: ArrayView) -> int:
+def _count_public_agents(view: ArrayView) -> int:
     """Return how many agents of a game callers may know of."""
     return int(np.count_nonzero(view.roster.is_public))
 
@@ -953,7 +955,7 @@ def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
         view: the view of the agents.
         threads: the number of threads; the result does not depend on it.
     """
-    return _default_vectors(view, threads).values
+    return _make_default_vectors(view, threads).values
 
 
 def straight_observation(view: ArrayView) -> Float32Array:
@@ -964,29 +966,29 @@ def straight_observation(view: ArrayView) -> Float32Array:
     Args:
         view: the view of the agents.
     """
-    found = _default_vectors(view, 1)
+    found = _make_default_vectors(view, 1)
     roads = [number for number, name in enumerate(found.names) if name.endswith(".road")]
     return np.delete(found.values, roads, axis=2)
 
 
-def _default_vectors(view: ArrayView, threads: int) -> ObservationVectors:
+def _make_default_vectors(view: ArrayView, threads: int) -> ObservationVectors:
     """Return the vectors of `default_observation`, with the names of the first entries."""
     has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
-    lasting = lasting_in(view)
-    found = vectors_in(view, min(_num_public(view) - 1, _MOST_OTHERS), 1 + has_z + len(lasting), threads)
+    lasting = list_lasting_deeds(view)
+    found = encode_vectors(view, min(_count_public_agents(view) - 1, _MOST_OTHERS), 1 + has_z + len(lasting), threads)
     if lasting:
         doing = view["doing"]
         first = found.values.shape[2] - 1 - has_z - len(lasting)
         for number, (kind, turns) in enumerate(lasting):
             found.values[..., first + number] = np.where(doing.kind == kind, 1.0 - doing.left / turns, 0.0)
     if has_z:
-        z = view["z"] * (2.0 / _longer_side(view.streets.columns.xy))
+        z = view["z"] * (2.0 / _measure_longer_side(view.streets.columns.xy))
         found.values[..., -2] = np.where(view.mask, z, 0.0)
         found.values.clip(-2.0, 2.0, out=found.values)
     return found
 
 
-def _longer_side(xy: FloatArray) -> float:
+def _measure_longer_side(xy: FloatArray) -> float:
     """Return the longer side of the bounding box of nodes; 2 if it is 0."""
     return float((xy.max(axis=0) - xy.min(axis=0)).max()) or 2.0
 
@@ -996,42 +998,42 @@ for _function in (default_observation, straight_observation):  # attributes that
     _function.of_each = True  # type: ignore[attr-defined] # the numbers of an agent do not depend on others
 
 
-def _brings_back(rule: object) -> bool:
+def _may_bring_back(rule: object) -> bool:
     """Return whether a rule declares that it brings agents back, or a user's code calls `respawn`."""
-    own = (code for code in _codes_of(rule, set()) if not code.co_filename.startswith(_GAMMS))
+    own = (code for code in _list_codes(rule, set()) if not code.co_filename.startswith(_GAMMS))
     return rule_spec_of(rule).brings_back or any("respawn" in code.co_names for code in own)
 
 
-def _gives_scores(rule: object) -> bool:
+def _may_give_scores(rule: object) -> bool:
     """Return whether a rule declares that it uses scores, or code that it can reach does."""
-    return rule_spec_of(rule).uses_scores or any("scores" in code.co_names for code in _codes_of(rule, set()))
+    return rule_spec_of(rule).uses_scores or any("scores" in code.co_names for code in _list_codes(rule, set()))
 
 
-def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:
+def _list_codes(value: object, seen: set[int]) -> Iterator[CodeType]:
     """Yield the code of a function or of an object's methods, and of all functions that it can reach."""
     if id(value) in seen or isinstance(value, type | ModuleType):
         return
     seen.add(id(value))
     if isinstance(value, partial):
-        yield from _codes_of(value.func, seen)
+        yield from _list_codes(value.func, seen)
         return
     if not isinstance(value, FunctionType):
         attributes = chain.from_iterable(vars(kind).values() for kind in type(value).__mro__)
         methods = (one for one in attributes if isinstance(one, FunctionType))
         for method in methods:
-            yield from _codes_of(method, seen)
+            yield from _list_codes(method, seen)
         return
-    yield from _within(value.__code__)
+    yield from _list_inner_codes(value.__code__)
     for cell in value.__closure__ or ():
         with suppress(ValueError):  # it has no value yet
-            yield from _codes_of(cell.cell_contents, seen)
+            yield from _list_codes(cell.cell_contents, seen)
     for name in value.__code__.co_names:
         if isinstance(value.__globals__.get(name), FunctionType):
-            yield from _codes_of(value.__globals__[name], seen)
+            yield from _list_codes(value.__globals__[name], seen)
 
 
-def _within(code: CodeType) -> Iterator[CodeType]:
+def _list_inner_codes(code: CodeType) -> Iterator[CodeType]:
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _within(constant)
+            yield from _list_inner_codes(constant)

@@ -164,14 +164,14 @@ class Network(NamedTuple):
         return evaluate
 
 
-def network_of(model: Any, shared: int | None = None) -> Network:
+def read_network(model: Any, shared: int | None = None) -> Network:
     """Return the network of a model: an `nn.Sequential` of PyTorch, a model of Stable-Baselines3, or a list of layers.
 
     Raises:
         BadType: the model is none of these, or has layers that feed-forward networks do not have.
     """
     if type(model) is list:
-        return _network_of_arrays(model, shared)
+        return _make_network(model, shared)
     if hasattr(model, "policy") and hasattr(model.policy, "mlp_extractor"):
         policy = model.policy
         extractors = getattr(policy.features_extractor, "extractors", {})
@@ -188,12 +188,12 @@ def network_of(model: Any, shared: int | None = None) -> Network:
     layers: list[str] = []
     weights: dict[str, Float32Array] = {}
     for module in modules:
-        for layer in _layers_in(module):
+        for layer in _list_layers(module):
             kind = type(layer).__name__
             if kind == "Linear":
-                weight = _values_of(layer.weight)
+                weight = _read_values(layer.weight)
                 weights[f"{len(layers)}.weight"] = weight
-                bias = np.zeros(len(weight), np.float32) if layer.bias is None else _values_of(layer.bias)
+                bias = np.zeros(len(weight), np.float32) if layer.bias is None else _read_values(layer.bias)
                 weights[f"{len(layers)}.bias"] = bias
             layers += [] if kind in _NOTHING else [_OF_TORCH.get(kind, "linear")]
     if hasattr(getattr(getattr(model, "policy", None), "actor", None), "latent_pi"):
@@ -205,7 +205,7 @@ def network_of(model: Any, shared: int | None = None) -> Network:
         raise BadType(f"{shown(model)} cannot be saved as a feed-forward network: {error}. {_WAY}") from None
 
 
-def _network_of_arrays(layers: Sequence[Any], shared: int | None) -> Network:
+def _make_network(layers: Sequence[Any], shared: int | None) -> Network:
     """Return the network of a list of layers: pairs of arrays (weight, bias), and names of functions."""
     names: list[str] = []
     weights: dict[str, Float32Array] = {}
@@ -236,11 +236,11 @@ _WAY = (
 )
 
 
-def _layers_in(module: Any) -> list[Any]:
+def _list_layers(module: Any) -> list[Any]:
     """Return the layers of a module, also from nested sequences."""
     kind = type(module).__name__
     if kind == "Sequential":
-        return list(chain.from_iterable(_layers_in(part) for part in module))
+        return list(chain.from_iterable(_list_layers(part) for part in module))
     is_usual = all(getattr(module, key) == value for key, value in _DEFAULTS.get(kind, {}).items())
     if not is_usual or kind not in ("Linear", *_OF_TORCH, *_NOTHING):
         known = ", ".join(("Linear", *_OF_TORCH, *_NOTHING))
@@ -250,12 +250,12 @@ def _layers_in(module: Any) -> list[Any]:
     return [module]
 
 
-def _values_of(parameter: Any) -> Float32Array:
+def _read_values(parameter: Any) -> Float32Array:
     values: Float32Array = parameter.detach().cpu().numpy().astype(np.float32)
     return values
 
 
-def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
+def load_onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
     """Return the function that evaluates an ONNX model with onnxruntime on the CPU, and the model's metadata.
 
     The model takes `observation`, (rows, …) float32, and optionally `action_mask`, (rows, actions) float32; its first
@@ -329,17 +329,19 @@ def _bound_memory(most: int) -> None:
         onnxruntime.create_and_register_allocator(memory, onnxruntime.OrtArenaCfg({"max_mem": most}))
 
 
-def with_metadata(model: bytes, key: str, value: str) -> bytes:
+def add_metadata(model: bytes, key: str, value: str) -> bytes:
     """Return an ONNX model with another entry in its metadata.
 
     Appending to a protocol buffers message adds fields to it: field 14 of a model holds its metadata entries, each with
     a key in field 1 and a value in field 2.
     """
-    entry = b"".join(tag + _length(text) + text for tag, text in ((b"\x0a", key.encode()), (b"\x12", value.encode())))
-    return model + b"\x72" + _length(entry) + entry
+    entry = b"".join(
+        tag + _encode_length(text) + text for tag, text in ((b"\x0a", key.encode()), (b"\x12", value.encode()))
+    )
+    return model + b"\x72" + _encode_length(entry) + entry
 
 
-def _length(data: bytes) -> bytes:
+def _encode_length(data: bytes) -> bytes:
     """Return the length of data as a varint: seven bits a byte, the lowest first."""
     number = len(data)
     found = bytearray()

@@ -11,9 +11,9 @@ import numpy as np
 from gamms.arguments import as_array, as_count
 from gamms.core import observe
 from gamms.errors import BadType, BadValue
-from gamms.game.array_functions.view import ArrayView, observers_in, views_by_map
+from gamms.game.array_functions.view import ArrayView, get_observers, split_by_map
 from gamms.game.block.sensing import VisibleAgentPairs
-from gamms.game.block.vectors import room_for
+from gamms.game.block.vectors import make_buffers
 from gamms.game.conflicts import flat
 from gamms.game.movement.roads import MultiMapStreets
 from gamms.game.movement.streets import StreetGraph
@@ -58,19 +58,19 @@ class Neighbourhood:
     def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of the nodes around the agents of a view."""
         if isinstance(view.streets, MultiMapStreets):
-            parts = [(places, self(part)) for places, part in views_by_map(view)]
+            parts = [(places, self(part)) for places, part in split_by_map(view)]
             order = np.argsort(np.concatenate([places for places, _ in parts]))
             most = max(part.shape[2] for _, part in parts)
             padded = [np.pad(part, ((0, 0), (0, 0), (0, most - part.shape[2]), (0, 0))) for _, part in parts]
             return np.concatenate(padded)[order]
         if view.streets not in self._tables:
-            self._tables[view.streets] = self._table(view.streets)
+            self._tables[view.streets] = self._make_table(view.streets)
         near, far, places = self._tables[view.streets]
-        return _observed(view, self.hops, near, far, places)
+        return _observe_nodes(view, self.hops, near, far, places)
 
-    def _table(self, streets: StreetGraph) -> tuple[IntArray, IntArray, FloatArray]:
+    def _make_table(self, streets: StreetGraph) -> tuple[IntArray, IntArray, FloatArray]:
         """Return for each node the rows of its neighborhood, their distances padded with -1, and all positions."""
-        source, node, far = _around(streets, self.hops)
+        source, node, far = _find_neighborhoods(streets, self.hops)
         counts = np.bincount(source, minlength=len(streets.counts))
         most = int(counts.max(initial=1)) if self._most is None else self._most
         refuse_above(len(counts) * most * 24, f"A neighbourhood of {most} nodes of each of {len(counts)}")
@@ -84,7 +84,7 @@ class Neighbourhood:
         hops = np.full((len(counts), most), -1)
         rows[source, rank] = node
         hops[source, rank] = far
-        return rows, hops, _places(streets)
+        return rows, hops, _compute_positions(streets)
 
 
 class MapGraph:
@@ -143,7 +143,7 @@ class MapGraph:
         self._edges[view.map] = np.stack((columns.sources, columns.targets)).astype(np.int64)
         refuse_above(games * agents * nodes * len(NODE) * 4, f"A map of {nodes} nodes for {games * agents} agents")
         none = np.zeros((count, 0), np.int64)
-        found = _observed(view, 0, none, none, _places(view.streets))
+        found = _observe_nodes(view, 0, none, none, _compute_positions(view.streets))
         return np.pad(found, ((0, 0), (0, 0), (0, nodes - count), (0, 0))) if nodes > count else found
 
     def data(self, observation: Float32Array, maps: IntArray | None = None) -> dict[str, Float32Array | IntArray]:
@@ -224,10 +224,10 @@ def pursuit_observation(view: ArrayView) -> Float32Array:
         TooLarge: the entries would take too much memory.
     """
     found = np.zeros((*view.node.shape, view.num_actions, len(PURSUIT)), np.float32)
-    for games, part in views_by_map(view):
+    for games, part in split_by_map(view):
         rows, is_legal = part.legal_rows()
         is_legal &= part.mask[..., None]
-        values = np.where(is_legal[..., None], _pursuit_entries(part, rows), np.float32(0.0))
+        values = np.where(is_legal[..., None], _find_pursuit_entries(part, rows), np.float32(0.0))
         found[games, :, : rows.shape[2]] = values
     return found.reshape(*view.node.shape, -1)
 
@@ -236,13 +236,13 @@ pursuit_observation.names = PURSUIT  # type: ignore[attr-defined]
 pursuit_observation.of_each = True  # type: ignore[attr-defined] # see `Observation`
 
 
-def _pursuit_entries(view: ArrayView, rows: IntArray) -> Float32Array:
+def _find_pursuit_entries(view: ArrayView, rows: IntArray) -> Float32Array:
     """Return the entries of moves to the rows of nodes, (games, agents, most), in games with the same open roads."""
-    far, roads = _hops_on(view)
+    far, roads = _count_hops(view)
     refuse_above(rows.size * (6 * len(far) + 3 * len(roads)), f"What {rows.size} moves leave of {len(far)} nodes")
     enemies = view.enemies()
-    to_enemy = _least(view, enemies, far)
-    of_mate = _least(view, view.mates(), far)
+    to_enemy = _find_least_distances(view, enemies, far)
+    of_mate = _find_least_distances(view, view.mates(), far)
     apart = np.full(view.node.shape, _MOST_EDGES)
     np.minimum.at(apart, (enemies.at, enemies.viewers), of_mate[enemies.at, enemies.viewers, enemies.nodes])
     is_room = to_enemy[:, :, None] < np.minimum(far[rows], of_mate[:, :, None])
@@ -263,7 +263,7 @@ def _pursuit_entries(view: ArrayView, rows: IntArray) -> Float32Array:
     return np.stack(columns, axis=3, dtype=np.float32)
 
 
-def _least(view: ArrayView, pairs: VisibleAgentPairs, far: HopArray) -> HopArray:
+def _find_least_distances(view: ArrayView, pairs: VisibleAgentPairs, far: HopArray) -> HopArray:
     """Return the distance of each node from the nearest of the agents that each agent sees, (games, agents, nodes)."""
     found = np.full((*view.node.shape, len(far)), _MOST_EDGES, np.int16)
     np.minimum.at(found, (pairs.at, pairs.viewers), far[pairs.nodes])
@@ -274,7 +274,7 @@ _HOPS: WeakKeyDictionary[StreetGraph, tuple[HopArray, IntArray]] = WeakKeyDictio
 """Map -> distances in edges, (nodes, nodes), and the two nodes of each road, (roads, 2)."""
 
 
-def _hops_on(view: ArrayView) -> tuple[HopArray, IntArray]:
+def _count_hops(view: ArrayView) -> tuple[HopArray, IntArray]:
     """Return the distances between all nodes of the map in edges, and its roads; see `_HOPS`."""
     streets = view.streets
     if streets not in _HOPS:
@@ -287,7 +287,7 @@ def _hops_on(view: ArrayView) -> tuple[HopArray, IntArray]:
     return _HOPS[streets]
 
 
-def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArray]:
+def _find_neighborhoods(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArray]:
     """Return pairs of nodes up to `hops` edges apart and their distances, sorted by the first node and the distance.
 
     Equal distances are in the order of the actions that lead there.
@@ -314,7 +314,7 @@ def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArr
     return sources[order], targets[order], distances[order]
 
 
-def _places(streets: StreetGraph) -> FloatArray:
+def _compute_positions(streets: StreetGraph) -> FloatArray:
     """Return positions of nodes, (nodes, 2), relative to the map's center, in halves of its longer side."""
     xy = streets.columns.xy
     low = xy.min(axis=0)
@@ -323,11 +323,11 @@ def _places(streets: StreetGraph) -> FloatArray:
     return places
 
 
-def _observed(view: ArrayView, hops: int, near: IntArray, far: IntArray, places: FloatArray) -> Float32Array:
+def _observe_nodes(view: ArrayView, hops: int, near: IntArray, far: IntArray, places: FloatArray) -> Float32Array:
     """Return the entries of nodes around the agents of a view, (games, agents, nodes, entries); 0 hops: all nodes."""
     most, entries = (near.shape[1], len(NEAR)) if hops else (len(near), len(NODE))
     found = np.empty((*view.node.shape, most, entries), np.float32)
     columns: Any = flat(near, np.int64), flat(far, np.int64), flat(places, np.float64), found.reshape(-1).data
     nodes = observe.NodeFeatures(most, hops, *columns)
-    observe.observe_nodes_aside(observers_in(view), nodes, room_for(len(view.roster.names), 0), 0, len(found))
+    observe.observe_nodes_aside(get_observers(view), nodes, make_buffers(len(view.roster.names), 0), 0, len(found))
     return found

@@ -16,13 +16,13 @@ from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
 from gamms.game.array_functions.declarations import array_strategy
 from gamms.game.array_functions.view import ArrayView, widen, width_in
-from gamms.game.batch import digests_by_map
+from gamms.game.batch import list_digests
 from gamms.game.block.columns import sensors_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import refuse_above
 from gamms.plugins import needing
-from gamms.rl.deeds import choices_of
+from gamms.rl.deeds import get_choices
 from gamms.rl.heads import AXES, refuse_mixed
 from gamms.rl.learners import (
     Float32Array,
@@ -31,16 +31,16 @@ from gamms.rl.learners import (
     Observation,
     count_edge_actions,
     default_observation,
+    limit_to_reach,
     straight_observation,
-    within_reach,
 )
-from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
+from gamms.rl.networks import Architecture, Logits, Network, add_metadata, load_onnx_logits, read_network
 from gamms.rl.observations import pursuit_observation
 from gamms.rl.turns import Turn
 from gamms.scenario import Scenario
 from gamms.sensor.catalog import KINDS
 from gamms.strategies import pool
-from gamms.text import module_of, shown
+from gamms.text import find_module, shown
 from gamms.typing import IAgent, IContext
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import ISensor
@@ -209,21 +209,21 @@ def save_policy(  # noqa: PLR0913 - those of the environments
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
     if isinstance(env, Scenario):
         options: dict[str, Any] = {"observation": observation, "maps": maps, "moves": moves or "nodes"}
-        with Learners(env, teams=team, agent=agent, reward=_no_reward, **options) as learners:
+        with Learners(env, teams=team, agent=agent, reward=_give_no_reward, **options) as learners:
             found = _describe(learners)
     elif any(one is not None for one in (team, agent, observation, maps, moves)):
         raise BadValue(
             "team=, agent=, observation=, maps= and moves= are for a scenario: an environment knows its own."
         )
     else:
-        found = _describe(_learners_of(env))
+        found = _describe(_find_learners(env))
     if file.suffix == ".onnx":
         _save_onnx(model, file, found)
         return
     with needing("A policy in safetensors", "rl"):
         from safetensors.numpy import save
-    network = network_of(model, shared)
-    network.check(_entries(found.spaces), found.spaces.numbers)
+    network = read_network(model, shared)
+    network.check(_count_entries(found.spaces), found.spaces.numbers)
     described = msgspec.structs.replace(found, network=network.architecture)
     weights = {name: np.ascontiguousarray(one) for name, one in network.weights.items()}
     write_whole(file, save(weights, {_KEY: msgspec.json.encode(described).decode()}), through_links=True)
@@ -262,9 +262,9 @@ def policy(
     """
     if observation is not None:
         as_function_of(observation, "observation", "a view")
-    loaded = _loaded(as_path(path, "path"), as_bool(trusted, "trusted"))
+    loaded = _load_policy(as_path(path, "path"), as_bool(trusted, "trusted"))
     player = _PolicyOptions(loaded, observation, as_bool(sample, "sample"), as_bool(other_scenario, "other_scenario"))
-    return _maker(player)
+    return _make_factory(player)
 
 
 def opponents(
@@ -348,7 +348,7 @@ class _LoadedPolicy:
     logits: Logits | None  # of an ONNX model
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _loaded, (self.file, self.file.suffix in _PICKLES)
+        return _load_policy, (self.file, self.file.suffix in _PICKLES)
 
     def __deepcopy__(self, _: object) -> "_LoadedPolicy":
         return self
@@ -368,9 +368,9 @@ class _PolicyOptions(NamedTuple):
     other_scenario: bool
 
 
-def _maker(player: _PolicyOptions) -> Maker:
+def _make_factory(player: _PolicyOptions) -> Maker:
     """Return the factory of a policy's strategies."""
-    play = _array_form(player)  # refuses an observation that does not fit
+    play = _make_array_form(player)  # refuses an observation that does not fit
     make: Any = partial(_make_strategy, player=player)  # which other processes can get, unlike a closure
     make.__name__ = make.__qualname__ = play.__name__
     return cast("Maker", make)
@@ -382,11 +382,11 @@ def _make_strategy(ctx: IContext, *, player: _PolicyOptions) -> Callable[[Any], 
     described = player.policy.described
     if described is not None and not player.other_scenario:
         _refuse_other_rules(player.policy.file, described, cast("HostContext", ctx))
-    return array_strategy(_array_form(player))(ctx)
+    return array_strategy(_make_array_form(player))(ctx)
 
 
 @lru_cache(maxsize=256)
-def _array_form(player: _PolicyOptions) -> Any:
+def _make_array_form(player: _PolicyOptions) -> Any:
     """Return the array form of a policy, one for all agents, so that a batch evaluates them together."""
     loaded, given, sample, _ = player
     described = loaded.described
@@ -404,20 +404,20 @@ def _array_form(player: _PolicyOptions) -> Any:
             _refuse_other_equipment(loaded.file, described, view)
         by_edges = described is not None and described.spaces.edges is True
         legal = width_in(view)
-        view = widen(view, _width_on(loaded, legal, flies=view.flies))
+        view = widen(view, _count_actions(loaded, legal, flies=view.flies))
         num_actions = view.num_actions
         if by_edges:
             legal = count_edge_actions(view)
-            num_actions = _most_edges(loaded, legal)
+            num_actions = _count_edge_actions(loaded, legal)
         counts = 1 + (view["legal_edges"] >= 0).sum(axis=-1) if by_edges else view.counts
         if view.flies:
-            return _flight(player, observe, view)
-        choices = choices_of(view, view["deeds"])
+            return _choose_flight(player, observe, view)
+        choices = get_choices(view, view["deeds"])
         deeds = 0 if choices is None else len(choices)
         heads = 1 if choices is None else 2
         actions = np.zeros((heads, *view.node.shape), np.int64)
         uniform = [view.draw.random() for _ in range(heads)] if sample else None
-        for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
+        for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _list_views(view, alone):
             rows = np.searchsorted(whole.agents, view.agents[columns])
             values = np.asarray(observe(whole))[:, rows]
             fitting = _fit(loaded, legal, num_actions, deeds, values.shape[2:])
@@ -448,7 +448,7 @@ def _take_edges(view: ArrayView, actions: IntArray) -> IntArray:
     return np.zeros_like(actions)
 
 
-def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> FloatArray:
+def _choose_flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> FloatArray:
     """Return the flights of agents in a single game, decoded as in their environment."""
     if player.sample:
         raise BadValue("sample=True draws moves and deeds: agents that fly do what is best, without it.")
@@ -458,7 +458,7 @@ def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> Fl
             "observation.of_each = True."
         )
     values = np.asarray(observe(view))
-    choices = choices_of(view, view["deeds"])
+    choices = get_choices(view, view["deeds"])
     deeds = 0 if choices is None else len(choices)
     fitting = _fit(player.policy, AXES, AXES, deeds, values.shape[2:])
     mask = np.ones((len(view.agents), AXES + deeds), np.bool_)
@@ -467,10 +467,10 @@ def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> Fl
         best = np.where(choices.masks(view), np.nan_to_num(numbers[..., AXES:]), -np.inf).argmax(axis=2)
         choices.do(best, view)
     reach_m = np.array([view.roster.agents[number].speed or 0.0 for number in view.agents.tolist()])
-    return within_reach(numbers[..., :AXES].astype(np.float64), reach_m, view.node.shape)
+    return limit_to_reach(numbers[..., :AXES].astype(np.float64), reach_m, view.node.shape)
 
 
-def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]:
+def _list_views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]:
     """Yield the views that learners had in training, with the columns of the agents to decide for."""
     if alone:
         for column, number in enumerate(view.agents.tolist()):
@@ -514,7 +514,7 @@ class _FittingPolicy(NamedTuple):
     evaluate: Logits
 
 
-def _width_on(loaded: _LoadedPolicy, legal: int, *, flies: bool) -> int:
+def _count_actions(loaded: _LoadedPolicy, legal: int, *, flies: bool) -> int:
     """Return the number of actions that observations have entries for, on a map with this number of legal nodes.
 
     Raises:
@@ -537,7 +537,7 @@ def _width_on(loaded: _LoadedPolicy, legal: int, *, flies: bool) -> int:
     return max(known, legal)
 
 
-def _most_edges(loaded: _LoadedPolicy, here: int) -> int:
+def _count_edge_actions(loaded: _LoadedPolicy, here: int) -> int:
     """Return the number of actions by edges of a policy, on a map with this number.
 
     Raises:
@@ -574,7 +574,7 @@ def _fit(loaded: _LoadedPolicy, legal: int, width: int, deeds: int, observed: tu
         spaces = loaded.described.spaces
         fits = observed == tuple(spaces.observation)
         if network is not None and loaded.is_shared:
-            number = network.count_actions(entries, _entries(spaces), spaces.numbers)
+            number = network.count_actions(entries, _count_entries(spaces), spaces.numbers)
             actions = width if number is None else number - deeds
             fits = actions >= legal
         if deeds != spaces.deeds or not fits:
@@ -630,7 +630,7 @@ def _refuse_other_equipment(file: Path, described: PolicyDescription, view: Arra
 # -- files --------------------------------------------------------------------------------------------------------
 
 
-def _loaded(file: Path, trusted: bool) -> _LoadedPolicy:
+def _load_policy(file: Path, trusted: bool) -> _LoadedPolicy:
     if file.suffix not in _BY_SUFFIX:
         raise BadFile(
             f"{file} is not a policy: policies are {', '.join(_BY_SUFFIX[:2])}, or, if you trust it, "
@@ -651,10 +651,10 @@ def _loaded(file: Path, trusted: bool) -> _LoadedPolicy:
 @lru_cache(maxsize=16)
 def _read(file: Path, _stamp: tuple[int, int]) -> _LoadedPolicy:
     if file.suffix == ".onnx":
-        logits, metadata = onnx_logits(file.read_bytes(), str(file))
-        return _LoadedPolicy(file, _description(metadata.get(_KEY), file), None, logits)
+        logits, metadata = load_onnx_logits(file.read_bytes(), str(file))
+        return _LoadedPolicy(file, _parse_description(metadata.get(_KEY), file), None, logits)
     if file.suffix in _PICKLES:
-        return _LoadedPolicy(file, None, network_of(_unpickle(file)), None)
+        return _LoadedPolicy(file, None, read_network(_unpickle(file)), None)
     with needing("A policy in safetensors", "rl"):
         from safetensors import SafetensorError, safe_open
     try:
@@ -663,7 +663,7 @@ def _read(file: Path, _stamp: tuple[int, int]) -> _LoadedPolicy:
             others = sorted({kind for kind in kinds.values() if kind != "F32"})
             if others:
                 raise BadFile(f"{file}: the weights of a policy are of the type F32, not {', '.join(others)}.")
-            described = _description((opened.metadata() or {}).get(_KEY), file)
+            described = _parse_description((opened.metadata() or {}).get(_KEY), file)
             weights = {name: np.array(opened.get_tensor(name)) for name in kinds}
     except SafetensorError as error:
         raise BadFile(f"{file} is not a safetensors file, or is damaged: {error}.") from None
@@ -671,13 +671,13 @@ def _read(file: Path, _stamp: tuple[int, int]) -> _LoadedPolicy:
         raise BadFile(f"{file} does not say what network its weights are of.")
     network = Network(described.network, weights)
     try:
-        network.check(_entries(described.spaces), described.spaces.numbers)
+        network.check(_count_entries(described.spaces), described.spaces.numbers)
     except BadValue as error:
         raise BadFile(f"{file} is damaged: {error}") from None
     return _LoadedPolicy(file, described, network, None)
 
 
-def _description(text: str | None, file: Path) -> PolicyDescription:
+def _parse_description(text: str | None, file: Path) -> PolicyDescription:
     """Return the description in the metadata of a file."""
     if text is None:
         raise BadFile(f"{file} has no metadata of GAMMS: gamms.rl.save_policy writes a policy with them.")
@@ -709,14 +709,14 @@ def _save_onnx(model: object, file: Path, found: PolicyDescription) -> None:
     if not source.is_file():
         raise MissingFile("an ONNX model", source)
     data = source.read_bytes()
-    logits, _ = onnx_logits(data, str(source))
+    logits, _ = load_onnx_logits(data, str(source))
     actions = found.spaces.numbers
     shape = found.spaces.observation
     given = {"observation": np.zeros((1, *shape), np.float32), "action_mask": np.ones((1, actions), np.float32)}
     made = logits(given).shape
     if made != (1, actions):
         raise BadValue(f"{source} gives numbers of the shape {made} for one agent, and (1, {actions}) are needed.")
-    write_whole(file, with_metadata(data, _KEY, msgspec.json.encode(found).decode()), through_links=True)
+    write_whole(file, add_metadata(data, _KEY, msgspec.json.encode(found).decode()), through_links=True)
 
 
 # -- what was trained -----------------------------------------------------------------------------------------------
@@ -727,7 +727,7 @@ def _describe(learners: Learners) -> PolicyDescription:
     refuse_mixed(learners, range(len(learners.names)), "a policy")
     shape = list(np.asarray(learners.observe()).shape[2:])
     function = learners.observation
-    name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
+    name = f"{find_module(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
     named = next((known for known, one in _NAMED.items() if one is function), name[:500])
     flies = learners.all_fly
     actions = AXES if flies else learners.num_actions
@@ -735,7 +735,7 @@ def _describe(learners: Learners) -> PolicyDescription:
     by_edges = learners.by_edges and not flies
     legal = learners.num_legal if flies or by_edges else 0
     spaces = PolicySpaces(shape, actions, named, deeds, flies, legal, by_edges or msgspec.UNSET)
-    digests = digests_by_map(learners.games)
+    digests = list_digests(learners.games)
     if len(digests) > _MOST_MAPS:
         raise BadValue(
             f"A policy lists at most {_MOST_MAPS:,} maps of its training, not {len(digests):,}: save it with a "
@@ -751,11 +751,11 @@ def _describe(learners: Learners) -> PolicyDescription:
         list(map(str, learners.teams)),
         learners.agent,
         maps=list(dict.fromkeys(one["map"] for one in digests)),
-        equipment=_without_copies(Equipment.of(agent) for agent in agents),
+        equipment=_remove_copies(Equipment.of(agent) for agent in agents),
     )
 
 
-def _without_copies(found: Iterable[Equipment]) -> list[Equipment]:
+def _remove_copies(found: Iterable[Equipment]) -> list[Equipment]:
     """Return different equipment, in the order of the agents."""
     different: list[Equipment] = []
     for one in found:
@@ -764,31 +764,31 @@ def _without_copies(found: Iterable[Equipment]) -> list[Equipment]:
     return different
 
 
-def _learners_of(env: Any) -> Learners:
+def _find_learners(env: Any) -> Learners:
     """Return the learners of an environment, inside any wrappers."""
     inner = env
     for _ in range(100):
         known = inner if isinstance(inner, Learners) else getattr(inner, "learners", None)
         if isinstance(known, Learners):
             return known
-        inner = next((one for one in _inside(inner) if one is not None and one is not inner), None)
+        inner = next((one for one in _list_wrapped_environments(inner) if one is not None and one is not inner), None)
         if inner is None:
             break
     raise BadType(f"env must be an environment of gamms.rl, or a scenario, not {shown(env)}.")
 
 
-def _inside(env: object) -> Iterator[Any]:
+def _list_wrapped_environments(env: object) -> Iterator[Any]:
     """Yield the environments that an environment may wrap."""
     for name in ("venv", "env", "unwrapped", "par_env", "aec_env"):
         yield getattr(env, name, None)
     yield next(iter(getattr(env, "envs", ())), None)
 
 
-def _entries(spaces: PolicySpaces) -> int:
+def _count_entries(spaces: PolicySpaces) -> int:
     return int(np.prod(spaces.observation))
 
 
-def _no_reward(turn: Turn) -> FloatArray:
+def _give_no_reward(turn: Turn) -> FloatArray:
     return np.zeros(turn.after.node.shape)
 
 

@@ -196,7 +196,7 @@ class Population:
     @property
     def payoffs(self) -> FloatArray:
         """(strategies of the first team, strategies of the second) mean payoffs of the first team."""
-        return self._mean_payoffs(self.rows, self._members)
+        return self._compute_mean_payoffs(self.rows, self._members)
 
     def _play(self, members: Mapping[Hashable, Mapping[str, Any]]) -> Rows:
         """Play all pairs of these strategies that have no rows, and return the rows of all."""
@@ -207,19 +207,19 @@ class Population:
             raise BadValue(f"Game {row['id']} of {self!r} raised an error: {row['error']}")
         return rows
 
-    def _mean_payoffs(self, rows: Rows, members: Mapping[Hashable, Iterable[str]]) -> FloatArray:
+    def _compute_mean_payoffs(self, rows: Rows, members: Mapping[Hashable, Iterable[str]]) -> FloatArray:
         """Return the mean payoffs of the first team, (strategies of the first team, strategies of the second)."""
         keys = [f"strategies.{team}" for team in self.teams]
         places = [{name: place for place, name in enumerate(members[team])} for team in self.teams]
         sums = np.zeros([len(one) for one in places])
         for row in rows:
             first, second = (place[str(row[key])] for place, key in zip(places, keys, strict=True))
-            sums[first, second] += self._payoff(row)
+            sums[first, second] += self._find_payoff(row)
         if np.isnan(sums).any():  # no row has the metric, or some have none
             raise UnknownName("column of numbers", self._metric, rows.metrics())
         return sums / (len(self._seeds) * max(1, len(self._maps)))
 
-    def _payoff(self, row: Row) -> float:
+    def _find_payoff(self, row: Row) -> float:
         """Return the payoff of the first team in a game."""
         if self._metric is not None:
             payoff = read_metric(self._metric, row)
@@ -279,7 +279,7 @@ class Population:
             UnknownName (KeyError): the team does not exist.
             BadValue: the population has no such function; or an exact response is to be found on several maps.
         """
-        other = self._other_of(team)
+        other = self._find_other_team(team)
         respond = self._respond_exactly if as_choice(by, "by", ("exact", "learn")) == "exact" else self._train
         as_choice(to, "to", _MIXES)
         number, others = len(self._members[team]), len(self._members[other])
@@ -316,7 +316,7 @@ class Population:
         first, second = (self.responses(team, by, to).value for team in self.teams)
         return -second + 0.0, first
 
-    def _other_of(self, team: Hashable) -> Hashable:
+    def _find_other_team(self, team: Hashable) -> Hashable:
         """Return the other team."""
         return self.teams[1 - self.teams.index(as_known(team, "team", self.teams))]
 
@@ -338,7 +338,7 @@ class Population:
             self._train_policy(team, path, other, to)
         strategy = policy(path, observation=self._env.get("observation"))
         found = self._play({team: {name: strategy}, other: self._members[other]})
-        gains = self._mean_payoffs(found, {team: [name], other: list(self._members[other])}).ravel()
+        gains = self._compute_mean_payoffs(found, {team: [name], other: list(self._members[other])}).ravel()
         sign = 1.0 if team == self.teams[0] else -1.0
         return PopulationResponse(name, strategy, sign * float(gains @ shares), "lower", team)
 
@@ -350,7 +350,7 @@ class Population:
         starts = [file for file in files if file.exists()]
         options: dict[str, Any] = {
             "num_games": _GAMES,
-            "reward": self._reward_of(team),
+            "reward": self._find_reward(team),
             "maps": list(self._maps.values()) or None,
             "seed": self._seeds[0],
         }
@@ -363,7 +363,7 @@ class Population:
         finally:
             env.close()
 
-    def _reward_of(self, team: Hashable) -> Reward | None:
+    def _find_reward(self, team: Hashable) -> Reward | None:
         """Return the reward with which a team learns; None: the change of its score."""
         if self._metric is None:
             return gain_lead
@@ -498,7 +498,7 @@ class _PolicyTrainer:
         rows = torch.tensor(observed, dtype=torch.float32).flatten(1)
         return rows, torch.tensor(np.asarray(self._env.action_masks()), dtype=torch.bool)
 
-    def _choices(self, observations: "Tensor", masks: "Tensor") -> list["Categorical"]:
+    def _make_distributions(self, observations: "Tensor", masks: "Tensor") -> list["Categorical"]:
         """Return the distributions of moves and of deeds."""
         from torch.distributions import Categorical
 
@@ -513,7 +513,7 @@ class _PolicyTrainer:
         with torch.no_grad():
             for _ in range(_TURNS):
                 observations, masks = self._read()
-                choices = self._choices(observations, masks)
+                choices = self._make_distributions(observations, masks)
                 actions = torch.stack([one.sample() for one in choices], dim=1)
                 logs = _log_probability(choices, actions)
                 given = actions.numpy() if len(choices) > 1 else actions[:, 0].numpy()
@@ -546,7 +546,7 @@ class _PolicyTrainer:
         """Return the loss of PPO for some samples."""
         import torch
 
-        choices = self._choices(observations, masks)
+        choices = self._make_distributions(observations, masks)
         ratio = (_log_probability(choices, actions) - logs).exp()
         scaled = (gains - gains.mean()) / (gains.std(correction=0) + 1e-8)
         surrogate = torch.minimum(ratio * scaled, ratio.clamp(1.0 - _CLIP, 1.0 + _CLIP) * scaled).mean()

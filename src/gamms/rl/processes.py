@@ -25,7 +25,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.rl.gym_envs import GamesEnv, SlotsTurn
 from gamms.rl.interface import Columns, EnvInterface, RenderMode
 from gamms.rl.learners import ActionArray, Seeds
-from gamms.workers import Worker, WorkerDied, task_of
+from gamms.workers import Worker, WorkerDied, make_task
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 _KEYS = "observation", "action_mask"
@@ -75,13 +75,13 @@ class ProcessesEnv(GamesEnv):
         self._drawn_in: list[Arrays] = [{}]  # of each process, see `Learners.drawn`
         super().__init__(interface, name, autoreset_mode, render_mode, num_games)
         self._first = np.linspace(0, num_games, workers + 1).astype(int).tolist()  # first game of each process
-        columns = self._columns()
-        file = _new_file(_size(columns))
+        columns = self._list_columns()
+        file = _make_file(_count_bytes(columns))
         self._file = file
         try:
-            self._memory = _mapped(file, columns)
+            self._memory = _map_file(file, columns)
             shares = pairwise(self._first)
-            tasks = [self._first_task(file, columns, share, seed, make) for share in shares]
+            tasks = [self._make_first_task(file, columns, share, seed, make) for share in shares]
             self._workers = [Worker() for _ in tasks]
             self._ask(tasks)
         except BaseException:
@@ -97,11 +97,11 @@ class ProcessesEnv(GamesEnv):
     def set_others(self, others: Mapping[str, Any] | None) -> None:
         """Replace the strategies of other agents and teams in all processes; see `GamesEnv.set_others`."""
         self._refuse_closed()
-        task = _task(set_others, others)
+        task = _pickle_task(set_others, others)
         super().set_others(others)  # of the game that is not played, which refuses wrong ones
         self._drawn_in = self._ask([task] * len(self._workers))
 
-    def _drawn(self) -> dict[str, Any]:
+    def _list_drawn(self) -> dict[str, Any]:
         """Return what the games have drawn by their seeds, (slots,), as their processes said last."""
         keys = self._drawn_in[0]
         return {key: np.repeat(np.concatenate([one[key] for one in self._drawn_in]), self.num_agents) for key in keys}
@@ -112,10 +112,10 @@ class ProcessesEnv(GamesEnv):
         for first, last in pairwise(self._first):
             games = which[(which >= first) & (which < last)] - first
             of_games = seeds[first:last] if isinstance(seeds, Sequence) else seeds
-            tasks.append(_task(begin_games, games, of_games + first if isinstance(of_games, int) else of_games))
+            tasks.append(_pickle_task(begin_games, games, of_games + first if isinstance(of_games, int) else of_games))
         self._drawn_in = self._ask(tasks)
         self.learners.has_begun = True
-        return self._observed(_OBSERVED), self._arrays["valid"].copy()
+        return self._get_observations(_OBSERVED), self._arrays["valid"].copy()
 
     def _play(self, actions: ActionArray) -> SlotsTurn:
         """Play a turn; see `GamesEnv`."""
@@ -124,28 +124,28 @@ class ProcessesEnv(GamesEnv):
         taken[:] = given.reshape(taken.shape)
         self._drawn_in = self._ask([_STEP] * len(self._workers))
         of_slots = (self._arrays[name].copy() for name in _OF_SLOTS)
-        return SlotsTurn(self._observed(_OBSERVED), self._observed(_LAST), *of_slots)
+        return SlotsTurn(self._get_observations(_OBSERVED), self._get_observations(_LAST), *of_slots)
 
-    def _carried(self) -> list[Any]:
+    def _get_checkpoint(self) -> list[Any]:
         """Return checkpoints of the games of each process."""
-        return self._ask([_task(carried) for _ in self._workers])
+        return self._ask([_pickle_task(carried) for _ in self._workers])
 
     def _restore(self, carried: list[Any]) -> None:
         """Make each process replay its games up to a checkpoint."""
-        self._drawn_in = self._ask([_task(restore, one) for one in carried])
+        self._drawn_in = self._ask([_pickle_task(restore, one) for one in carried])
         self.learners.has_begun = carried[0].seeds is not None
 
-    def _rendered(self) -> Any:
+    def _render_game(self) -> Any:
         """Render game 0 in its process; see `GamesEnv`."""
         if self.render_mode is None:
-            return super()._rendered()
-        return self._ask([_task(render)])[0]
+            return super()._render_game()
+        return self._ask([_pickle_task(render)])[0]
 
-    def _over(self) -> BoolArray:
+    def _find_ended_games(self) -> BoolArray:
         over: BoolArray = self._arrays["over"][:: self.num_agents]
         return over
 
-    def _plays(self) -> BoolArray:
+    def _find_playing_agents(self) -> BoolArray:
         plays: BoolArray = self._arrays["plays"].reshape(self.num_games, self.num_agents)
         return plays
 
@@ -163,7 +163,7 @@ class ProcessesEnv(GamesEnv):
             if self._file is not None:
                 self._file.unlink(missing_ok=True)
 
-    def _first_task(
+    def _make_first_task(
         self,
         file: Path,
         columns: Sequence[SharedColumn],
@@ -175,12 +175,12 @@ class ProcessesEnv(GamesEnv):
         agents = self.num_agents
         mode = self.render_mode if first == 0 else None
         share_of_games = partial(make, num_games=last - first, seed=seed + first, render_mode=mode)
-        return _task(begin, file, columns, slice(first * agents, last * agents), self.num_games, share_of_games)
+        return _pickle_task(begin, file, columns, slice(first * agents, last * agents), self.num_games, share_of_games)
 
-    def _observed(self, prefix: str) -> Columns:
+    def _get_observations(self, prefix: str) -> Columns:
         return {key: self._arrays[prefix + key].copy() for key in _KEYS if prefix + key in self._arrays}
 
-    def _columns(self) -> list[SharedColumn]:
+    def _list_columns(self) -> list[SharedColumn]:
         slots = (self.num_envs,)
         actions = slots + (self.single_action_space.shape or ())
         kind = "f8" if self.learners.any_fly else "i8"
@@ -202,23 +202,23 @@ class ProcessesEnv(GamesEnv):
         self._refuse_closed()
         try:
             for number, task in enumerate(tasks):
-                self._of(number, Worker.send, task)
-            answers = [self._of(number, Worker.receive)[1] for number in range(len(tasks))]
+                self._call_on_process(number, Worker.send, task)
+            answers = [self._call_on_process(number, Worker.receive)[1] for number in range(len(tasks))]
         except BaseException:
             self.close()  # also after Ctrl-C: late answers would be taken for those of the next turn
             raise
         for number, answer in enumerate(answers):
             if isinstance(answer, Exception):
                 self.close()
-                answer.add_note(f"{self._named(number)}; the environment was closed.")
+                answer.add_note(f"{self._describe_process(number)}; the environment was closed.")
                 raise answer
         return answers
 
-    def _of(self, number: int, call: Callable[..., Any], *given: object) -> Any:
+    def _call_on_process(self, number: int, call: Callable[..., Any], *given: object) -> Any:
         try:
             return call(self._workers[number], *given)
         except WorkerDied as error:
-            raise WorkerDied(f"{self._named(number)}: {error}") from None
+            raise WorkerDied(f"{self._describe_process(number)}: {error}") from None
 
     @property
     def _arrays(self) -> Arrays:
@@ -230,7 +230,7 @@ class ProcessesEnv(GamesEnv):
         if not self._workers:
             raise BadValue("This environment is closed: make another one with gamms.rl.vector_env.")
 
-    def _named(self, number: int) -> str:
+    def _describe_process(self, number: int) -> str:
         first, last = self._first[number : number + 2]
         return f"In process {number + 1} of {len(self._first) - 1}, which plays the games {first} to {last - 1}"
 
@@ -257,16 +257,16 @@ class _WorkerGames:
         return self._finish()
 
     def carried(self) -> Any:
-        return self._games._carried()
+        return self._games._get_checkpoint()
 
     def restore(self, carried: object) -> Arrays:
         games = self._games
         games._restore(carried)
-        self._write(_OBSERVED, games._flat(games._interface.columns()))
+        self._write(_OBSERVED, games._flatten_columns(games._interface.columns()))
         return self._finish()
 
     def render(self) -> Any:
-        return self._games._rendered()
+        return self._games._render_game()
 
     def step(self) -> Arrays:
         turn = self._games._play(self._arrays["actions"])
@@ -278,8 +278,8 @@ class _WorkerGames:
 
     def _finish(self) -> Arrays:
         """Write which games and agents still play; return what the games have drawn."""
-        self._arrays["over"][:] = np.repeat(self._games._over(), self._games.num_agents)
-        self._arrays["plays"][:] = self._games._plays().ravel()
+        self._arrays["over"][:] = np.repeat(self._games._find_ended_games(), self._games.num_agents)
+        self._arrays["plays"][:] = self._games._find_playing_agents().ravel()
         drawn: Arrays = self._games.learners.drawn
         return drawn
 
@@ -297,7 +297,7 @@ def begin(
     """Create the games of some slots in this process by `make`; `num_games` counts the games of all processes."""
     global _games_here  # noqa: PLW0603 - a process plays in one environment
     games = make()
-    arrays = _mapped(file, columns)
+    arrays = _map_file(file, columns)
     games.learners.stride = num_games
     _games_here = _WorkerGames(games, {name: array[slots] for name, array in arrays.items()})
 
@@ -343,10 +343,10 @@ def answer(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
         return error
 
 
-def _task(function: Callable[..., Any], *given: object) -> bytes:
+def _pickle_task(function: Callable[..., Any], *given: object) -> bytes:
     """Return a call as a task for a process."""
     try:
-        return task_of(answer, function, given)
+        return make_task(answer, function, given)
     except Exception as error:
         raise BadType(
             f"vector_env(…, workers=) sends what it is given to other processes, which cannot be done here: {error}. "
@@ -354,10 +354,10 @@ def _task(function: Callable[..., Any], *given: object) -> bytes:
         ) from error
 
 
-_STEP = _task(step)
+_STEP = _pickle_task(step)
 
 
-def _new_file(size: int) -> Path:
+def _make_file(size: int) -> Path:
     """Return a new file of this size, in memory if the system supports it and has enough space."""
     has_space = os.access(_MEMORY, os.W_OK) and disk_usage(_MEMORY).free > 2 * size
     number, name = tempfile.mkstemp(prefix="gamms-", dir=_MEMORY if has_space else None)
@@ -366,7 +366,7 @@ def _new_file(size: int) -> Path:
     return Path(name)
 
 
-def _mapped(file: Path, columns: Sequence[SharedColumn]) -> Arrays:
+def _map_file(file: Path, columns: Sequence[SharedColumn]) -> Arrays:
     """Return the arrays in a memory-mapped file."""
     with file.open("r+b") as opened:
         memory = mmap.mmap(opened.fileno(), 0)
@@ -375,13 +375,13 @@ def _mapped(file: Path, columns: Sequence[SharedColumn]) -> Arrays:
     for name, shape, kind in columns:
         number = int(np.prod(shape))
         found[name] = np.frombuffer(memory, kind, number, begin_at).reshape(shape)
-        begin_at += _padded(found[name].nbytes)
+        begin_at += _pad_size(found[name].nbytes)
     return found
 
 
-def _size(columns: Sequence[SharedColumn]) -> int:
-    return sum(_padded(int(np.prod(shape)) * np.dtype(kind).itemsize) for _, shape, kind in columns)
+def _count_bytes(columns: Sequence[SharedColumn]) -> int:
+    return sum(_pad_size(int(np.prod(shape)) * np.dtype(kind).itemsize) for _, shape, kind in columns)
 
 
-def _padded(size: int) -> int:
+def _pad_size(size: int) -> int:
     return -(-size // _LINE) * _LINE

@@ -161,7 +161,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         for slot in np.flatnonzero(~infos["valid"]).tolist():
             of_slots[slot]["valid"] = False
         for slot in np.flatnonzero(ends).tolist():
-            of_slots[slot]["terminal_observation"] = _row(infos["final_obs"], slot)
+            of_slots[slot]["terminal_observation"] = _select_slot(infos["final_obs"], slot)
             of_slots[slot] |= {key: infos["final_info"][key][slot] for key in self.learners.drawn}
             of_slots[slot]["TimeLimit.truncated"] = bool(truncated[slot] and not terminated[slot])
             life = {key: column[slot].item() for key, column in infos["life"].items()}
@@ -196,6 +196,6 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         return [False for _ in self._get_indices(indices)]
 
 
-def _row(observed: dict[str, Any] | np.ndarray[Any, Any], slot: int) -> Any:
+def _select_slot(observed: dict[str, Any] | np.ndarray[Any, Any], slot: int) -> Any:
     """Return the observation of a slot."""
     return {key: column[slot] for key, column in observed.items()} if isinstance(observed, dict) else observed[slot]

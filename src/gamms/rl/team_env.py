@@ -11,7 +11,15 @@ from pettingzoo import ParallelEnv
 from gamms.arguments import as_mapping
 from gamms.errors import UnknownName
 from gamms.rl.heads import are_legal
-from gamms.rl.interface import CopyableEnv, EnvInterface, RenderMode, mask_in, metadata_of, prepare, rendered
+from gamms.rl.interface import (
+    CopyableEnv,
+    EnvInterface,
+    RenderMode,
+    make_mask_infos,
+    make_metadata,
+    prepare,
+    render_first_game,
+)
 from gamms.rl.learners import Float32Array
 
 Observed = dict[str, Any]  # agent -> `observation` and `action_mask`, or the observation alone
@@ -36,7 +44,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
     _own = "agents", "observation_spaces", "action_spaces", "np_random"
 
     def __init__(self, interface: EnvInterface, name: str, render_mode: RenderMode) -> None:
-        self.metadata = metadata_of(name)
+        self.metadata = make_metadata(name)
         self._interface = interface
         self.render_mode = render_mode
         learners = interface.learners
@@ -58,11 +66,11 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the observation space of an agent."""
-        return self.observation_spaces[self._known(agent)]
+        return self.observation_spaces[self._check_agent(agent)]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
         """Return the action space of an agent: the index of a legal node, 0 to stay, and optionally a deed."""
-        return self.action_spaces[self._known(agent)]
+        return self.action_spaces[self._check_agent(agent)]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
         """Reset the game to a seed; None: the next seed.
@@ -73,8 +81,8 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         self.learners.begin_next(seed)
         if seed is not None:
             self.np_random = np.random.default_rng(abs(int(seed)))  # NumPy has no negative seeds
-        self.agents = self._those_in()
-        return self._answers(self.agents)
+        self.agents = self._list_agents_in_game()
+        return self._make_answers(self.agents)
 
     def step(
         self, actions: dict[str, Any]
@@ -89,7 +97,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
             whether its action was legal. It is False for a living agent without an action.
         """
         for name in as_mapping(actions, "actions"):
-            self._known(name)
+            self._check_agent(name)
         given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
         heads = self._interface.heads_of([(agents, [given[number] for number in agents]) for agents in self._parts])
         is_legal = are_legal(self.learners, heads)[0].tolist()
@@ -100,15 +108,15 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         }
         played = self.learners.step(*heads)
         is_over = bool(self.learners.is_over[0])
-        come = [] if is_over else [name for name in self._those_in() if name not in self.agents]
+        come = [] if is_over else [name for name in self._list_agents_in_game() if name not in self.agents]
         asked = self.agents + come
-        observations, infos = self._answers(asked)
+        observations, infos = self._make_answers(asked)
         for name in asked:
             infos[name]["is_legal"] = was_legal[name]
         rewards = {name: float(played.rewards[0, self._number[name]]) for name in asked}
         terminated = {name: bool(played.terminated[0, self._number[name]]) for name in asked}
         truncated = {name: bool(played.truncated[0, self._number[name]]) for name in asked}
-        self.agents = [] if is_over else self._those_in()
+        self.agents = [] if is_over else self._list_agents_in_game()
         return observations, rewards, terminated, truncated, infos
 
     def action_masks(self) -> dict[str, Any]:
@@ -128,24 +136,24 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
 
     def render(self) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
         """Return a picture, (height, width, 3), or show it in the window; do nothing without a render mode."""
-        return rendered(self.learners, self.render_mode)
+        return render_first_game(self.learners, self.render_mode)
 
     def close(self) -> None:
         """Close the game."""
         self.learners.close()
 
-    def _known(self, agent: str) -> str:
+    def _check_agent(self, agent: str) -> str:
         if agent not in self._number:
             raise UnknownName("agent that learns", agent, self.possible_agents)
         return agent
 
-    def _those_in(self) -> list[str]:
+    def _list_agents_in_game(self) -> list[str]:
         """Return the agents that are alive, or may return."""
         learners = self.learners
         are_in = learners.is_there[0] if learners.may_return else learners.alive[0]
         return list(compress(self.possible_agents, are_in.tolist()))
 
-    def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
+    def _make_answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return the observations of these agents, and their infos."""
         columns = self._interface.columns()
         values = {}
@@ -156,5 +164,5 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
             if self.learners.flies[number]:
                 found.pop("action_mask", None)
             values[name] = self._interface.given(found)
-            infos[name] = mask_in(found) | {key: column[0] for key, column in self.learners.drawn.items()}
+            infos[name] = make_mask_infos(found) | {key: column[0] for key, column in self.learners.drawn.items()}
         return values, infos

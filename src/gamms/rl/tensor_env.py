@@ -9,7 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, MultiCategorical, Unbounded
 from torchrl.envs import EnvBase
 
-from gamms.rl.heads import action_masks, heads_of, refuse_mixed
+from gamms.rl.heads import action_masks, make_heads, refuse_mixed
 from gamms.rl.learners import Learners
 from gamms.rl.turns import TurnOutcome
 
@@ -40,7 +40,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         super().__init__(device=torch.device("cpu"), batch_size=[games])
         names = learners.names_by_team()
         self.group_map = {str(team): list(names[team]) for team in learners.teams}
-        example = _tensor(learners.observe())
+        example = _convert_array(learners.observe())
         shape = example.shape[2:]
         kind = example.dtype
         observed = {}
@@ -74,13 +74,13 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
             acting[team] = Composite({"action": action}, shape=size)
             reward = Unbounded(shape=(*size, 1), dtype=torch.float32)
             rewards[team] = Composite({"reward": reward}, shape=size)
-            ends[team] = self._ends_spec(size)
+            ends[team] = self._make_ends_spec(size)
         self.observation_spec = Composite(observed, shape=(games,))
         self.action_spec = Composite(acting, shape=(games,))
         self.reward_spec = Composite(rewards, shape=(games,))
-        self.done_spec = Composite({**ends, **self._ends_spec((games,))}, shape=(games,))
+        self.done_spec = Composite({**ends, **self._make_ends_spec((games,))}, shape=(games,))
 
-    def _ends_spec(self, size: tuple[int, ...]) -> Any:
+    def _make_ends_spec(self, size: tuple[int, ...]) -> Any:
         kinds = {key: Binary(shape=(*size, 1), dtype=torch.bool) for key in _ENDS}
         return Composite(kinds, shape=size)
 
@@ -90,15 +90,15 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         if which is None:
             self.learners.begin_all()
         else:
-            self.learners.begin_again(np.flatnonzero(_array(which)))
-        return self._results(None)
+            self.learners.begin_again(np.flatnonzero(_convert_tensor(which)))
+        return self._make_results(None)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Play a turn of all unfinished games."""
-        given = [_array(tensordict.get((team, "action"))) for team in self.group_map]
+        given = [_convert_tensor(tensordict.get((team, "action"))) for team in self.group_map]
         ends = np.cumsum([one.shape[1] for one in given])
         parts = [(np.arange(end - one.shape[1], end), one) for one, end in zip(given, ends, strict=True)]
-        return self._results(self.learners.step(*heads_of(self.learners, parts)))
+        return self._make_results(self.learners.step(*make_heads(self.learners, parts)))
 
     def set_others(self, others: Mapping[str, Any] | None) -> None:
         """Replace the strategies of other agents and teams, in each game from its next reset on; see `Learners`."""
@@ -115,7 +115,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
             self.learners.close()
         super().close(**options)
 
-    def _results(self, played: TurnOutcome | None) -> TensorDictBase:
+    def _make_results(self, played: TurnOutcome | None) -> TensorDictBase:
         """Return the observations, and the results of the last turn."""
         learners = self.learners
         games = len(self.learners.games)
@@ -138,7 +138,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         columns |= {key: one[..., None] for key, one in ended.items()}
         if played is not None:
             columns["reward"] = played.rewards.astype(np.float32)[..., None]
-        tensors = {key: _tensor(column) for key, column in columns.items()}
+        tensors = {key: _convert_array(column) for key, column in columns.items()}
         groups = {}
         first = 0
         for team, members in self.group_map.items():
@@ -148,15 +148,15 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
                 of_team.pop("action_mask", None)
             groups[team] = TensorDict(of_team, batch_size=(games, size), device=self.device)
             first += size
-        ends_of_games = {key: _tensor(one) for key, one in root.items()}
+        ends_of_games = {key: _convert_array(one) for key, one in root.items()}
         return TensorDict({**groups, **ends_of_games}, batch_size=(games,), device=self.device)
 
 
-def _array(tensor: torch.Tensor) -> np.ndarray[Any, Any]:
+def _convert_tensor(tensor: torch.Tensor) -> np.ndarray[Any, Any]:
     """Return an array that shares the memory of a tensor; a tensor on a GPU is copied."""
     return np.from_dlpack(tensor.detach().cpu())
 
 
-def _tensor(array: np.ndarray[Any, Any]) -> torch.Tensor:
+def _convert_array(array: np.ndarray[Any, Any]) -> torch.Tensor:
     """Return a tensor that shares the memory of an array; a read-only array is copied."""
     return torch.from_dlpack(array if array.flags.writeable else array.copy())

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms.core import observe
-from gamms.game.array_functions.given import flown
+from gamms.game.array_functions.given import make_flight_action
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch import Batch
 from gamms.game.strategy_specs import CoreStep, StrategySpec
@@ -254,7 +254,7 @@ class ScriptedActions:
         here = agent.current_node_id
         done = {} if self._choices is None else self._choices.plain(int(deed), legal or (here,), here)
         if "quat" in state:
-            state["action"] = flown(flight, agent.speed, done)
+            state["action"] = make_flight_action(flight, agent.speed, done)
             return
         if self._by_edges and 0 < move <= len(state["legal_edges"]):
             edge = {"edge": state["legal_edges"][int(move) - 1]}

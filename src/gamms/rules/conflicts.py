@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from gamms.agent import BaseAgent
-from gamms.arguments import shown_as_called
+from gamms.arguments import show_as_call
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game.conflicts import Contest, Rank, Ranking, Resolver
@@ -18,7 +18,7 @@ from gamms.text import shown
 from gamms.typing.game import Member, Move
 
 
-@shown_as_called
+@show_as_call
 def by_rank(rank: Rank) -> Resolver:
     """Make a resolver that lets the agents with the smallest ranks win; ties go to the first name.
 
@@ -36,7 +36,7 @@ def by_rank(rank: Rank) -> Resolver:
     return Ranking(rank)
 
 
-@shown_as_called
+@show_as_call
 def by_priority(teams_or_key: Sequence[Member] | Callable[[BaseAgent], Any]) -> Resolver:
     """Make a resolver that lets agents win in order of priority; ties go to the first name.
 
@@ -51,22 +51,22 @@ def by_priority(teams_or_key: Sequence[Member] | Callable[[BaseAgent], Any]) -> 
             roles, when an agent is in a conflict that has none of them.
     """
     if callable(teams_or_key):
-        return _by_key(teams_or_key)
+        return _resolve_by_key(teams_or_key)
     if isinstance(teams_or_key, (str, bytes)) or not isinstance(teams_or_key, Sequence):
         raise BadType(
             "by_priority needs a list of teams, the first to win first, or a function of an agent, "
             f"not {shown(teams_or_key)} ({type(teams_or_key).__name__})."
         )
-    return _by_member(list(teams_or_key))
+    return _resolve_by_member(list(teams_or_key))
 
 
-@shown_as_called
+@show_as_call
 def nobody() -> Resolver:
     """Make a resolver that lets no agent win: if there is not enough room, all stay."""
     return Ranking(lambda _name, _team: None, of_team=True)
 
 
-def _by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
+def _resolve_by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
     """Return a resolver that calls a function with each agent of a contest; its values may change every turn."""
 
     def by_priority(contest: Contest, ctx: Context) -> list[Move]:
@@ -81,7 +81,7 @@ def _by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
     return by_priority
 
 
-def _by_member(given: list[Any]) -> Resolver:
+def _resolve_by_member(given: list[Any]) -> Resolver:
     """Return a resolver by teams and roles; one by attributes, which may change, looks at the agents each time."""
     members = [as_team_or_role(one) for one in given]
     for number, member in enumerate(members):
@@ -99,7 +99,7 @@ def _by_member(given: list[Any]) -> Resolver:
         )
 
     if has_attributes(members):
-        return _by_key(lambda agent: rank(agent.name, agent.team, lambda member: is_among(agent, [member])))
+        return _resolve_by_key(lambda agent: rank(agent.name, agent.team, lambda member: is_among(agent, [member])))
     return Ranking(
         lambda name, team: rank(name, team, partial(_is_named, name, team)),
         of_team=not any(isinstance(member, Role) for member in members),

@@ -6,7 +6,7 @@ A turn is the time from 0 to 1; `gamms.core.contacts` finds the contacts.
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_context, as_flag, as_items, as_range, names_keywords
+from gamms.arguments import as_context, as_flag, as_items, as_range, explain_call_errors
 from gamms.context import Context
 from gamms.core.contacts import Contacts
 from gamms.core.rules import Tagging, fill_steps
@@ -14,7 +14,7 @@ from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.block.in_core import ContactOptions, RuleBuilder
 from gamms.game.roles import as_team_or_role, get_team
 from gamms.rules.in_core import tagging
-from gamms.rules.meetings import Side, in_air, made_for, turn_of
+from gamms.rules.meetings import Side, get_contacts, get_rule, in_air
 from gamms.text import shown
 
 
@@ -31,7 +31,7 @@ class Contact(NamedTuple):
     b_xy: tuple[float, float] | None = None  # in games by metres: the exact position of `b`
 
 
-@names_keywords
+@explain_call_errors
 def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     ctx: Context,
     a: Side,
@@ -145,11 +145,11 @@ def found(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Cont
     """Return all contacts of a turn, in the order of `contacts`; two agents may have several."""
 
     def form(making: RuleBuilder) -> Tagging:
-        turn = turn_of(ctx)
+        turn = get_contacts(ctx)
         return tagging(making, (a, b), turn.purpose, turn.roster.turn, nearness=nearness)
 
     key = None if callable(a) or callable(b) else (a, b, nearness)
-    made = made_for(ctx, form, key)
+    made = get_rule(ctx, form, key)
     turn = made.makes.turn
     names = turn.roster.names
     ids = turn.numbers.ids

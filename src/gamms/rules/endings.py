@@ -6,7 +6,7 @@ from typing import Annotated, Any, cast, overload
 
 import numpy as np
 
-from gamms.arguments import as_count, as_flag, as_float, as_key, shown_as_called
+from gamms.arguments import as_count, as_flag, as_float, as_key, show_as_call
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.block.in_core import ONE_THAT_SHOWS
@@ -15,7 +15,7 @@ from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import as_node_id, label_hint
 from gamms.plain import NAME, TEXT, at, dict_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import GameRule, player_of
+from gamms.rules.meetings import GameRule, make_player
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import TEAMS, Member, Team
@@ -48,7 +48,7 @@ def reach(team: Mapping[Any, Nodes], *, score: float = 0, passing: bool = True) 
 def reach(
     team: Member, nodes: Nodes, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
 ) -> Rule: ...
-@shown_as_called
+@show_as_call
 def reach(
     team: Annotated[object, TEAMS],
     nodes: object = None,
@@ -85,7 +85,7 @@ def reach(
         raise BadValue(f"winner={shown(winner)} is for one team, but {list(given)} compete: the first to arrive wins.")
     teams = sorted((as_key(one, "A team") for one in given), key=str)
     goals = {one: _as_goal(given[one], get_team(one)) for one in teams}
-    named = [*goals, *_named_winner(winner)]
+    named = [*goals, *_check_winner(winner)]
     shown_goals = {get_team(one): goal for one, goal in goals.items()}
     as_float(score, "score")
     as_flag(passing, "passing")
@@ -103,7 +103,7 @@ def reach(
         made.play(ctx)
 
     form = in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
-    player = partial(player_of, form=form, play=play)
+    player = partial(make_player, form=form, play=play)
     return declared(
         reach,
         RuleSpec(
@@ -119,7 +119,7 @@ def reach(
     )
 
 
-@shown_as_called
+@show_as_call
 def arrive(team: Member, nodes: Nodes, *, score: float = 1, passing: bool = True) -> Rule:
     """Make a rule that scores each agent on the ground that reaches a goal of its team, and takes it out of the game.
 
@@ -155,7 +155,7 @@ def arrive(team: Member, nodes: Nodes, *, score: float = 1, passing: bool = True
         made.play(ctx)
 
     form = in_core("arrive", member, goal, points, counts_passing)
-    player = partial(player_of, form=form, play=play)
+    player = partial(make_player, form=form, play=play)
     return declared(
         arrive,
         RuleSpec(
@@ -171,7 +171,7 @@ def arrive(team: Member, nodes: Nodes, *, score: float = 1, passing: bool = True
     )
 
 
-@shown_as_called
+@show_as_call
 def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     """Make a rule that ends the game after a number of turns.
 
@@ -185,14 +185,14 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
         BadType, BadValue: the number is not an integer, or less than 1; or the winner is not a valid team.
     """
     last = as_count(turns, "turns")
-    named = _named_winner(winner)
+    named = _check_winner(winner)
 
     def time_limit(ctx: Context) -> None:
         player(ctx)()
 
     def player(ctx: Context) -> Callable[[], None]:
         state = ctx.game.internals.state
-        end = player_of(ctx, form, follows=False)
+        end = make_player(ctx, form, follows=False)
 
         def play() -> None:
             if state.turn >= last:  # NOTE: else the rule takes a twentieth of a turn of two agents (benchmarks: turns)
@@ -214,7 +214,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     )
 
 
-@shown_as_called
+@show_as_call
 def none_left(team: Member, winner: Team = LEADER) -> Rule:
     """Make a rule that ends the game when a team has no living agents, on the ground or in the air.
 
@@ -227,14 +227,14 @@ def none_left(team: Member, winner: Team = LEADER) -> Rule:
         BadType: `team` or `winner` is not a valid team.
     """
     member = as_team_or_role(team, "team")
-    named = [member, *_named_winner(winner)]
+    named = [member, *_check_winner(winner)]
     reason = f"all agents of {member} arrived or were eliminated"
 
     def none_left(ctx: Context) -> None:
         player(ctx)()
 
     form = in_core("none_left", member, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
-    player = partial(player_of, form=form, follows=False)
+    player = partial(make_player, form=form, follows=False)
     return declared(
         none_left,
         RuleSpec(
@@ -247,7 +247,7 @@ def none_left(team: Member, winner: Team = LEADER) -> Rule:
     )
 
 
-@shown_as_called
+@show_as_call
 def last_team() -> Rule:
     """Make a rule that ends the game when all living agents are of one team, which wins, or no agent is alive.
 
@@ -258,11 +258,11 @@ def last_team() -> Rule:
         player(ctx)()
 
     form = in_core("last_team")
-    player = partial(player_of, form=form, follows=False)
+    player = partial(make_player, form=form, follows=False)
     return declared(last_team, RuleSpec(rank=Rank.END, core_form=form, player=player))
 
 
-def _named_winner(winner: Team) -> list[Hashable]:
+def _check_winner(winner: Team) -> list[Hashable]:
     """Return the team named as winner, checked, as a list; empty for a default and for None."""
     return [] if winner is None or isinstance(winner, _UndecidedWinner) else [as_key(winner, "winner")]
 
@@ -280,13 +280,15 @@ def as_nodes(given: object, name: str) -> frozenset[int]:
     return nodes
 
 
-def state_of(ctx: Context, group: str, key: str, start: dict[str, Any]) -> dict[str, Any]:
+def get_state(ctx: Context, group: str, key: str, start: dict[str, Any]) -> dict[str, Any]:
     """Return the state of a rule, `ctx.game.data[group][key]`; `start` if it is new."""
     state: dict[str, Any] = ctx.game.data.setdefault(group, {}).setdefault(key, start)
     return state
 
 
-def all_know(group: str, key: str | None = None) -> Callable[[Mapping[str, Any], Collection[str]], dict[str, Any]]:
+def disclose_to_all(
+    group: str, key: str | None = None
+) -> Callable[[Mapping[str, Any], Collection[str]], dict[str, Any]]:
     """Return a `disclose` hook that shows everybody `ctx.game.data[group][key]`, or without a key the whole group."""
 
     def disclose(data: Mapping[str, Any], _: Collection[str]) -> dict[str, Any]:
@@ -309,7 +311,7 @@ def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
     """Publish the goals, for drawers."""
     known: dict[Any, str] = ctx.game.data.setdefault(GOALS, {})
     for team, goal in goals.items():
-        nodes = _starts(ctx, goal) if isinstance(goal, str) else goal
+        nodes = _find_starts(ctx, goal) if isinstance(goal, str) else goal
         parts = [*known.get(team, "").split(), *as_text(np.array(sorted(nodes), np.int64)).split()]
         known[team] = " ".join(dict.fromkeys(parts))  # another rule may have other goals for the team
 
@@ -326,7 +328,7 @@ def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:
     return as_nodes(goal, f"A node for team {shown(team)} to reach")
 
 
-def _starts(ctx: Context, team: str) -> frozenset[int]:
+def _find_starts(ctx: Context, team: str) -> frozenset[int]:
     """Return the start nodes of the agents on the ground of the team named in a text."""
     agents = [agent for one, agents in ctx.agent.teams.items() if str(one) == team for agent in agents]
     return frozenset([node for node in map(ctx.game.start_node, agents) if isinstance(node, int)])

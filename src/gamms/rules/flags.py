@@ -4,7 +4,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
-from gamms.arguments import as_count, as_flag, as_float, as_name, shown_as_called
+from gamms.arguments import as_count, as_flag, as_float, as_name, show_as_call
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
@@ -15,10 +15,10 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, as_node_id
 from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, optional, record, whole
 from gamms.readonly import published
-from gamms.rules.endings import all_know, refuse_unknown
+from gamms.rules.endings import disclose_to_all, refuse_unknown
 from gamms.rules.in_core import FlagArguments, fits_core, in_core
-from gamms.rules.meetings import GameRule, player_of
-from gamms.rules.territory import Colors, Territory, as_territory, owners_of, roles_of, shapes_of_grounds
+from gamms.rules.meetings import GameRule, make_player
+from gamms.rules.territory import Colors, Territory, as_territory, find_shapes, list_owners, roles_of
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -28,7 +28,7 @@ _NOBODY = core.CARRIERS["nobody"]
 _GONE = core.CARRIERS["gone"]
 
 
-@shown_as_called
+@show_as_call
 def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
     flags: Annotated[Mapping[Any, NodeId], OWNERS],
     *,
@@ -91,17 +91,17 @@ def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
     def capture_flag(ctx: Context) -> None:
         player(ctx)()
 
-    grounds = shapes_of_grounds([game.ground])
+    grounds = find_shapes([game.ground])
     form = in_core("capture_flag", game)
-    player = partial(player_of, form=form, play=game.play)
+    player = partial(make_player, form=form, play=game.play)
     return declared(
         capture_flag,
         RuleSpec(
             prepare=game.prepare,
             teams=[*sorted(game.teams or (), key=str), *roles_of(game.ground)],
-            owners=[*dict.fromkeys((*game.bases, *owners_of(game.ground)))],
+            owners=[*dict.fromkeys((*game.bases, *list_owners(game.ground)))],
             drawer=FlagsDrawer(game.key, colors),
-            disclose=all_know(game.key),
+            disclose=disclose_to_all(game.key),
             key=game.key,
             uses_scores=True,
             core_form=form if fits_core(score) else None,
@@ -133,7 +133,7 @@ class _FlagRule(FlagArguments):
     def prepare(self, ctx: Context) -> None:
         """Check the bases against the map, and publish the positions of the flags."""
         refuse_unknown(ctx, self.bases.values())
-        self._publish(ctx, self._state(ctx.game.internals.state)["carriers"])
+        self._publish(ctx, self._get_state(ctx.game.internals.state)["carriers"])
 
     def prepare_arrays(self, state: GameArrays) -> None:
         """Publish the positions of the flags of many games, from the carriers (games,) as agent numbers."""
@@ -149,7 +149,7 @@ class _FlagRule(FlagArguments):
         for new in set(rows).difference(facts):
             names = state.roster.names
             carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, new, strict=True)}
-            facts[new] = published(self.key, self._fact(carriers))
+            facts[new] = published(self.key, self._make_fact(carriers))
         return [facts[one] for one in rows]
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
@@ -167,7 +167,7 @@ class _FlagRule(FlagArguments):
     ) -> None:
         """Write the state of the rule in the core into the context; see `RuleSpec.show_arrays`."""
         kept = state.kept["capture_flag", self.key]
-        data = self._state(ctx.game.internals.state)
+        data = self._get_state(ctx.game.internals.state)
         roster = state.roster
         for team, carrier in zip(self.bases, kept["carriers"][0].tolist(), strict=True):
             data["carriers"][team] = roster.names[carrier] if carrier >= 0 else None
@@ -203,7 +203,7 @@ class _FlagRule(FlagArguments):
             stops: (agents,) how often the agents were stopped.
             fresh: the events since the last turn of the rule.
         """
-        stopped = _stopped(fresh)
+        stopped = _find_stopped_agents(fresh)
         for flag, name in enumerate(map(known["carriers"].get, self.bases)):
             carrier = _NOBODY if name is None else numbers.get(name, _GONE)
             kept["carriers"][0, flag] = carrier
@@ -212,7 +212,7 @@ class _FlagRule(FlagArguments):
         for number, team in enumerate(teams):
             kept["captures"][0, number] = known["captures"].get(team, 0)
 
-    def _state(self, game: GameState) -> dict[str, Any]:
+    def _get_state(self, game: GameState) -> dict[str, Any]:
         """Return the state of the rule in this game."""
         data = game.data
         if self.key not in data:
@@ -225,7 +225,7 @@ class _FlagRule(FlagArguments):
         """Play a turn of one game by the rule of the core."""
         key = self.key
         game = made.makes.turn.game.state
-        data = game.data.get(key) or self._state(game)
+        data = game.data.get(key) or self._get_state(game)
         carriers: dict[Hashable, str | None] = data["carriers"]
         captures = data["captures"]
         events = game.events
@@ -248,11 +248,11 @@ class _FlagRule(FlagArguments):
 
     def _publish(self, ctx: Context, carriers: Mapping[Any, str | None]) -> None:
         if self.announce:
-            flags = self._fact(carriers)
+            flags = self._make_fact(carriers)
             if ctx.game.facts.get(self.key) != flags:
                 ctx.game.publish(**{self.key: flags})
 
-    def _fact(self, carriers: Mapping[Any, str | None]) -> dict[Hashable, dict[str, Any]]:
+    def _make_fact(self, carriers: Mapping[Any, str | None]) -> dict[Hashable, dict[str, Any]]:
         return {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
 
 
@@ -262,12 +262,12 @@ def _count_later(events: list[dict[str, Any]], stops: Mapping[str, int]) -> int:
     later = 0
     while any(number > 0 for number in left.values()) and later < len(events):
         later += 1
-        for name in _stopped(events[-later : len(events) - later + 1]):
+        for name in _find_stopped_agents(events[-later : len(events) - later + 1]):
             left[name] = left.get(name, 0) - 1
     return later
 
 
-def _stopped(events: list[dict[str, Any]]) -> set[str]:
+def _find_stopped_agents(events: list[dict[str, Any]]) -> set[str]:
     """Return the names of agents that were tagged, respawned or eliminated."""
     tagged = {event["other"] for event in events if event["kind"] == "tag" and "other" in event}
     back = {event["agent"] for event in events if event["kind"] in ("respawned", "eliminated")}

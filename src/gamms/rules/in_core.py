@@ -16,7 +16,7 @@ from gamms.game.block.in_core import (
     Near,
     RuleBuilder,
     floats,
-    ints,
+    make_int_buffer,
     memory_of,
 )
 from gamms.game.block.state import Arrays
@@ -26,7 +26,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.meetings import Side, ask, search_for
 
-_NOTHING = ints(0)
+_NOTHING = make_int_buffer(0)
 _TAGGED = "an agent was tagged"
 _MOST_EXACT = 1 << 53  # of integers as floats
 
@@ -67,7 +67,7 @@ def fits_core(points: float) -> bool:
 def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.tag` from all such rules of a game."""
     purpose = np.zeros(1, np.uint64).data
-    turn = ints(1)
+    turn = make_int_buffer(1)
     behind: rules.Tagging | None = None
     for one in reversed(taggings):
         arguments = one._asdict()
@@ -88,7 +88,7 @@ def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
         making.events,
         making.number(*played),
         behind,
-        rules.Tags(ints(making.room)),
+        rules.Tags(make_int_buffer(making.room)),
         making.steps,
         purpose,
         turn,
@@ -125,9 +125,9 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
         ends: see `gamms.rules.tag`.
         behind: the next tag rule; None: there is none.
     """
-    of_tracks = ints(making.room)
+    of_tracks = make_int_buffer(making.room)
     tracks = making.tracks(of_tracks, at_end=not nearness.passing)
-    keys = _keys(making)
+    keys = _make_keys(making)
     near = making.near(nearness)
 
     found = contacts.Contacts(making.pieces)
@@ -179,7 +179,7 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         home=flat(home, np.int64),
         ground=making.territory(flags.ground),
         takes=making.list_by_agent(lambda: np.where(ground() == roster.nobody, -1, ground()), absent=-1),
-        names=_keys(making),
+        names=_make_keys(making),
         purposes=making.purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases)),
         carriers=memory_of(kept["carriers"]),
         stops=memory_of(kept["stops"]),
@@ -224,14 +224,14 @@ def respawn(
 def time_limit(last: int, winner: object, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.time_limit`; the winner is a team or `ONE_THAT_SHOWS`."""
     number = making.number(CompiledRule(reason="time limit", winner=winner, truncated=True))
-    return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_code(winner, making))
+    return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_find_code(winner, making))
 
 
 def none_left(member: Hashable, reason: str, winner: object, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.none_left` for a team or a role; for a team without agents, a rule that does nothing."""
     team = making.team(member)
     if team < 0:
-        return _nothing(making)
+        return _make_nothing(making)
     number = making.number(CompiledRule(reason=reason, winner=winner))
     return rules.NoneLeftRule(
         making.games,
@@ -239,7 +239,7 @@ def none_left(member: Hashable, reason: str, winner: object, making: RuleBuilder
         number,
         team=-1 if isinstance(member, Role) else team,
         members=making.plays([member]),
-        winner=_code(winner, making),
+        winner=_find_code(winner, making),
     )
 
 
@@ -257,7 +257,7 @@ def reach(
         if number >= 0:
             order.append(number)
             if isinstance(goal, str):
-                starters[number] = _starters(goal, making)
+                starters[number] = _make_starter_mask(goal, making)
             else:
                 is_goal[rows[team], number] = 1
 
@@ -286,11 +286,11 @@ def arrive(
     """Make `gamms.rules.arrive` for a team or a role; for a team without agents, a rule that does nothing."""
     team = making.team(member)
     if team < 0:
-        return _nothing(making)
+        return _make_nothing(making)
     starters = _NOTHING
     rows = np.zeros(0, np.int64)
     if isinstance(goal, str):
-        starters = making.list_by_agent(_starters(goal, making))
+        starters = making.list_by_agent(_make_starter_mask(goal, making))
     else:
         rows = making.rows(sorted(goal))
     owners = np.full(making.num_nodes, -1)
@@ -307,7 +307,7 @@ def arrive(
     )
 
 
-def _starters(team: str, making: RuleBuilder) -> Callable[[], BoolArray]:
+def _make_starter_mask(team: str, making: RuleBuilder) -> Callable[[], BoolArray]:
     """Return a function that returns a mask (agents,) of the agents on the ground on the team named in a text."""
     named = [one for one in making.roster.teams if str(one) == team]
 
@@ -318,7 +318,7 @@ def _starters(team: str, making: RuleBuilder) -> Callable[[], BoolArray]:
     return found
 
 
-def _keys(making: RuleBuilder) -> Any:
+def _make_keys(making: RuleBuilder) -> Any:
     """Return the hashes of the agents' names, (room,)."""
     return making.list_by_agent(lambda: making.roster.keys, np.uint64)
 
@@ -332,14 +332,14 @@ def last_team(making: RuleBuilder) -> rules.Rule:
 def published(fact: str, nodes: Mapping[int, Hashable], making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.territory.published`, which does nothing during a turn."""
     making.publish(fact, nodes)
-    return _nothing(making)
+    return _make_nothing(making)
 
 
-def _nothing(making: RuleBuilder) -> rules.Rule:
+def _make_nothing(making: RuleBuilder) -> rules.Rule:
     return rules.Rule(making.games, making.events, making.number(CompiledRule()))
 
 
-def _code(winner: object, making: RuleBuilder) -> int:
+def _find_code(winner: object, making: RuleBuilder) -> int:
     if winner is not ONE_THAT_SHOWS:
         return rules.WINNERS["nobody"]
     making.read_scores()

@@ -1,6 +1,6 @@
 """One game in the core: the columns of its agents in a turn, the contacts between them, and its shipped rules.
 
-`turn_of` returns the columns and finds contacts; `made_for` returns a rule, which the core plays.
+`get_contacts` returns the columns and finds contacts; `get_rule` returns a rule, which the core plays.
 """
 
 from array import array
@@ -19,7 +19,7 @@ from gamms.core import rules
 from gamms.core.agents import NodeNumbers
 from gamms.core.rules import Flags, Tagging
 from gamms.core.turn import GamePlayer, MovesForRules, RuleMoves, RuleOfGame
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import IllegalMutation, UnknownName
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import (
@@ -30,7 +30,7 @@ from gamms.game.block.in_core import (
     Near,
     NumberArray,
     RuleBuilder,
-    motion_intervals,
+    make_motion_intervals,
 )
 from gamms.game.block.state import NAMED, Arrays, Purpose
 from gamms.game.deeds import list_lasting
@@ -47,7 +47,7 @@ from gamms.kernels.draws import BitArray
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Leg, Track
 from gamms.typing.graph_values import OSMEdge
-from gamms.typing.on_edges import Line, LineColumns, point_along
+from gamms.typing.on_edges import Line, LineColumns, find_point_along
 
 _MOST_DISTANCES = 8  # contact distances whose near nodes are cached per game
 _MOST_RULES = 32  # rules that are kept per game
@@ -87,7 +87,7 @@ def column(kind: str, values: Iterable[float] = ()) -> Any:  # Any: memoryviews 
     return memoryview(array(kind, values))
 
 
-def _zeros(kind: str, number: int) -> Any:  # Any: memoryviews are not subscriptable
+def _make_zeros(kind: str, number: int) -> Any:  # Any: memoryviews are not subscriptable
     """Return a buffer of zeros; see `column`."""
     return column(kind, bytes(8 * number))
 
@@ -255,7 +255,7 @@ class GameRules(RuleBuilder):
 
     Attributes:
         most_numbers: the number of nodes for which tables of the rules have room.
-        kept: key -> rule; see `made_for`.
+        kept: key -> rule; see `get_rule`.
     """
 
     def __init__(self, turn: "TurnContacts", pieces: core.MotionIntervals) -> None:
@@ -282,7 +282,7 @@ class GameRules(RuleBuilder):
         return self.turn.roster.table
 
     def make(self, form: Form, key: Hashable) -> "GameRule":
-        """Make the rule of a form, and keep it; `key`: see `made_for`."""
+        """Make the rule of a form, and keep it; `key`: see `get_rule`."""
         if len(self.kept) == _MOST_RULES:
             self.kept.clear()
         known = GameRule(self, form)
@@ -316,12 +316,12 @@ class GameRules(RuleBuilder):
             found[: len(present)] = present
             found[len(present) :] = absent
 
-        self._on_changed_agents(take)
+        self._call_on_changed_agents(take)
         if has_attributes(members):
-            self._in_each_turn(lambda _: take())
+            self._call_in_each_turn(lambda _: take())
         return found.data
 
-    def _on_changed_agents(self, function: Callable[[], None]) -> None:
+    def _call_on_changed_agents(self, function: Callable[[], None]) -> None:
         """Call a function now, and whenever agents have come or left."""
         assert self._making is not None  # noqa: S101 - a rule is made
         self._making.on_changed_agents.append(function)
@@ -330,7 +330,7 @@ class GameRules(RuleBuilder):
     def tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
         """Return the tracks of the agents, with these sides."""
         found = super().tracks(sides, at_end=at_end)
-        self._on_changed_agents(lambda: setattr(found, "agents", len(self.roster.names)))
+        self._call_on_changed_agents(lambda: setattr(found, "agents", len(self.roster.names)))
         return found
 
     def draw_by(self, seed: int) -> None:
@@ -382,7 +382,7 @@ class GameRules(RuleBuilder):
                     "Such changes belong in a rule of their own: ctx.game.add(rule)."
                 )
 
-        self._in_each_turn(call)
+        self._call_in_each_turn(call)
         return found.data
 
     def territory(self, ground: Ground | None) -> rules.Territory:
@@ -420,17 +420,17 @@ class GameRules(RuleBuilder):
         def choose() -> None:
             numbers[:] = np.flatnonzero(agents()).tolist()
 
-        self._on_changed_agents(choose)
-        self._in_each_turn(lambda ctx: turn.roster.take_starts(ctx, turn.numbers, numbers))
+        self._call_on_changed_agents(choose)
+        self._call_in_each_turn(lambda ctx: turn.roster.take_starts(ctx, turn.numbers, numbers))
 
     def read_scores(self) -> None:
         """Take the scores of the teams in each turn."""
-        self._in_each_turn(lambda ctx: self.turn.roster.take_scores(ctx.game.scores))
+        self._call_in_each_turn(lambda ctx: self.turn.roster.take_scores(ctx.game.scores))
 
     def follow(self, rule: Flags | Tagging, ground: Ground | None) -> None:
         """Keep the owners of nodes in a rule up to date, if the territory is a fact, or owners are roles."""
         if ground is not None and (isinstance(ground.given, str) or ground.roles):
-            self._in_each_turn(lambda _: setattr(rule, "ground", self.territory(ground)))
+            self._call_in_each_turn(lambda _: setattr(rule, "ground", self.territory(ground)))
 
     def follow_places(
         self, tagging: Tagging, nearness: ContactOptions, near: Near, sides: tuple[Any, Any], search: ContactSearch
@@ -446,9 +446,9 @@ class GameRules(RuleBuilder):
             rules.fill_sides(self.games, 0, *sides)
             search(turn.near(ctx, sides[1], nearness), tagging.contacts)
 
-        self._in_each_turn(find)
+        self._call_in_each_turn(find)
 
-    def _in_each_turn(self, function: Callable[[Context], object]) -> None:
+    def _call_in_each_turn(self, function: Callable[[Context], object]) -> None:
         assert self._making is not None  # noqa: S101 - a rule is made
         self._making.in_each_turn.append(function)
 
@@ -522,7 +522,7 @@ class GameRule(RuleOfGame):
                 event = {"turn": turn, "kind": kind, "agent": name}
                 if kind in NAMED:
                     event[NAMED[kind]] = names[other] if kind == "tag" else played.flags[other]
-                state.events.append(_with_time({**event, "node": ids[node]}, turn - 1 + time, game.deeds))
+                state.events.append(_add_time({**event, "node": ids[node]}, turn - 1 + time, game.deeds))
                 told.append((kind, name, other))
                 if kind in SCORING:
                     team = roster.teams[agent]
@@ -533,7 +533,7 @@ class GameRule(RuleOfGame):
         return told
 
 
-def _with_time(event: dict[str, Any], time: float, deeds: Mapping[str, Any]) -> dict[str, Any]:
+def _add_time(event: dict[str, Any], time: float, deeds: Mapping[str, Any]) -> dict[str, Any]:
     """Return an event; with its time, if it is a tag in a game with deeds that last."""
     if event["kind"] == "tag" and deeds and list_lasting(deeds):
         event["time"] = time
@@ -579,16 +579,16 @@ class TurnContacts(RuleMoves):
         size = self.roster.room
         self.most = most
         self.most_legs = most_legs
-        self.columns = _zeros("q", size * most), _zeros("d", size * most), _zeros("q", size)
+        self.columns = _make_zeros("q", size * most), _make_zeros("d", size * most), _make_zeros("q", size)
         self.steps = (rules.AgentPaths if self.are_steps else rules.GivenPaths)(*self.columns)
-        self._counts = _zeros("q", size)
-        self._no_legs = _zeros("q", size)
+        self._counts = _make_zeros("q", size)
+        self._no_legs = _make_zeros("q", size)
         self._one_node = column("q", [1] * size)
         self._of_all = core.Tracks(size, most, *self.columns, self.columns[2], at_end=False)
-        numbers = [_zeros("q", size * most_legs) if most_legs else _NO_INTS for _ in range(5)]
+        numbers = [_make_zeros("q", size * most_legs) if most_legs else _NO_INTS for _ in range(5)]
         self._edges = numbers[2]
         self._flags = numbers[-1]
-        shares = [_zeros("d", size * most_legs) if most_legs else _NO_FLOATS for _ in range(5)]
+        shares = [_make_zeros("d", size * most_legs) if most_legs else _NO_FLOATS for _ in range(5)]
         self.legs = core.Legs(most_legs, self._counts, *numbers, *shares)
         self.rules = None
 
@@ -633,9 +633,9 @@ class TurnContacts(RuleMoves):
         paths = None if moves is None else moves.paths
         self._moves = moves
         if moves is not None and moves.are_latest(block):
-            self._where = self._where_latest(moves)
+            self._where = self._find_latest_slots(moves)
         else:
-            self._where = {self.roster.number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
+            self._where = {self.roster.number[agent.name]: _find_slot(moves, agent) for agent in ctx.game.agents}
         tracks: dict[int, Track] = {}
         if self._where is not self._slot_of:
             tracks = {agent: where for agent, where in self._where.items() if isinstance(where, Track)}
@@ -662,7 +662,7 @@ class TurnContacts(RuleMoves):
         for roads, (slots, agents) in by_roads.items():
             self._put_paths(paths, roads, column("q", slots), column("q", agents))
 
-    def _where_latest(self, moves: TurnMoves) -> dict[int, Track | int]:
+    def _find_latest_slots(self, moves: TurnMoves) -> dict[int, Track | int]:
         """Return the slot or the track of each agent, for moves that are the latest."""
         names = moves.order.names
         if (names, moves.took_part) != self._taken:
@@ -674,7 +674,7 @@ class TurnContacts(RuleMoves):
         slots, _ = self._slots_and_agents
         if len(slots) and moves.paths.is_on_roads(slots[0]) and maps.count(maps[slots[0]]) == len(slots):
             return self._slot_of
-        return {agent: _path_of(moves, i) for i, agent in zip(*self._slots_and_agents, strict=True)}
+        return {agent: _find_path(moves, i) for i, agent in zip(*self._slots_and_agents, strict=True)}
 
     def _put_paths(self, paths: GamePaths, roads: Any, slots: memoryview, agents: memoryview) -> None:
         """Write the paths by metres of agents along these roads."""
@@ -714,7 +714,7 @@ class TurnContacts(RuleMoves):
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
         track = self.track(agent)
         # If agents pass each other at the end of a turn counted in edges, the way they came decides.
-        return self.game.edges.xy_at(track if nearness.passing else at_end(track), time, node, at)
+        return self.game.edges.xy_at(track if nearness.passing else cut_to_end(track), time, node, at)
 
     def near(self, ctx: Context, sides: memoryview, nearness: ContactOptions) -> Near:
         """Return the positions of agents on a side, in a game that counts edges."""
@@ -739,15 +739,15 @@ class TurnContacts(RuleMoves):
         self.game.add_lines(np.asarray(self._edges).reshape(has_leg.shape)[has_leg])
 
 
-def _where(moves: TurnMoves | None, agent: IAgent) -> Track | int:
+def _find_slot(moves: TurnMoves | None, agent: IAgent) -> Track | int:
     """Return the slot of an agent that has a path in `moves`; its track otherwise."""
     i = None if moves is None else moves.slot_of(agent)
     if moves is None or i is None:
         return Track((agent.current_node_id,), (1.0,))
-    return _path_of(moves, i)
+    return _find_path(moves, i)
 
 
-def _path_of(moves: TurnMoves, i: int) -> Track | int:
+def _find_path(moves: TurnMoves, i: int) -> Track | int:
     """Return a slot that has a path by metres; else the track of its agent."""
     return i if moves.paths is not None and moves.paths.is_on_roads(i) else moves.track(i)
 
@@ -795,18 +795,18 @@ class GameContacts(MovesForRules):
         parts = ctx.game.internals.parts
         revised = getattr(graph, "revised", graph)
         block = ctx.agent.block
-        super().__init__(phase_of(ctx), parts.state, parts.turns, block.numbers, revised, graph.revision)
-        self.pieces = motion_intervals(0, 0)
+        super().__init__(get_phase(ctx), parts.state, parts.turns, block.numbers, revised, graph.revision)
+        self.pieces = make_motion_intervals(0, 0)
         self._most = 0
         self.graph = graph
-        self._changes = _road_changes(ctx)
-        self.place = cache(self._place)
+        self._changes = _count_changes(ctx)
+        self.place = cache(self._locate_node)
         self.lines = core.Polylines()
         self._known_lines = LineColumns.of(())
         self._places: FloatArray = np.zeros((0, 2))  # see `places`
         self._ctx = ctx
         self._costs: dict[str, RoadCosts] = {}  # by unit
-        self.near = lru_cache(_MOST_DISTANCES)(self._near)
+        self.near = lru_cache(_MOST_DISTANCES)(self._make_near_search)
         self._columns: Any = None  # columns of the map, whose nodes have these numbers
         self._numbers = np.zeros(0, np.int64)
         self.by_metres = ctx.game.speed_unit != "edges"
@@ -819,10 +819,10 @@ class GameContacts(MovesForRules):
         if pieces > self._most or keys > self.keys:
             self._most = 2 * pieces
             self.keys = 2 * keys
-            self.pieces = motion_intervals(self._most, self.keys)
+            self.pieces = make_motion_intervals(self._most, self.keys)
         return self.pieces
 
-    def _place(self, node: int) -> Position:
+    def _locate_node(self, node: int) -> Position:
         _, x, y = self.graph.get_node(node)
         return x, y, 0.0
 
@@ -843,16 +843,16 @@ class GameContacts(MovesForRules):
             self._known_lines = known
         new = sorted({*edges[known.firsts[edges] < 0].tolist()})
         if new:
-            self._known_lines = known.place(new, [self._line_of(numbers.ids[number]) for number in new])
+            self._known_lines = known.place(new, [self._get_line(numbers.ids[number]) for number in new])
             self._known_lines.give(self.lines)
 
-    def _line_of(self, id: int) -> Line:
+    def _get_line(self, id: int) -> Line:
         try:
             return Line.of(self.edges[id].points)
         except UnknownName:
             return Line([(nan, nan)], [])
 
-    def _near(self, unit: str, limit: float, count: int) -> core.NearNodes:
+    def _make_near_search(self, unit: str, limit: float, count: int) -> core.NearNodes:
         """Return a search for nodes within a distance, for this number of nodes."""
         costs = self._costs.get(unit)
         if costs is None or len(costs.arcs) != count + 1:
@@ -870,7 +870,7 @@ class GameContacts(MovesForRules):
         for costs in self._costs.values():
             if not costs.set_open(changed):
                 return False
-        self._changes = _road_changes(self._ctx)
+        self._changes = _count_changes(self._ctx)
         self.revision = self.graph.revision
         self.edges = TraveledEdges(self._ctx)
         self.forget()
@@ -926,7 +926,7 @@ class GameContacts(MovesForRules):
         self.now = None
 
 
-def _road_changes(ctx: Context) -> tuple[int, int]:
+def _count_changes(ctx: Context) -> tuple[int, int]:
     """Return the numbers of changes of the map, and of its roads only."""
     revision, roads, *_ = ctx.graph.storage.changes()
     return revision, roads
@@ -993,13 +993,13 @@ class RoadCosts:
         return True
 
 
-def turn_of(ctx: Context) -> TurnContacts:
+def get_contacts(ctx: Context) -> TurnContacts:
     """Return the contact queries of a context for this turn; valid until agents are moved or the next call."""
-    turn: TurnContacts = _game_of(ctx).turn(ctx)
+    turn: TurnContacts = _get_game(ctx).turn(ctx)
     return turn
 
 
-def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = True) -> GameRule:
+def get_rule(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = True) -> GameRule:
     """Return a rule of the core, ready to be played in the game of a context.
 
     Args:
@@ -1008,13 +1008,13 @@ def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = 
         key: a key under which the rule is kept; None: the form itself.
         follows: whether the rule depends on how agents have moved.
     """
-    game = _game_of(ctx)
+    game = _get_game(ctx)
     turn: Any = game.turn(ctx) if follows else game.any_moves(ctx)
     found: GameRule = turn.get_rule(ctx, form, id(form) if key is None else key)
     return found
 
 
-def player_of(
+def make_player(
     ctx: Context,
     form: Form,
     play: Callable[[GameRule, Context], object] | None = None,
@@ -1029,10 +1029,10 @@ def player_of(
         play: called with the rule of the core and the context; None: the rule is played as it is.
         follows: whether the rule depends on how agents have moved.
     """
-    return GamePlayer(ctx, _game_of, form, play, follows=follows)
+    return GamePlayer(ctx, _get_game, form, play, follows=follows)
 
 
-def _game_of(ctx: Context) -> GameContacts:
+def _get_game(ctx: Context) -> GameContacts:
     internals = ctx.game.internals
     known: GameContacts | None = internals.kept.get("contacts")
     if known is None or not known.is_of_map():
@@ -1046,7 +1046,7 @@ def _game_of(ctx: Context) -> GameContacts:
     return known
 
 
-def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
+def find_nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
     """Return the nodes at most `limit` edges ahead of a node, each with its number of edges."""
     # NOTE: 5 us for 3 edges around a node of Helsinki, where a search of the whole graph takes 170 us.
     near = graph.neighborhoods
@@ -1063,7 +1063,7 @@ def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
 # -- where agents are in a turn, which is the time from 0 to 1 --------------------------------------------------------
 
 
-def at_end(track: Track) -> Track:
+def cut_to_end(track: Track) -> Track:
     """Return a track that keeps only the position at the end of the turn."""
     last = track.legs[-1]._replace(begin=track.legs[-1].end, since=1.0, until=1.0) if track.legs else None
     is_on_edge = last is not None and 0.0 < last.end < 1.0
@@ -1118,7 +1118,7 @@ class TraveledEdges(dict[int, OSMEdge]):
                 return at[:2]
             for leg in track.legs:
                 if leg.since <= time <= leg.until:
-                    return point_along(self[leg.edge].points, leg.share_at(time))[:2]
+                    return find_point_along(self[leg.edge].points, leg.share_at(time))[:2]
             found = self.graph.get_node(node)
         except UnknownName:
             return None

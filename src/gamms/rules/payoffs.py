@@ -3,12 +3,12 @@
 from collections.abc import Hashable, Mapping
 from typing import Any
 
-from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name, shown_as_called
+from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name, show_as_call
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.plain import NAME, at, record, whole
-from gamms.rules.endings import all_know, state_of
+from gamms.rules.endings import disclose_to_all, get_state
 from gamms.text import shown
 from gamms.typing import Rule
 
@@ -16,7 +16,7 @@ _PAYOFFS = "payoffs"  # in `ctx.game.data`: key -> number of events already paid
 _AGENTS = ("agent", "other")  # fields that always name agents; other fields may name teams
 
 
-@shown_as_called
+@show_as_call
 def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, key: str = "payoff") -> Rule:
     """Make a rule that pays teams for events: kind of event -> field that names who is paid -> points.
 
@@ -36,23 +36,25 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         UnknownName (KeyError): when the rule pays, an event does not have the field.
         BadType: when the rule pays, the field of an event has a value that cannot name an agent or a team.
     """
-    checked = {as_name(kind, "a kind of event"): _of_roles(kind, of) for kind, of in as_mapping(table, "table").items()}
+    checked = {
+        as_name(kind, "a kind of event"): _check_points(kind, of) for kind, of in as_mapping(table, "table").items()
+    }
     if not checked:
         raise BadValue("table is empty: give kinds of events, for example {'tag': {'agent': 1}}.")
     balanced = as_flag(zero_sum, "zero_sum")
     state_key = as_name(key, "the state of the rule")
 
     def prepare(ctx: Context) -> None:
-        state_of(ctx, _PAYOFFS, state_key, {"seen": len(ctx.game.events)})
+        get_state(ctx, _PAYOFFS, state_key, {"seen": len(ctx.game.events)})
 
     def payoff(ctx: Context) -> None:
-        state = state_of(ctx, _PAYOFFS, state_key, {"seen": 0})
+        state = get_state(ctx, _PAYOFFS, state_key, {"seen": 0})
         new = ctx.game.events[state["seen"] :]
         teams = [team for team in ctx.agent.teams if team is not None] if new else []
         for event in new:
             for role, points in checked.get(event["kind"], {}).items():
                 as_known(role, f"field of an event {event['kind']!r}:", event)
-                team = _team_of(ctx, event["kind"], role, event[role])
+                team = _find_team(ctx, event["kind"], role, event[role])
                 others = [one for one in teams if one != team] if balanced else []
                 if team is None or (balanced and not others):
                     continue
@@ -67,13 +69,13 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
             prepare=prepare,
             rank=Rank.PAYOFFS,
             key=state_key,
-            disclose=all_know(_PAYOFFS, state_key),
+            disclose=disclose_to_all(_PAYOFFS, state_key),
             keeps=at((_PAYOFFS, state_key), record({"seen": whole()})),
         ),
     )
 
 
-def _of_roles(kind: object, given: object) -> dict[str, float]:
+def _check_points(kind: object, given: object) -> dict[str, float]:
     """Return the points for a kind of event: field -> points."""
     roles = as_mapping(given, f"table[{shown(kind)}]")
     return {
@@ -82,7 +84,7 @@ def _of_roles(kind: object, given: object) -> dict[str, float]:
     }
 
 
-def _team_of(ctx: Context, kind: str, role: str, named: Any) -> Hashable:
+def _find_team(ctx: Context, kind: str, role: str, named: Any) -> Hashable:
     """Return the team named by a field of an event, or the team of the agent it names; None if there is none."""
     if NAME(named, ()) is not None:
         raise BadType(f"The field {role!r} of an event {kind!r} must name an agent or a team, not {shown(named)}.")

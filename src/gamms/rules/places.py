@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_context, as_count, as_flag, as_float, as_name, as_range, shown_as_called
+from gamms.arguments import as_context, as_count, as_flag, as_float, as_name, as_range, show_as_call
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered, UnknownName
 from gamms.game.movement.travel import find_usable_graph
@@ -20,16 +20,16 @@ from gamms.plain import (
     Shape,
     among,
     at,
+    describe_flaw,
     dict_of,
     list_of,
     optional,
     record,
     to_plain,
     whole,
-    why_not_plain,
 )
-from gamms.rules.endings import all_know, as_nodes, refuse_unknown, state_of
-from gamms.rules.meetings import nodes_within
+from gamms.rules.endings import as_nodes, disclose_to_all, get_state, refuse_unknown
+from gamms.rules.meetings import find_nodes_within
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, ISensor, NodeId, Rule
 from gamms.typing.game import TEAMS, Move, Visit
@@ -37,7 +37,7 @@ from gamms.visual.drawers.rules import as_text
 from gamms.visual.drawers.standings import DISCOVERED, HELD, render_discovered, render_held
 
 
-@shown_as_called
+@show_as_call
 def hold(
     nodes: NodeId | Iterable[NodeId],
     turns: int,
@@ -90,7 +90,7 @@ def hold(
             teams=sorted(place.teams or (), key=str),
             rank=Rank.PLACES,
             key=place.key,
-            disclose=all_know(HELD, place.key),
+            disclose=disclose_to_all(HELD, place.key),
             keeps=at((HELD, place.key), _HOLDING),
         ),
     )
@@ -113,17 +113,17 @@ class _HoldRule(NamedTuple):
     def prepare(self, ctx: Context) -> None:
         """Check the nodes against the map."""
         refuse_unknown(ctx, self.nodes)
-        self._state(ctx)
+        self._get_state(ctx)
 
-    def _state(self, ctx: Context) -> dict[str, Any]:
+    def _get_state(self, ctx: Context) -> dict[str, Any]:
         nodes = as_text(np.array(sorted(self.nodes), np.int64))
-        return state_of(ctx, HELD, self.key, {"nodes": nodes, "team": None, "turns": 0, "of": self.turns})
+        return get_state(ctx, HELD, self.key, {"nodes": nodes, "team": None, "turns": 0, "of": self.turns})
 
     def play(self, ctx: Context) -> None:
         """Count a turn."""
-        state = self._state(ctx)
-        there = _teams_on(ctx, self.nodes, None)
-        holding = there if self.teams is None else _teams_on(ctx, self.nodes, self.teams)
+        state = self._get_state(ctx)
+        there = _find_teams(ctx, self.nodes, None)
+        holding = there if self.teams is None else _find_teams(ctx, self.nodes, self.teams)
         able = [team for team, on in holding.items() if on == self.nodes or not self.every]
         if state["team"] not in able:
             state["team"] = None
@@ -144,7 +144,7 @@ class _HoldRule(NamedTuple):
             state["turns"] = 0
 
 
-def _teams_on(ctx: Context, place: frozenset[int], members: frozenset[Any] | None) -> dict[Any, set[int]]:
+def _find_teams(ctx: Context, place: frozenset[int], members: frozenset[Any] | None) -> dict[Any, set[int]]:
     """Return team -> the nodes of a place on which it has living agents of these teams and roles; None: of all."""
     block = ctx.agent.block
     there: dict[Any, set[int]] = {}
@@ -157,7 +157,7 @@ def _teams_on(ctx: Context, place: frozenset[int], members: frozenset[Any] | Non
     return there
 
 
-@shown_as_called
+@show_as_call
 def discover(
     nodes: NodeId | Iterable[NodeId] | Mapping[Any, Any],
     *,
@@ -186,7 +186,7 @@ def discover(
     """
     hidden = sorted(as_nodes(nodes, "A node to discover"))
     what = {node: nodes[node] for node in hidden} if isinstance(nodes, Mapping) else dict.fromkeys(hidden, True)
-    flaw = why_not_plain(what)
+    flaw = describe_flaw(what)
     if flaw:
         raise BadType(f"The contents of a node must be a plain value, for example 'decoy', not {shown(what)}: {flaw}.")
     state_key = as_name(key, "the state of the rule")
@@ -206,7 +206,7 @@ def discover(
             teams=named,
             rank=Rank.PLACES,
             key=game.key,
-            disclose=all_know(DISCOVERED, game.key),
+            disclose=disclose_to_all(DISCOVERED, game.key),
             keeps=at((DISCOVERED, game.key), game.shape),
         ),
     )
@@ -230,12 +230,12 @@ class _DiscoveryRule(NamedTuple):
     def prepare(self, ctx: Context) -> None:
         """Check the nodes against the map, and publish that nothing is discovered."""
         refuse_unknown(ctx, self.what)
-        self._found_by(ctx)
+        self._find_found_nodes(ctx)
         ctx.game.publish(**{self.key: {}})
 
     def play(self, ctx: Context) -> None:
         """Update the discoveries of all agents."""
-        by = self._found_by(ctx)
+        by = self._find_found_nodes(ctx)
         known = dict[Any, set[int]]()
         grown = dict[Any, None]()
         before = {node for found in by.values() for node in found}
@@ -248,7 +248,7 @@ class _DiscoveryRule(NamedTuple):
                 known[team] = set(by.get(team, ()))
             if len(known[team]) == len(self.what):
                 continue
-            new = sorted(_in_view(ctx, agent, hidden, self.hops) - known[team])
+            new = sorted(_find_nodes_in_view(ctx, agent, hidden, self.hops) - known[team])
             for node in new:
                 is_first = node not in before
                 ctx.game.emit("discover", agent=agent.name, team=team, node=node, first=is_first)
@@ -261,13 +261,13 @@ class _DiscoveryRule(NamedTuple):
             by[team] = sorted(known[team])
             ctx.game.publish(to=team, **{self.key: {node: to_plain(self.what[node]) for node in by[team]}})
 
-    def _found_by(self, ctx: Context) -> dict[Any, list[int]]:
+    def _find_found_nodes(self, ctx: Context) -> dict[Any, list[int]]:
         start = {"nodes": as_text(np.array(list(self.what), np.int64)), "by": {}}
-        found: dict[Any, list[int]] = state_of(ctx, DISCOVERED, self.key, start)["by"]
+        found: dict[Any, list[int]] = get_state(ctx, DISCOVERED, self.key, start)["by"]
         return found
 
 
-@shown_as_called
+@show_as_call
 def idleness(
     nodes: NodeId | Iterable[NodeId] | None = None,
     *,
@@ -335,9 +335,9 @@ class _IdlenessRule(NamedTuple):
     def prepare(self, ctx: Context) -> None:
         """Check the nodes against the map, and begin to count."""
         refuse_unknown(ctx, self.nodes or ())
-        self._state(ctx)
+        self._get_state(ctx)
 
-    def _state(self, ctx: Context) -> dict[str, Any]:
+    def _get_state(self, ctx: Context) -> dict[str, Any]:
         known = ctx.game.data.get(_IDLENESS, {}).get(self.key)
         if known is not None:
             return known  # type: ignore[no-any-return] # it is a dict
@@ -345,22 +345,22 @@ class _IdlenessRule(NamedTuple):
         begun = float(ctx.game.turn)
         zeros = [0.0] * len(nodes)
         start = {"begun": begun, "nodes": nodes, "visits": [0] * len(nodes), "left": [begun] * len(nodes)}
-        return state_of(ctx, _IDLENESS, self.key, {**start, "idle": zeros, "worst": [*zeros]})
+        return get_state(ctx, _IDLENESS, self.key, {**start, "idle": zeros, "worst": [*zeros]})
 
     def play(self, ctx: Context) -> None:
         """Note the visits of a turn."""
-        state = self._state(ctx)
+        state = self._get_state(ctx)
         row_of = {node: row for row, node in enumerate(state["nodes"])}
         began = ctx.game.turn - 1.0
         for move in ctx.game.moves.values():
             place = move.places[0]  # where the agent was before, also if it has just come
-            if place in row_of and self._counts(ctx, move):
+            if place in row_of and self._is_counted(ctx, move):
                 _note(state, row_of[place], began, began)
         for visit in ctx.game.visits():
-            if visit.node in row_of and self._counts(ctx, visit):
+            if visit.node in row_of and self._is_counted(ctx, visit):
                 _note(state, row_of[visit.node], visit.time, visit.until)
 
-    def _counts(self, ctx: Context, one: Move | Visit) -> bool:
+    def _is_counted(self, ctx: Context, one: Move | Visit) -> bool:
         if self.teams is None or one.team in self.teams:
             return True
         agent = ctx.agent.agents.get(one.agent)
@@ -422,7 +422,7 @@ class _NodeIndex:
             self.at.setdefault((x, y), []).append(node)
 
 
-def _shown(sensors: Iterable[ISensor], name: str, here: int, places: _NodeIndex) -> set[int]:
+def _find_shown_nodes(sensors: Iterable[ISensor], name: str, here: int, places: _NodeIndex) -> set[int]:
     """Return the ids of the nodes that the sensors of the named agent show from a node."""
     shown_ids = set[int]()
     for sensor in sensors:
@@ -437,10 +437,10 @@ def _shown(sensors: Iterable[ISensor], name: str, here: int, places: _NodeIndex)
     return shown_ids & places.ids
 
 
-def _in_view(ctx: Context, agent: IAgent, places: _NodeIndex, hops: float) -> set[int]:
+def _find_nodes_in_view(ctx: Context, agent: IAgent, places: _NodeIndex, hops: float) -> set[int]:
     """Return the nodes that an agent has in view, or at most `hops` edges ahead."""
     here = agent.current_node_id
     around: Iterable[int] = ()
     if agent.type is not AgentType.AERIAL:
-        around = nodes_within(find_usable_graph(ctx, getattr(agent, "mode", None)), here, hops)
-    return _shown(agent.sensors.values(), agent.name, here, places) | places.ids.intersection(around)
+        around = find_nodes_within(find_usable_graph(ctx, getattr(agent, "mode", None)), here, hops)
+    return _find_shown_nodes(agent.sensors.values(), agent.name, here, places) | places.ids.intersection(around)

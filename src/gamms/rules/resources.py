@@ -8,15 +8,15 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_count, as_mapping, as_name, as_range, shown_as_called
+from gamms.arguments import as_choice, as_count, as_mapping, as_name, as_range, show_as_call
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of
 from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.ir.graph import GraphColumns, as_node_id, shortest_edges
+from gamms.ir.graph import GraphColumns, as_node_id, find_shortest_edges
 from gamms.plain import NUMBER, TEXT, at, dict_of, record, whole
-from gamms.rules.endings import refuse_unknown, state_of
+from gamms.rules.endings import get_state, refuse_unknown
 from gamms.rules.meetings import TraveledEdges
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, Rule
@@ -30,7 +30,7 @@ _TANK = record(
 _SLACK = 1e-9  # tolerance: rounding must not refuse an amount that is just enough
 
 
-@shown_as_called
+@show_as_call
 def resource(  # noqa: PLR0913 - all that a rule is, in one call
     name: str,
     start: float,
@@ -145,7 +145,7 @@ class _MoveLengths:
     def _price(self, ctx: Context, name: str, edge: int) -> float:
         columns = ctx.graph.columns()
         if self._prices[0] is not columns:
-            self._prices = columns, edge_prices(columns, name)
+            self._prices = columns, find_edge_prices(columns, name)
         price = self._prices[1].get(edge)
         if price is None:  # it costs nothing, or a rule has closed it since
             _, closed = ctx.graph.storage.roads()
@@ -163,15 +163,15 @@ class _MoveLengths:
         """Return the length of a path, in map units."""
         columns = ctx.graph.columns()
         if self._of[0] is not columns:
-            self._of = columns, shortest_edges(columns)
-        return sum(self._between(ctx, *ends) for ends in pairwise(path) if ends[0] != ends[1])
+            self._of = columns, find_shortest_edges(columns)
+        return sum(self._measure_move(ctx, *ends) for ends in pairwise(path) if ends[0] != ends[1])
 
-    def _between(self, ctx: Context, source: int, target: int) -> float:
+    def _measure_move(self, ctx: Context, source: int, target: int) -> float:
         known = self._of[1].get((source, target))
         return dist(*ctx.graph.graph.positions([source, target]).tolist()) if known is None else known
 
 
-def edge_prices(columns: GraphColumns, name: str) -> dict[int, float]:
+def find_edge_prices(columns: GraphColumns, name: str) -> dict[int, float]:
     """Return id -> price of the edges that have an attribute.
 
     Raises:
@@ -216,13 +216,13 @@ class _ResourceRule(NamedTuple):
             columns = ctx.graph.columns()
             if self.per_edge not in columns.edge_attributes:
                 raise UnknownName("edge attribute", self.per_edge, sorted(columns.edge_attributes))
-            edge_prices(columns, self.per_edge)
+            find_edge_prices(columns, self.per_edge)
         for deed in self.per_deed:
             fields_of(deed, ctx.game.deeds)
         if self.teams is None:
             ctx.game.publish(**{self.name: self.start})  # for agents created later
-        for agent in self._agents(ctx):
-            if agent.name not in self._state(ctx)["amounts"]:
+        for agent in self._list_agents(ctx):
+            if agent.name not in self._get_state(ctx)["amounts"]:
                 self._give(ctx, agent, self.start)
 
     def disclose(self, data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
@@ -236,18 +236,18 @@ class _ResourceRule(NamedTuple):
 
     def check(self, ctx: Context, lengths: _MoveLengths) -> None:
         """Refuse moves and deeds that cost more than is left."""
-        state = self._state(ctx)
+        state = self._get_state(ctx)
         moves = ctx.game.moves
         deeds: dict[str, list[str]] = {}
         for deed in ctx.game.performed():
             deeds.setdefault(deed.agent, []).append(deed.kind)
         if state["turn"] != ctx.game.turn:  # with an order of play a turn has several checks
-            flying = [agent.name for agent in self._agents(ctx) if _flies(agent)]
+            flying = [agent.name for agent in self._list_agents(ctx) if _is_flying(agent)]
             counts = ctx.game.counts
-            state["flights"] = {name: _num_moves(counts, name) for name in flying}
+            state["flights"] = {name: _count_moves(counts, name) for name in flying}
             state["turn"] = ctx.game.turn
         for agent in ctx.game.agents:
-            if not self._counts(agent):
+            if not self._is_counted(agent):
                 continue
             left = state["amounts"].get(agent.name, self.start)
             is_empty = left <= 0
@@ -257,7 +257,7 @@ class _ResourceRule(NamedTuple):
                     ctx.game.refuse(agent, f"it needs {price:g} {self.name}, and {left:g} is left", kind)
                 else:
                     left -= price
-            if _flies(agent):
+            if _is_flying(agent):
                 price = self.per_metre * (agent.speed or 0.0)
             else:
                 price = self._price(ctx, agent, moves[agent.name], lengths)
@@ -268,21 +268,21 @@ class _ResourceRule(NamedTuple):
 
     def charge(self, ctx: Context, lengths: _MoveLengths) -> None:
         """Charge agents for their moves and deeds, recharge them, and apply `empty` to agents with nothing left."""
-        state = self._state(ctx)
+        state = self._get_state(ctx)
         moves = ctx.game.moves
-        used = dict.fromkeys((agent.name for agent in self._agents(ctx)), self.per_turn)
+        used = dict.fromkeys((agent.name for agent in self._list_agents(ctx)), self.per_turn)
         for deed in ctx.game.performed():
             if deed.agent in used:
                 used[deed.agent] += self.per_deed.get(deed.kind, 0.0)
-        out_now = _eliminated(ctx)
+        out_now = _find_eliminated_agents(ctx)
         counts = ctx.game.counts
-        for agent in self._agents(ctx):
+        for agent in self._list_agents(ctx):
             name = agent.name
             if not agent.alive and name not in out_now:
                 self._give(ctx, agent, self.start)
                 continue
-            if _flies(agent):
-                flights = _num_moves(counts, name) - state["flights"].get(name, 0)
+            if _is_flying(agent):
+                flights = _count_moves(counts, name) - state["flights"].get(name, 0)
                 price = flights * self.per_metre * (agent.speed or 0.0)
             else:
                 price = self._price(ctx, agent, moves[name], lengths) if name in moves else 0.0
@@ -298,20 +298,20 @@ class _ResourceRule(NamedTuple):
 
     def _give(self, ctx: Context, agent: IAgent, amount: float) -> None:
         """Set the amount of an agent, and publish it to the agent."""
-        amounts = self._state(ctx)["amounts"]
+        amounts = self._get_state(ctx)["amounts"]
         if amounts.get(agent.name) != amount:
             amounts[agent.name] = amount
             ctx.game.publish(to=agent, **{self.name: amount})
 
-    def _state(self, ctx: Context) -> dict[str, Any]:
+    def _get_state(self, ctx: Context) -> dict[str, Any]:
         full = self.full if isfinite(self.full) else self.start
-        return state_of(ctx, RESOURCES, self.name, {"full": full, "amounts": {}, "turn": -1, "flights": {}})
+        return get_state(ctx, RESOURCES, self.name, {"full": full, "amounts": {}, "turn": -1, "flights": {}})
 
-    def _agents(self, ctx: Context) -> list[IAgent]:
+    def _list_agents(self, ctx: Context) -> list[IAgent]:
         """Return the agents that have the resource, including dead ones, ordered by name."""
-        return [agent for _, agent in sorted(ctx.agent.agents.items()) if self._counts(agent)]
+        return [agent for _, agent in sorted(ctx.agent.agents.items()) if self._is_counted(agent)]
 
-    def _counts(self, agent: IAgent) -> bool:
+    def _is_counted(self, agent: IAgent) -> bool:
         return is_among(agent, self.teams)
 
     def _price(self, ctx: Context, agent: IAgent, move: Move, lengths: _MoveLengths) -> float:
@@ -323,29 +323,29 @@ class _ResourceRule(NamedTuple):
         return lengths.price_edges(ctx, agent, move) + metres * self.per_metre
 
 
-def _num_moves(counts: Mapping[str, Mapping[str, int]], name: str) -> int:
+def _count_moves(counts: Mapping[str, Mapping[str, int]], name: str) -> int:
     """Return how often an agent has moved; 0 before its first decision."""
     return counts[name]["moves"] if name in counts else 0
 
 
-def _flies(agent: IAgent) -> bool:
+def _is_flying(agent: IAgent) -> bool:
     return agent.type is AgentType.AERIAL
 
 
-def _eliminated(ctx: Context) -> set[str]:
+def _find_eliminated_agents(ctx: Context) -> set[str]:
     """Return the names of the agents that were eliminated in this turn."""
     turn = ctx.game.turn + ctx.game.is_moving  # of what happens now
     events = takewhile(lambda event: event["turn"] == turn, reversed(ctx.game.events))
     return {event["agent"] for event in events if event["kind"] == "eliminated"}
 
 
-def _cooling(kind: str, data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+def _find_cooldowns(kind: str, data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
     """Return the number of turns that named agents must wait before they may repeat a deed."""
     known = data.get(COOLDOWNS, {}).get(kind, {}).get("left", {})
     return {COOLDOWNS: {kind: {"left": {name: more for name, more in known.items() if name in names}}}}
 
 
-@shown_as_called
+@show_as_call
 def cooldown(deed: str, turns: int) -> Rule:
     """Make a rule that forbids an agent to repeat a deed for a number of turns.
 
@@ -364,7 +364,7 @@ def cooldown(deed: str, turns: int) -> Rule:
     wait = as_count(turns, "turns")
 
     def left(ctx: Context) -> dict[str, int]:
-        agents: dict[str, int] = state_of(ctx, COOLDOWNS, kind, {"of": wait, "left": {}})["left"]
+        agents: dict[str, int] = get_state(ctx, COOLDOWNS, kind, {"of": wait, "left": {}})["left"]
         return agents
 
     def prepare(ctx: Context) -> None:
@@ -391,7 +391,7 @@ def cooldown(deed: str, turns: int) -> Rule:
             drawer=render_cooldowns,
             rank=Rank.RESOURCES,
             key=f"cooldown of {kind}",
-            disclose=partial(_cooling, kind),
+            disclose=partial(_find_cooldowns, kind),
             keeps=at((COOLDOWNS, kind), record({"left": dict_of(TEXT, whole())}, {"of": whole()})),
         ),
     )

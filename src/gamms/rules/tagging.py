@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple, cast
 import numpy as np
 
 from gamms.agent import BaseAgent
-from gamms.arguments import as_count, as_flag, as_float, shown_as_called
+from gamms.arguments import as_count, as_flag, as_float, show_as_call
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.block.columns import AgentTable
@@ -18,16 +18,16 @@ from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import IntArray
 from gamms.plain import TEXT, at, dict_of, record, whole
 from gamms.rules.contacts import as_nearness, as_side
-from gamms.rules.endings import all_know, state_of
+from gamms.rules.endings import disclose_to_all, get_state
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import GameRule, Side, player_of
+from gamms.rules.meetings import GameRule, Side, make_player
 from gamms.rules.territory import (
     Territory,
     TerritorySource,
     as_territory,
-    owners_of,
+    find_shapes,
+    list_owners,
     roles_of,
-    shapes_of_grounds,
 )
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
@@ -40,7 +40,7 @@ _THEN = ("respawn", "eliminate")
 _COUNTS = dict_of(TEXT, whole())  # agent -> turn, or times
 
 
-@shown_as_called
+@show_as_call
 def tag(  # noqa: PLR0913 - all that a rule is, in one call
     taggers: Side,
     tagged: Side,
@@ -98,7 +98,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     ground = as_territory(territory)
     as_float(score, "score")
     flags = {"mutual": as_flag(mutual, "mutual"), "ends": as_flag(ends, "ends")}
-    return _rule_of([_TagRule(*sides, nearness, then_checked, score, ground, **flags)])
+    return _make_rule([_TagRule(*sides, nearness, then_checked, score, ground, **flags)])
 
 
 class _TagRule(NamedTuple):
@@ -124,12 +124,12 @@ class _TagRule(NamedTuple):
         return isinstance(self.then, str) and not any(map(callable, self.sides)) and fits_core(self.score)
 
 
-def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
+def _make_rule(taggings: Sequence[_TagRule]) -> Rule:
     def tag(ctx: Context) -> None:
         player(ctx)()
 
     form = in_core("tag", taggings)
-    player = partial(player_of, form=form)
+    player = partial(make_player, form=form)
     return declared(
         tag,
         RuleSpec(
@@ -138,17 +138,17 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
                 *(side for tagging in taggings for side in tagging.sides if not callable(side)),
                 *(role for tagging in taggings for role in roles_of(tagging.ground)),
             ],
-            owners=list(dict.fromkeys(owner for tagging in taggings for owner in owners_of(tagging.ground))),
+            owners=list(dict.fromkeys(owner for tagging in taggings for owner in list_owners(tagging.ground))),
             may_create_agents=any(callable(tagging.then) for tagging in taggings),
-            act_as_one=_rule_of,
+            act_as_one=_make_rule,
             parts=taggings,
             finds=[(*tagging.sides, tagging.nearness, tagging.ground) for tagging in taggings],
             core_form=form if all(tagging.has_core_form for tagging in taggings) else None,
             player=player,
             uses_scores=True,
             needs_ground=any(tagging.nearness.unit == "euclid" for tagging in taggings),
-            reads=record({}, shapes_of_grounds(tagging.ground for tagging in taggings)),
-            reads_owners=[*shapes_of_grounds(tagging.ground for tagging in taggings)],
+            reads=record({}, find_shapes(tagging.ground for tagging in taggings)),
+            reads_owners=[*find_shapes(tagging.ground for tagging in taggings)],
         ),
     )
 
@@ -165,7 +165,7 @@ def _as_then(then: object) -> str | Then:
     return cast("Then", then)
 
 
-@shown_as_called
+@show_as_call
 def respawn(
     after: int = 1, *, times: int | None = None, teams: Annotated[Iterable[Hashable] | None, TEAMS] = None
 ) -> Rule:
@@ -192,7 +192,7 @@ def respawn(
         player(ctx)()
 
     def play(made: GameRule, ctx: Context) -> None:
-        state = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
+        state = get_state(ctx, "respawns", key, {"out": {}, "times": {}})
         if not (state["out"] or ctx.agent.block.inactive):
             return
         roster = made.makes.roster
@@ -207,19 +207,19 @@ def respawn(
 
     def show(state: dict[str, Any], kept: Arrays, names: Sequence[str], returned: Iterable[str] = ()) -> None:
         deleted = {name: turn for name, turn in state["out"].items() if name not in names}
-        times = _by_name(kept["times"], names, 0)
+        times = _name_values(kept["times"], names, 0)
         state["times"] |= {name: times[name] for name in dict.fromkeys((*returned, *times)) if name in times}
-        state["out"] = {**deleted, **_by_name(kept["out"], names, -1)}
+        state["out"] = {**deleted, **_name_values(kept["out"], names, -1)}
 
     def show_arrays(ctx: Context, state: GameArrays | GameRow, events: list[dict[str, Any]], _: int | None) -> None:
-        known = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
-        show(known, state.kept["respawn", key], state.roster.names, _returned(events, known["out"]))
+        known = get_state(ctx, "respawns", key, {"out": {}, "times": {}})
+        show(known, state.kept["respawn", key], state.roster.names, _find_returned_agents(events, known["out"]))
 
     def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         return {("respawn", key): memory(ctx.game.data.get("respawns", {}).get(key, {}), state.roster)}
 
     form = in_core("respawn", key, those, wait, most)
-    player = partial(player_of, form=form, play=play, follows=False)
+    player = partial(make_player, form=form, play=play, follows=False)
     return declared(
         respawn,
         RuleSpec(
@@ -227,7 +227,7 @@ def respawn(
             rank=Rank.RESPAWNS,
             key=key,
             brings_back=True,
-            disclose=all_know("respawns", key),
+            disclose=disclose_to_all("respawns", key),
             core_form=form,
             player=player,
             begin_arrays=begin_arrays,
@@ -237,7 +237,7 @@ def respawn(
     )
 
 
-def _returned(events: Iterable[Mapping[str, Any]], out: Iterable[str]) -> list[str]:
+def _find_returned_agents(events: Iterable[Mapping[str, Any]], out: Iterable[str]) -> list[str]:
     """Return the agents that have returned, in order, given events and who was out before them."""
     is_out = set(out)
     found = []
@@ -250,6 +250,6 @@ def _returned(events: Iterable[Mapping[str, Any]], out: Iterable[str]) -> list[s
     return found
 
 
-def _by_name(column: IntArray, names: Sequence[str], default: int) -> dict[str, int]:
+def _name_values(column: IntArray, names: Sequence[str], default: int) -> dict[str, int]:
     """Return the values of agents in one game, (1, agents), by name, except for a default."""
     return {names[agent]: int(column[0, agent]) for agent in np.flatnonzero(column[0] != default).tolist()}

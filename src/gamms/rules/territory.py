@@ -6,14 +6,14 @@ from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_known, as_name, shown_as_called
+from gamms.arguments import as_choice, as_known, as_name, show_as_call
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.roles import Role, as_team_or_role, find_roles, get_team, read_owner
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.graph import as_node_id
 from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, either
-from gamms.rules.endings import all_know
+from gamms.rules.endings import disclose_to_all
 from gamms.rules.in_core import in_core
 from gamms.text import shown
 from gamms.typing import ColorType, NodeId, Rule
@@ -109,7 +109,7 @@ def halves(ctx: Context, axis: str = "x", teams: Annotated[Iterable[Any] | None,
     return {node: sides[beyond] for node, beyond in zip(columns.node_ids.tolist(), is_beyond, strict=True)}
 
 
-@shown_as_called
+@show_as_call
 def published(nodes: Territory, name: str = "territory", colors: Colors | None = None) -> Rule:
     """Make a rule that publishes a territory to all strategies, and draws it.
 
@@ -121,10 +121,10 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
     Raises:
         BadType, BadValue, UnknownName (KeyError): the territory is no mapping from nodes to teams and roles.
     """
-    territory = _checked(nodes)
+    territory = _check_territory(nodes)
     roles = find_roles(territory.values())
     fact = as_name(name, "a fact")
-    owned = _packed(territory)
+    owned = _pack_territory(territory)
 
     def prepare(ctx: Context) -> None:
         ctx.game.publish(**{fact: territory})
@@ -142,7 +142,7 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
             teams=roles,
             owners=list(owned),
             drawer=TerritoryDrawer(fact, colors),
-            disclose=all_know(TERRITORIES, fact),
+            disclose=disclose_to_all(TERRITORIES, fact),
             keeps=at((TERRITORIES,), dict_of(NAME, ANYTHING)),
             core_form=core_form,
         ),
@@ -193,10 +193,10 @@ def as_territory(territory: object) -> TerritorySource | None:
     """
     if territory is None:
         return None
-    return TerritorySource(territory if isinstance(territory, str) else _checked(territory))
+    return TerritorySource(territory if isinstance(territory, str) else _check_territory(territory))
 
 
-def shapes_of_grounds(grounds: Iterable[TerritorySource | None]) -> dict[str, Shape]:
+def find_shapes(grounds: Iterable[TerritorySource | None]) -> dict[str, Shape]:
     """Return the shapes of the facts that are territories of rules, by name."""
     return {one.given: _OWNERS for one in grounds if one is not None and isinstance(one.given, str)}
 
@@ -204,7 +204,7 @@ def shapes_of_grounds(grounds: Iterable[TerritorySource | None]) -> dict[str, Sh
 _OWNERS = dict_of(ID, either(NAME, dict_of(TEXT, ANYTHING)))
 
 
-def owners_of(source: TerritorySource | None) -> list[Hashable]:
+def list_owners(source: TerritorySource | None) -> list[Hashable]:
     """Return the teams of the owners in a territory that is given as a mapping, each once; else none."""
     if source is None or isinstance(source.given, str):
         return []
@@ -216,7 +216,7 @@ def roles_of(source: TerritorySource | None) -> list[Role]:
     return [] if source is None else source.roles
 
 
-def _checked(territory: object) -> dict[int, Any]:
+def _check_territory(territory: object) -> dict[int, Any]:
     if not isinstance(territory, Mapping):
         raise BadType(
             "A territory must be a mapping from nodes to teams, or the name of a published one, "
@@ -225,7 +225,7 @@ def _checked(territory: object) -> dict[int, Any]:
     return {as_node_id(node, "A node of a territory"): _as_owner(owner) for node, owner in territory.items()}
 
 
-def _packed(territory: Territory) -> dict[Hashable, str]:
+def _pack_territory(territory: Territory) -> dict[Hashable, str]:
     """Return the node ids of each team and of its roles, as text."""
     owned: dict[Hashable, list[int]] = {}
     for node, owner in territory.items():

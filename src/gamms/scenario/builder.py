@@ -15,7 +15,7 @@ from gamms.agent import BaseAgent as Agent
 from gamms.arguments import DescribedFunction
 from gamms.context import Context
 from gamms.game import Game, Plan
-from gamms.game.hidden_state import image_of
+from gamms.game.hidden_state import make_image
 from gamms.game.settings import refuse_unused, rule_spec_of
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import ClosedEdges, IntArray
@@ -27,22 +27,22 @@ from gamms.scenario.code import (
     RULES,
     CodeLibrary,
     Function,
-    called,
-    first_of,
+    call_function,
+    find_first_parameter,
     is_defined_in,
-    located,
+    list_plain_defaults,
+    locate_files,
     made,
     needs,
-    plain_defaults,
 )
-from gamms.scenario.documents import ScenarioError, at, copied, joined
+from gamms.scenario.documents import ScenarioError, at, copy_plain, join_path
 from gamms.scenario.maps import digest_of
-from gamms.scenario.placement import AgentPlacement, TeamMember, flies, members, mode_of, node_at
-from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
-from gamms.scenario.validation import NamedCode, call_in, code_in, sensor_type
+from gamms.scenario.placement import AgentPlacement, TeamMember, flies, get_mode, members, node_at
+from gamms.scenario.spec import Code, Spec, Values, convert_plain, expand, list_given_values, to_plain
+from gamms.scenario.validation import NamedCode, call_in, find_sensor_type, list_code
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
-from gamms.typing.actions import strategy_in
+from gamms.typing.actions import make_strategy
 from gamms.typing.game import IConflicts, Rule
 
 Strategies = Mapping[str, Function]  # by team or agent
@@ -93,7 +93,7 @@ class Builder:
         self._agents: dict[str, _BuiltAgent] = {}
         self._rules: dict[str, Rule] = {}  # by their names in the game
         self._plans: dict[str, Plan] = {}  # by team
-        self._values = _values_of(ctx.game)
+        self._values = _copy_values(ctx.game)
         self._calls = 0  # number of calls whose result may change from call to call
         self._again: set[str] = set()  # the parts of the game that contain such calls
         self._lasting: set[int] = set()  # numbers of the rules that are the same for all seeds
@@ -110,30 +110,30 @@ class Builder:
             ScenarioError: a part cannot be built as it is written.
         """
         map = self.ctx.graph.storage.snapshot()
-        nodes = self._placed()
-        with self._noting("agents"):
+        nodes = self._place_agents()
+        with self._note_seeded_calls("agents"):
             self._agents = {one.name: self._add_agent(one, nodes[one.name]) for one in self.members}
         game = self.ctx.game
         self._check_nodes()
-        with self._noting("values"):
+        with self._note_seeded_calls("values"):
             self._add_values()
-        with self._noting("strategies"):
+        with self._note_seeded_calls("strategies"):
             self._add_strategies()
-        with self._noting("plans"):
-            self._plans = self._made_plans()
+        with self._note_seeded_calls("plans"):
+            self._plans = self._make_plans()
         game.plans = self._plans
-        with self._noting("rules"):
+        with self._note_seeded_calls("rules"):
             for number, given in enumerate(self.spec.rules):
                 self._add_rule(given, number)
         if self.spec.conflicts is not None:
             with at("conflicts"):
-                game.conflicts = self._conflicts(self.spec.conflicts)
+                game.conflicts = self._make_conflicts(self.spec.conflicts)
         with at("settings"):
             refuse_unused(game)
         with at("settings.weight"):
             self.ctx.graph.graph.weights(game.weight)
         self._collected = frozenset(game.internals.parts.collectors.by_name)
-        self._values = _values_of(game)
+        self._values = _copy_values(game)
         self._keep()
         if (map.revision, map.obstacle_revision) != (self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision):
             self._map = map
@@ -151,7 +151,7 @@ class Builder:
             self.ctx.graph.storage.restore(self._map)
         drawn: _SeededParts = self.ctx.game.internals.state.drawn
         self._agents, self._rules, self._plans, self._values = drawn
-        nodes = self._placed()
+        nodes = self._place_agents()
         self._agents = {one.name: self._draw_agent(one, nodes[one.name]) for one in self.members}
         if self._again:
             with self.ctx.game.internals.parts.collectors.replacing(self._collected):
@@ -161,13 +161,13 @@ class Builder:
     def _call_again(self) -> None:
         """Call the scenario's functions again and store their values; keep other values that the program has set."""
         game = self.ctx.game
-        now = _values_of(game)
+        now = _copy_values(game)
         first = self._values
-        changes = {name: _changed(now[name], first[name], is_same) for name in ("data", "scores", "events")}
-        facts = _changed(now["facts"], first["facts"], is_)
+        changes = {name: _find_changed_values(now[name], first[name], is_same) for name in ("data", "scores", "events")}
+        facts = _find_changed_values(now["facts"], first["facts"], is_)
         removed = first["data"].keys() - now["data"].keys()
         state = game.internals.state
-        private = _changed(now["private"], first["private"], is_)
+        private = _find_changed_values(now["private"], first["private"], is_)
         for values in (state.facts, state.agent_facts, state.team_facts, game.data, game.scores):
             values.clear()
         state.events = []
@@ -178,7 +178,7 @@ class Builder:
             self._draw_plans()
         if "rules" in self._again:
             self._draw_rules()
-        self._values = _values_of(game)
+        self._values = _copy_values(game)
         game.publish(**facts)
         for (field, to, name), fact in private.items():
             getattr(state, field).setdefault(to, {})[name] = fact
@@ -195,9 +195,11 @@ class Builder:
             others: builders of the same game with other seeds; used only if there are functions of users.
         """
         if self._called:
-            known = {path: _image(gave) for path, gave in self._called.items()}
+            known = {path: _make_image(gave) for path, gave in self._called.items()}
             for other in others:
-                self._by_seed += [path for path, image in known.items() if _image(other._called.get(path)) != image]
+                self._by_seed += [
+                    path for path, image in known.items() if _make_image(other._called.get(path)) != image
+                ]
         return [*dict.fromkeys(self._by_seed)]
 
     def edges_before_code(self) -> ClosedEdges:
@@ -220,7 +222,7 @@ class Builder:
 
     def has_other_values(self, paths: Iterable[str]) -> bool:
         """Return whether a path is none of strategies, plans and sensors, or of their parameters."""
-        known = self._function_paths().values()
+        known = self._find_function_paths().values()
         return any(not any(_is_within(path, one) for one in known) for path in paths)
 
     def functions_at(self, paths: Sequence[str], seed: int) -> dict[tuple[str, str], Function | None]:
@@ -229,45 +231,47 @@ class Builder:
         Keys are ("agent", name), ("team", name) or ("sensor", id).
         """
         self.ctx.game.reset(seed=seed)
-        known = self._function_paths().items()
+        known = self._find_function_paths().items()
         chosen = [key for key, where in known if any(_is_within(path, where) for path in paths)]
-        return {key: self._function_of(*key) for key in chosen}
+        return {key: self._find_function(*key) for key in chosen}
 
-    def _function_paths(self) -> dict[tuple[str, str], str]:
+    def _find_function_paths(self) -> dict[tuple[str, str], str]:
         """Return the places of strategies, plans and function sensors in the scenario."""
-        where = {("agent", member.name): self._strategy_path(member) for member in self.members}
+        where = {("agent", member.name): self._find_strategy_path(member) for member in self.members}
         where |= {("team", team): f"teams.{team}.plan" for team in self._plans}
         for member in self.members:
-            declared = self._sensors(member)
+            declared = self._list_sensors(member)
             own = self._agents[member.name].functions
             where |= {("sensor", sensor.sensor_id): declared[name][1] for name, (sensor, _) in own.items()}
         return where
 
-    def _function_of(self, kind: str, name: str) -> Function | None:
+    def _find_function(self, kind: str, name: str) -> Function | None:
         if kind == "sensor":
             sensor: Any = self.ctx.sensor.get_sensor(name)
             function: Function = sensor.function
             return function
         return self._plans[name].function if kind == "team" else self._agents[name].strategy
 
-    def _strategy_path(self, member: TeamMember) -> str:
+    def _find_strategy_path(self, member: TeamMember) -> str:
         """Return the place of the strategy of an agent."""
         is_given = member.name in self.given or member.team in self.given
-        return f"strategies[{shown(member.team)}]" if is_given else self._place_of(member, "strategy")
+        return f"strategies[{shown(member.team)}]" if is_given else self._find_place(member, "strategy")
 
     @contextmanager
-    def _noting(self, part: str) -> Iterator[None]:
+    def _note_seeded_calls(self, part: str) -> Iterator[None]:
         """Record whether the block makes calls that another seed has to repeat."""
         before = self._calls
         yield
         if self._calls != before:
             self._again.add(part)
 
-    def _noted(self, function: Function, path: str, call: Callable[[], Any]) -> Any:  # Any: whatever functions return
+    def _call_and_note(
+        self, function: Function, path: str, call: Callable[[], Any]
+    ) -> Any:  # Any: whatever functions return
         """Call a function and return its result, and record whether the result may depend on the seed."""
         before = self.ctx.seed_uses
         gave = call()
-        if gave is not function and not (is_defined_in(function, RULES) and first_of(function) != "ctx"):
+        if gave is not function and not (is_defined_in(function, RULES) and find_first_parameter(function) != "ctx"):
             self._calls += 1
         if not _is_ours(function) and gave is not function and getattr(gave, "func", None) is not function:
             self._called.setdefault(path, gave)
@@ -283,7 +287,7 @@ class Builder:
         """Make the plans again, and replace each plan that is still in use."""
         game = self.ctx.game
         before = self._plans
-        self._plans = self._made_plans()
+        self._plans = self._make_plans()
         game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
 
     def _draw_rules(self) -> None:
@@ -293,7 +297,7 @@ class Builder:
         self._rules = {}
         for (name, before), (number, given) in zip(known.items(), enumerate(self.spec.rules), strict=True):
             with at(f"rules.{number}"):
-                rule = before if number in self._lasting else self._rule(given, f"rules.{number}")
+                rule = before if number in self._lasting else self._make_rule(given, f"rules.{number}")
                 prepare = rule_spec_of(rule).prepare
                 if prepare is not None:
                     prepare(self.ctx)
@@ -303,7 +307,7 @@ class Builder:
         if now is not self.ctx.game.rules:
             self.ctx.game.internals.restore_rules(now)
 
-    def _placed(self) -> dict[str, int]:
+    def _place_agents(self) -> dict[str, int]:
         """Return the starting node of each agent for the seed of the context, by name."""
         if self._placing is None or self._placing.map.columns is not self.ctx.graph.columns():
             self._placing = AgentPlacement(self.ctx, self.spec, self.by_team)
@@ -322,26 +326,26 @@ class Builder:
     def _add_values(self) -> None:
         game = self.ctx.game
         with at("facts"):
-            game.publish(**self._parameters(self.spec.facts, "facts"))
-        game.data.update(self._parameters(self.spec.data, "data"))
+            game.publish(**self._convert_parameters(self.spec.facts, "facts"))
+        game.data.update(self._convert_parameters(self.spec.data, "data"))
 
     # -- agents and sensors -------------------------------------------------------------------------------------
 
     def _add_agent(self, member: TeamMember, node: int) -> _BuiltAgent:
         start = self._start(member, node)
-        meta = self._config(member)["meta"]
+        meta = self._describe_agent(member)["meta"]
         keywords: dict[str, Any] = {"team": member.team, "meta": meta}
         if isinstance(start, tuple):
             keywords |= {"type": "AERIAL", "position": start}
-        speed = self._of(member, "speed")
+        speed = self._get_value(member, "speed")
         if speed is not None:
             keywords["speed"] = speed
-        mode = mode_of(self.spec.teams[member.team], member.listed)
+        mode = get_mode(self.spec.teams[member.team], member.listed)
         if mode is not None:
             keywords["mode"] = mode
         with at(member.path):
-            declared = self._sensors(member)
-            sensors = {name: self._sensor(f"{member.name}/{name}", *one) for name, one in declared.items()}
+            declared = self._list_sensors(member)
+            sensors = {name: self._make_sensor(f"{member.name}/{name}", *one) for name, one in declared.items()}
             agent = self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
         own = (name for name, (sensor, _) in declared.items() if sensor.function is not None)
         functions = {name: (sensors[name], sensors[name].function) for name in own}
@@ -354,66 +358,66 @@ class Builder:
         _move_start(agent, built.start, start)
         if "agents" not in self._again:
             return built._replace(node=node, start=start)
-        meta = self._config(member)["meta"]
+        meta = self._describe_agent(member)["meta"]
         functions = {}
         if is_same(getattr(agent, "meta", None), built.meta):
             agent.meta = meta
-        declared = self._sensors(member)
+        declared = self._list_sensors(member)
         for name, (sensor, before) in built.functions.items():
             with at(declared[name][1]):
-                function = self._function(*declared[name])
+                function = self._make_function(*declared[name])
                 if sensor.function is before:
                     sensor.function = function
             functions[name] = sensor, function
         return _BuiltAgent(agent, node, start, deepcopy(meta), functions, built.strategy)
 
-    def _of(self, member: TeamMember, key: str) -> Any:
+    def _get_value(self, member: TeamMember, key: str) -> Any:
         """Return the agent's own value of a key, else its team's value; None if neither is set."""
         own = getattr(member.listed, key, None)
         return getattr(self.spec.teams[member.team], key) if own is None else own
 
     def _start(self, member: TeamMember, node: int) -> _Start:
-        if not flies(self._of(member, "type")):
+        if not flies(self._get_value(member, "type")):
             return node
         _, x, y = self.ctx.graph.graph.get_node(node)[:3]
-        return (x, y, self._of(member, "altitude") or 0.0)
+        return (x, y, self._get_value(member, "altitude") or 0.0)
 
-    def _config(self, member: TeamMember) -> Values:
+    def _describe_agent(self, member: TeamMember) -> Values:
         """Return the description of an agent for the paper's `map_strategy`, without its node."""
         meta = {**self.spec.teams[member.team].meta, **(member.listed.meta if member.listed else {})}
         return {
             "team": member.team,
-            "type": "aerial" if flies(self._of(member, "type")) else "basic",
-            "sensors": list(self._of(member, "sensors") or ()),
-            "meta": {"team": member.team, **self._parameters(meta, joined(member.path, "meta"))},
+            "type": "aerial" if flies(self._get_value(member, "type")) else "basic",
+            "sensors": list(self._get_value(member, "sensors") or ()),
+            "meta": {"team": member.team, **self._convert_parameters(meta, join_path(member.path, "meta"))},
         }
 
-    def _sensors(self, member: TeamMember) -> dict[str, tuple[schema.Sensor, str]]:
+    def _list_sensors(self, member: TeamMember) -> dict[str, tuple[schema.Sensor, str]]:
         """Return the sensors that an agent carries, each with its place in the scenario, by name."""
-        given = self._of(member, "sensors") or ()
+        given = self._get_value(member, "sensors") or ()
         if not isinstance(given, dict):
             return {name: (self.spec.sensors[name], f"sensors.{name}") for name in given}
-        where = self._place_of(member, "sensors")
-        return {name: (sensor, joined(where, name)) for name, sensor in given.items()}
+        where = self._find_place(member, "sensors")
+        return {name: (sensor, join_path(where, name)) for name, sensor in given.items()}
 
-    def _place_of(self, member: TeamMember, key: str) -> str:
+    def _find_place(self, member: TeamMember, key: str) -> str:
         """Return the place of a key that an agent has for itself, or from its team."""
         is_own = getattr(member.listed, key, None) is not None
-        return joined(member.path if is_own else f"teams.{member.team}", key)
+        return join_path(member.path if is_own else f"teams.{member.team}", key)
 
-    def _sensor(self, sensor_id: str, sensor: schema.Sensor, path: str) -> Any:
+    def _make_sensor(self, sensor_id: str, sensor: schema.Sensor, path: str) -> Any:
         with at(path):
             if sensor.function is not None:
-                return self.ctx.sensor.from_function(sensor_id, self._function(sensor, path))
-            return self.ctx.sensor.from_declaration(sensor_id, given_values(sensor))
+                return self.ctx.sensor.from_function(sensor_id, self._make_function(sensor, path))
+            return self.ctx.sensor.from_declaration(sensor_id, list_given_values(sensor))
 
-    def _function(self, sensor: schema.Sensor, path: str) -> Function:
+    def _make_function(self, sensor: schema.Sensor, path: str) -> Function:
         """Return the function of a sensor; with parameters, the function that it makes."""
         function = self.library.get(sensor.function or "", path)
-        given = self._given(function, sensor.with_ or {}, path)
-        if given or first_of(function) == "ctx":
-            first = (self.ctx,) if first_of(function) == "ctx" else ()
-            function = self._noted(function, path, partial(called, function, given, first, path))
+        given = self._make_given(function, sensor.with_ or {}, path)
+        if given or find_first_parameter(function) == "ctx":
+            first = (self.ctx,) if find_first_parameter(function) == "ctx" else ()
+            function = self._call_and_note(function, path, partial(call_function, function, given, first, path))
         return function
 
     # -- strategies ---------------------------------------------------------------------------------------------
@@ -421,60 +425,62 @@ class Builder:
     def _add_strategies(self) -> None:
         """Make the strategies, and set them on agents whose strategy the program has not replaced."""
         mapped: dict[str, Mapping[str, Function]] = {}
-        for name, strategy in {one.name: self._strategy(one, mapped) for one in self.members}.items():
+        for name, strategy in {one.name: self._make_strategy(one, mapped) for one in self.members}.items():
             built = self._agents[name]
             if strategy is not None and built.agent.strategy is built.strategy:
                 built.agent.decide_by(strategy)
             self._agents[name] = built if strategy is None else built._replace(strategy=strategy)
 
-    def _strategy(self, member: TeamMember, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
+    def _make_strategy(self, member: TeamMember, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
         given = self.given.get(member.name, self.given.get(member.team))
         if given is not None:
-            where = self._strategy_path(member)
-            own: Function = self._noted(given, where, partial(made, given, {}, self.ctx, where, "strategy"))
+            where = self._find_strategy_path(member)
+            own: Function = self._call_and_note(given, where, partial(made, given, {}, self.ctx, where, "strategy"))
             return own
-        path = self._place_of(member, "strategy")
-        strategy = self._of(member, "strategy")
+        path = self._find_place(member, "strategy")
+        strategy = self._get_value(member, "strategy")
         if strategy is None:
             return None
-        code = in_full(Code, strategy)
+        code = expand(Code, strategy)
         if ":" not in code.function:
             if path not in mapped:
                 is_own = path != f"teams.{member.team}.strategy"
                 mapped[path] = self._map_strategy(code, path, [member] if is_own else self.by_team[member.team])
             found = mapped[path].get(member.name)
-            return None if found is None else strategy_in(self.ctx, found)
-        return self._made(code, path, "strategy")
+            return None if found is None else make_strategy(self.ctx, found)
+        return self._make_code(code, path, "strategy")
 
-    def _made(self, code: Code, path: str, what: str) -> Function:
+    def _make_code(self, code: Code, path: str, what: str) -> Function:
         """Return the strategy, plan or rule that a function is or makes."""
         function = self.library.get(code.function, path, RULES if what == "rule" else None)
-        parameters = self._given(function, code.with_, path)
-        found: Function = self._noted(function, path, partial(made, function, parameters, self.ctx, path, what))
+        parameters = self._make_given(function, code.with_, path)
+        found: Function = self._call_and_note(function, path, partial(made, function, parameters, self.ctx, path, what))
         return found
 
-    def _made_plans(self) -> dict[str, Plan]:
+    def _make_plans(self) -> dict[str, Plan]:
         """Return the plan of each team that has one and gets no strategy from the caller."""
         plans = {}
         for name, team in self.spec.teams.items():
             if team.plan is None or name in self.given:
                 continue
-            plan = in_full(schema.Plan, team.plan)
+            plan = expand(schema.Plan, team.plan)
             path = f"teams.{name}.plan"
             named = [member.name for member in self.by_team[name] if member.name in self.given]
             if named:
                 raise ScenarioError(path, f"decides for {named[0]!r} as well: give a strategy for the whole team.")
-            plans[name] = Plan(self._made(plan, path, "plan"), plan.arrays)
+            plans[name] = Plan(self._make_code(plan, path, "plan"), plan.arrays)
         return plans
 
     def _map_strategy(self, code: Code, path: str, listed: list[TeamMember]) -> Mapping[str, Function]:
         """Call the `map_strategy` of a module for agents; "human" makes one person play all of them."""
         if code.function == HUMAN:
-            return dict.fromkeys([one.name for one in listed], self._made(code, path, "strategy"))
-        config = {one.name: {"start_node_id": self._agents[one.name].node, **self._config(one)} for one in listed}
+            return dict.fromkeys([one.name for one in listed], self._make_code(code, path, "strategy"))
+        config = {
+            one.name: {"start_node_id": self._agents[one.name].node, **self._describe_agent(one)} for one in listed
+        }
         function = self.library.get(code.function, path)
-        parameters = self._given(function, code.with_, path)
-        answer = self._noted(function, path, partial(called, function, parameters, (config,), path))
+        parameters = self._make_given(function, code.with_, path)
+        answer = self._call_and_note(function, path, partial(call_function, function, parameters, (config,), path))
         if not isinstance(answer, Mapping):
             raise ScenarioError(path, f"map_strategy gives {shown(answer)}, not a dict of agents and strategies.")
         for one in listed:
@@ -492,8 +498,8 @@ class Builder:
         path = f"rules.{number}"
         with at(path):
             calls = self._calls
-            full = in_full(schema.Rule, given)
-            rule = self._rule(given, path)
+            full = expand(schema.Rule, given)
+            rule = self._make_rule(given, path)
             if self._calls == calls:
                 self._lasting.add(number)
             before = game.rules
@@ -504,16 +510,16 @@ class Builder:
                     self._by_seed.append(path)
         self._rules[next(one.name for one in game.rules if one not in before)] = rule
 
-    def _rule(self, given: str | schema.Rule, path: str) -> Rule:
-        rule = in_full(schema.Rule, given)
-        return self._made(Code(function=rule.rule, with_=rule.with_), path, "rule")
+    def _make_rule(self, given: str | schema.Rule, path: str) -> Rule:
+        rule = expand(schema.Rule, given)
+        return self._make_code(Code(function=rule.rule, with_=rule.with_), path, "rule")
 
-    def _conflicts(self, given: schema.Conflicts) -> IConflicts:
+    def _make_conflicts(self, given: schema.Conflicts) -> IConflicts:
         rules = import_module(RULES)
         path = "conflicts.resolve"
         graph = self.ctx.graph.graph
-        capacity = _capacity(given.capacity, "conflicts.capacity", graph.get_node)
-        of_edges = _capacity(given.edge_capacity, "conflicts.edge_capacity", graph.get_edge)
+        capacity = _convert_capacity(given.capacity, "conflicts.capacity", graph.get_node)
+        of_edges = _convert_capacity(given.edge_capacity, "conflicts.edge_capacity", graph.get_edge)
         if isinstance(given.resolve, schema.PriorityOrder):
             with at("conflicts.resolve.by_priority"):
                 resolve = rules.by_priority(given.resolve.by_priority)
@@ -530,46 +536,48 @@ class Builder:
         found: IConflicts = conflicts
         return found
 
-    def _given(self, function: Function, given: Values, path: str) -> Values:
+    def _make_given(self, function: Function, given: Values, path: str) -> Values:
         """Return the parameters of a function, with paths resolved in the folder of the scenario."""
-        return self._parameters(located(function, given, self.library.sources, path), joined(path, "with"))
+        return self._convert_parameters(
+            locate_files(function, given, self.library.sources, path), join_path(path, "with")
+        )
 
-    def _parameters(self, given: Values, path: str) -> Values:
-        """Return parameters or facts by name, each converted by `_value`."""
-        return {name: self._value(one, joined(path, name)) for name, one in given.items()}
+    def _convert_parameters(self, given: Values, path: str) -> Values:
+        """Return parameters or facts by name, each converted by `_convert_value`."""
+        return {name: self._convert_value(one, join_path(path, name)) for name, one in given.items()}
 
-    def _value(self, value: Plain, path: str) -> Any:
+    def _convert_value(self, value: Plain, path: str) -> Any:
         """Copy a value; `{node_at: [x, y]}` becomes a node, and `{function: …, with: …}` the function's result."""
         if isinstance(value, list):
-            return [self._value(one, joined(path, number)) for number, one in enumerate(value)]
+            return [self._convert_value(one, join_path(path, number)) for number, one in enumerate(value)]
         if not isinstance(value, Mapping):
             return value
         call = call_in(value, [path])
         if call is not None:
             return self._call(call, path)
         if set(value) == {"node_at"}:
-            where = joined(path, "node_at")
+            where = join_path(path, "node_at")
             self._calls += 1  # depends on a map that may change
-            return node_at(self.ctx, checked(value["node_at"], schema.LatLon | tuple[float, float], where), where)
-        return {key: self._value(one, joined(path, key)) for key, one in value.items()}
+            return node_at(self.ctx, convert_plain(value["node_at"], schema.LatLon | tuple[float, float], where), where)
+        return {key: self._convert_value(one, join_path(path, key)) for key, one in value.items()}
 
     def _call(self, call: Code, path: str) -> Any:
         """Return the result of a function among the parameters, or the function itself if it is called later."""
         function = self.library.get(call.function, path)
-        given = self._given(function, call.with_, path)
-        first = (self.ctx,) if first_of(function) == "ctx" else ()
-        if first_of(function) == "state":
-            return self._noted(function, path, partial(made, function, given, self.ctx, path, "strategy"))
+        given = self._make_given(function, call.with_, path)
+        first = (self.ctx,) if find_first_parameter(function) == "ctx" else ()
+        if find_first_parameter(function) == "state":
+            return self._call_and_note(function, path, partial(made, function, given, self.ctx, path, "strategy"))
         if not given and needs(function, len(first)):
             return function
-        return self._noted(function, path, partial(called, function, given, first, path))
+        return self._call_and_note(function, path, partial(call_function, function, given, first, path))
 
 
 def _is_ours(function: object) -> bool:
     return str(getattr(function, "__module__", "")).partition(".")[0] == "gamms"
 
 
-def _capacity(given: object, path: str, find: Callable[[int], object]) -> Any:  # Any: as `Conflicts` takes it
+def _convert_capacity(given: object, path: str, find: Callable[[int], object]) -> Any:  # Any: as `Conflicts` takes it
     """Return a capacity; the keys of a mapping become ids, because in JSON all keys are texts.
 
     Args:
@@ -581,7 +589,7 @@ def _capacity(given: object, path: str, find: Callable[[int], object]) -> Any:  
         return given
     limits = {}
     for key, number in given.items():
-        where = joined(path, key)
+        where = join_path(path, key)
         if not str(key).removeprefix("-").isdecimal():
             raise ScenarioError(where, "is not an id. Give ids and numbers, such as {3: 1}.")
         with at(where):
@@ -593,7 +601,7 @@ def _capacity(given: object, path: str, find: Callable[[int], object]) -> Any:  
 # -- changes that are not the scenario's --------------------------------------------------------------------------
 
 
-def _values_of(game: Game) -> dict[str, dict[Any, Any]]:
+def _copy_values(game: Game) -> dict[str, dict[Any, Any]]:
     """Copy the values of a game before its first turn."""
     events = {number: dict(event) for number, event in enumerate(game.events)}
     state = game.internals.state
@@ -605,7 +613,9 @@ def _values_of(game: Game) -> dict[str, dict[Any, Any]]:
     return {**values, "private": private}
 
 
-def _changed(now: Mapping[Any, Any], built: Mapping[Any, Any], is_same: Callable[[Any, Any], bool]) -> dict[Any, Any]:
+def _find_changed_values(
+    now: Mapping[Any, Any], built: Mapping[Any, Any], is_same: Callable[[Any, Any], bool]
+) -> dict[Any, Any]:
     return {key: value for key, value in now.items() if key not in built or not is_same(value, built[key])}
 
 
@@ -625,41 +635,41 @@ def _move_start(agent: Any, before: _Start, now: _Start) -> None:
 # -- defaults -----------------------------------------------------------------------------------------------------
 
 
-def written_out(spec: Spec, library: CodeLibrary) -> Values:
+def write_out(spec: Spec, library: CodeLibrary) -> Values:
     """Return a scenario as plain values with the defaults of its keys and functions, as stored in recordings.
 
     Later versions build the same game from it. A default that is not a plain value, such as a function, is left out.
     Nothing is imported, so a replaced part, such as a strategy, stays as it is written.
     """
-    plain: Values = copied(to_plain(spec))
-    for sensor in _sensors_in(plain):
+    plain: Values = copy_plain(to_plain(spec))
+    for sensor in _list_plain_sensors(plain):
         sensor["sensor_range"] = sensor.pop("range_m")
-        kind = None if sensor["type"] is None else sensor_type(sensor["type"])
-        defaults = {} if kind is None else copied(KINDS[kind].keywords)
+        kind = None if sensor["type"] is None else find_sensor_type(sensor["type"])
+        defaults = {} if kind is None else copy_plain(KINDS[kind].keywords)
         sensor |= {name: value for name, value in defaults.items() if sensor[name] is None}
-    for one in code_in(spec):
+    for one in list_code(spec):
         if one.what != "resolver":
             _write_defaults(plain, one, library.known(one.reference, one.short))
     return plain
 
 
-def _sensors_in(plain: Values) -> Iterator[Values]:
+def _list_plain_sensors(plain: Values) -> Iterator[Values]:
     """Yield the sensors of a scenario, of its teams and of their agents."""
     teams = plain["teams"].values()
     for part in chain([plain], teams, *(team["agents"] for team in teams)):
         yield from part["sensors"].values() if isinstance(part["sensors"], dict) else ()
 
 
-def digests(spec: Spec, library: CodeLibrary, map: MapSnapshot) -> dict[str, str]:
+def make_digests(spec: Spec, library: CodeLibrary, map: MapSnapshot) -> dict[str, str]:
     """Return the SHA-256 of each part of a scenario that a game depends on, without strategies and plans.
 
     The rules and other named code are imported, so that a default counts like the same value written out.
     """
-    for one in code_in(spec):
+    for one in list_code(spec):
         decides = one.keys[0] == "teams" and not {"strategy", "plan"}.isdisjoint(one.keys[2:])
         if one.what != "resolver" and one.keys[0] != "map" and not decides:
             library.get(one.reference, one.path, one.short)
-    plain = written_out(spec, library)
+    plain = write_out(spec, library)
     parts = {key: value for key, value in plain.items() if key not in ("name", "description", "seed", "map")}
     for team in parts["teams"].values():
         for part in (team, *team["agents"]):
@@ -677,23 +687,23 @@ def _write_defaults(plain: Values, one: NamedCode, function: Function | None) ->
         here = here[key]
     code = here[one.keys[-1]]
     if isinstance(code, str):
-        code = to_plain(in_full(_IN_FULL.get(one.what, Code), code))
+        code = to_plain(expand(_IN_FULL.get(one.what, Code), code))
     given = code.get("with") or {}
     if function is not None:
-        first = first_of(function)
+        first = find_first_parameter(function)
         is_called = given or (
             first == "ctx" if one.what == "sensor" else not needs(function, int(first in GIVEN_LATER))
         )
         if is_called:
-            given = {**plain_defaults(function), **given}
+            given = {**list_plain_defaults(function), **given}
         elif one.what == "sensor":
             given = None
     here[one.keys[-1]] = {**code, "with": given}
 
 
-def _image(gave: Any) -> tuple[object, str]:
+def _make_image(gave: Any) -> tuple[object, str]:
     """Return an object that is equal for results that do the same; functions of GAMMS show their arguments."""
-    return image_of(gave), gave.call if isinstance(gave, DescribedFunction) else ""
+    return make_image(gave), gave.call if isinstance(gave, DescribedFunction) else ""
 
 
 def _is_within(path: str, outer: str) -> bool:

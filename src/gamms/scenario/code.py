@@ -22,14 +22,14 @@ from pathlib import Path, PureWindowsPath
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_items, signature_of
+from gamms.arguments import as_items, find_signature
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownAttribute, nearest
 from gamms.limits import refuse_above
 from gamms.plain import Plain
-from gamms.scenario.documents import ScenarioError, at, copied, joined
-from gamms.text import shown, syntax_tree
-from gamms.typing.actions import makes_strategies, strategy_in
+from gamms.scenario.documents import ScenarioError, at, copy_plain, join_path
+from gamms.text import parse_syntax, shown
+from gamms.typing.actions import make_strategy, makes_strategies
 from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = (
@@ -106,7 +106,7 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
     return names
 
 
-def private_package(folder: Path) -> str:
+def name_private_package(folder: Path) -> str:
     """Return the name under which the modules of a folder are imported."""
     return f"{PRIVATE_MODULES}{hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:16]}"
 
@@ -157,7 +157,7 @@ def find(text: str, sources: CodeSources, path: str, *, short: str | None = None
     Raises:
         ScenarioError: the file, module or function does not exist, or may not be named.
     """
-    return _checked(_located(text, sources, path, short), is_imported_allowed=False)
+    return _check_reference(_locate_reference(text, sources, path, short), is_imported_allowed=False)
 
 
 def chosen(text: str, path: str) -> tuple[CodeReference, Path]:
@@ -166,19 +166,19 @@ def chosen(text: str, path: str) -> tuple[CodeReference, Path]:
     Raises:
         ScenarioError: the file, module or function does not exist.
     """
-    left, colon, function = _in_full(text, None).rpartition(":")
+    left, colon, function = _describe_reference(text, None).rpartition(":")
     if not colon:
         form = "write mine.py:strategy or module:function"
-        raise ScenarioError(path, f"{text!r} is not a reference to code; {form}.{_built_in(text)}")
+        raise ScenarioError(path, f"{text!r} is not a reference to code; {form}.{_suggest_built_in(text)}")
     file = Path(left).absolute() if left.endswith(".py") else None
     folder = Path.cwd() if file is None else file.parent
     top = left.partition(".")[0]
     allow = (top,) if file is None and _is_dotted(left) and top not in _REFUSED else ()
-    found = _located(f"{left if file is None else file.name}:{function}", CodeSources(folder, allow), path)
-    return _checked(found, is_imported_allowed=True)._replace(owner=None), folder
+    found = _locate_reference(f"{left if file is None else file.name}:{function}", CodeSources(folder, allow), path)
+    return _check_reference(found, is_imported_allowed=True)._replace(owner=None), folder
 
 
-def offered(module: str) -> Mapping[str, Function]:
+def list_offered_functions(module: str) -> Mapping[str, Function]:
     """Return the functions that a module of GAMMS offers, by name; {} if it is only for programs.
 
     They are listed by its `FOR_SCENARIOS`, or else by its `__all__`.
@@ -191,13 +191,13 @@ def offered(module: str) -> Mapping[str, Function]:
     return {name: one for name, one in listed if callable(one)} if chosen is None else chosen
 
 
-def offered_function(text: str, short: str | None = None) -> Function | None:
+def find_offered_function(text: str, short: str | None = None) -> Function | None:
     """Return the function of a reference if GAMMS offers it; see `find`."""
-    module, _, name = _in_full(text, short).partition(":")
-    return offered(module).get(name)
+    module, _, name = _describe_reference(text, short).partition(":")
+    return list_offered_functions(module).get(name)
 
 
-def located(function: Function, given: Parameters, sources: CodeSources, path: str) -> dict[str, Plain]:
+def locate_files(function: Function, given: Parameters, sources: CodeSources, path: str) -> dict[str, Plain]:
     """Return parameters with files resolved in the folder of the scenario, and with the user's own settings.
 
     Attributes of the function name these parameters: `files` must exist, `new_files` may be created, and `variables`
@@ -210,7 +210,7 @@ def located(function: Function, given: Parameters, sources: CodeSources, path: s
     new = getattr(function, "new_files", ())
     for key in (*getattr(function, "files", ()), *new):
         text = found.get(key)
-        where = joined(path, f"with.{key}")
+        where = join_path(path, f"with.{key}")
         if isinstance(text, str):
             file = inside(text, sources.folder, where, "file")
             if key not in new and not file.is_file():
@@ -219,7 +219,7 @@ def located(function: Function, given: Parameters, sources: CodeSources, path: s
     for key in getattr(function, "variables", ()):
         if key in found:
             raise ScenarioError(
-                joined(path, f"with.{key}"),
+                join_path(path, f"with.{key}"),
                 "a file names no environment variable, which may hold any secret. Take it out, and name the variable "
                 f"yourself: --key-variable NAME on the command line, load(…, {key}=…) in Python.",
             )
@@ -228,10 +228,10 @@ def located(function: Function, given: Parameters, sources: CodeSources, path: s
     return found
 
 
-def _located(text: str, sources: CodeSources, path: str, short: str | None = None) -> CodeReference:
+def _locate_reference(text: str, sources: CodeSources, path: str, short: str | None = None) -> CodeReference:
     """Find the module of a reference, without checking whether the function exists."""
     folder = sources.folder
-    left, colon, function = _in_full(text, short).partition(":")
+    left, colon, function = _describe_reference(text, short).partition(":")
     is_file = left.endswith(".py") or "/" in left or "\\" in left
     if (colon and not function.isidentifier()) or not (is_file or _is_dotted(left)):
         hint = " Parameters belong into with: {…}." if "(" in text else ""
@@ -239,11 +239,11 @@ def _located(text: str, sources: CodeSources, path: str, short: str | None = Non
     if is_file:
         file = inside(left, folder, path, "Python file")
         if not file.is_file():
-            raise ScenarioError(path, f"there is no file {left!r} in {folder}.{_neighbour(left, folder)}")
+            raise ScenarioError(path, f"there is no file {left!r} in {folder}.{_suggest_file(left, folder)}")
         dotted = ".".join(PureWindowsPath(left).with_suffix("").parts)
         if not _is_dotted(dotted):
             raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
-        return _in(folder or Path(), CodeReference(path, text, dotted, function, file, None))
+        return _check_folder(folder or Path(), CodeReference(path, text, dotted, function, file, None))
     found = CodeReference(path, text, left, function, None, None)
     if left.partition(".")[0] == "gamms":
         if left in ON_REQUEST and left not in sources.allow:
@@ -261,24 +261,24 @@ def _located(text: str, sources: CodeSources, path: str, short: str | None = Non
     stem = left.replace(".", "/")
     for name in (f"{stem}/__init__.py", f"{stem}.py") if folder is not None else ():
         if folder is not None and folder.joinpath(name).is_file():
-            return _in(folder, found._replace(file=inside(name, folder, path, "Python file")))
-    return found._replace(owner=_owner(found, sources))
+            return _check_folder(folder, found._replace(file=inside(name, folder, path, "Python file")))
+    return found._replace(owner=_find_owner(found, sources))
 
 
-def _in(folder: Path, found: CodeReference) -> CodeReference:
+def _check_folder(folder: Path, found: CodeReference) -> CodeReference:
     """Check that no parent package of a module leads out of the folder."""
     *packages, _ = found.module.split(".")
     for depth in range(1, len(packages) + 1):
         inside("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
-    return found._replace(owner=private_package(folder))
+    return found._replace(owner=name_private_package(folder))
 
 
-def _built_in(name: str) -> str:
+def _suggest_built_in(name: str) -> str:
     """Return the hint that a strategy of GAMMS has a name like this one."""
-    return nearest(name, offered("gamms.strategies")).replace("mean '", "mean 'gamms.strategies:")
+    return nearest(name, list_offered_functions("gamms.strategies")).replace("mean '", "mean 'gamms.strategies:")
 
 
-def _owner(found: CodeReference, sources: CodeSources) -> str:
+def _find_owner(found: CodeReference, sources: CodeSources) -> str:
     """Return the installed package, or its part, whose functions may be named."""
     from importlib.metadata import entry_points
 
@@ -295,7 +295,11 @@ def _owner(found: CodeReference, sources: CodeSources) -> str:
         spec = None
     if spec is None:
         where = "installed" if sources.folder is None else f"in {sources.folder}, nor installed"
-        hint = _neighbour(dotted, sources.folder) or _built_in(dotted) or _function_called(found, sources.folder)
+        hint = (
+            _suggest_file(dotted, sources.folder)
+            or _suggest_built_in(dotted)
+            or _suggest_function(found, sources.folder)
+        )
         raise ScenarioError(path, f"there is no module {dotted!r} {where}.{hint}")
     for package in sources.allow:
         if dotted == package or dotted.startswith(f"{package}."):
@@ -315,7 +319,7 @@ def _owner(found: CodeReference, sources: CodeSources) -> str:
     raise ScenarioError(
         path,
         f"the installed package {top!r} does not offer {dotted}:{found.wanted} to scenarios."
-        f"{_neighbour(dotted, sources.folder)} If you trust this file with all that the package defines: "
+        f"{_suggest_file(dotted, sources.folder)} If you trust this file with all that the package defines: "
         f"--allow {top}, or allow=[{top!r}] in Python.",
     )
 
@@ -330,7 +334,7 @@ def _start_folders() -> set[Path]:
     return folders - chosen - {Path(__file__).resolve().parents[2]}
 
 
-def _neighbour(name: str, folder: Path | None) -> str:
+def _suggest_file(name: str, folder: Path | None) -> str:
     """Return a hint at a file in the folder with a similar name."""
     if folder is None or not folder.is_dir():
         return ""
@@ -338,23 +342,23 @@ def _neighbour(name: str, folder: Path | None) -> str:
     return nearest(name, names if name.endswith(".py") else [one.removesuffix(".py") for one in names])
 
 
-def _function_called(found: CodeReference, folder: Path | None) -> str:
+def _suggest_function(found: CodeReference, folder: Path | None) -> str:
     """Return a hint at a function in the folder whose name is like that of a reference without a module."""
     way_out = f" Write module:function, such as strategies:{found.module}."
     if found.function or folder is None:
         return "" if found.function else way_out
     functions = {}
     for file in islice(sorted(folder.glob("*.py")), _FEW):
-        own, _ = _names_in(file, found.path)
+        own, _ = _list_names(file, found.path)
         functions.update(dict.fromkeys(own, file.stem))
     meant = get_close_matches(found.module, functions, 1)
     return f" Did you mean '{functions[meant[0]]}:{meant[0]}'?" if meant else way_out
 
 
-def _checked(found: CodeReference, *, is_imported_allowed: bool) -> CodeReference:
+def _check_reference(found: CodeReference, *, is_imported_allowed: bool) -> CodeReference:
     """Refuse a function that evidently does not exist, or is defined elsewhere."""
     if found.file is not None:
-        own, others = _names_in(found.file, found.path)
+        own, others = _list_names(found.file, found.path)
         if found.wanted in others - own and not is_imported_allowed:
             raise ScenarioError(
                 found.path,
@@ -362,7 +366,7 @@ def _checked(found: CodeReference, *, is_imported_allowed: bool) -> CodeReferenc
             )
         names: Iterable[str] = own | others if is_imported_allowed else own
     elif found.module in (*OFFERED, *ON_REQUEST):
-        names = offered(found.module)
+        names = list_offered_functions(found.module)
     else:
         return found
     if found.wanted not in names and "*" not in names:
@@ -380,7 +384,7 @@ def _is_dotted(text: str) -> bool:
     return all(part.isidentifier() for part in text.split("."))
 
 
-def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
+def _list_names(file: Path, path: str) -> tuple[set[str], set[str]]:
     """Return the names that a file binds, defined in the folder or imported from elsewhere.
 
     "*" among its own names means that only running the file could tell.
@@ -388,7 +392,7 @@ def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
     with at(path):
         refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"reading {file}")
     try:
-        tree = syntax_tree(file.read_bytes(), str(file))
+        tree = parse_syntax(file.read_bytes(), str(file))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ScenarioError(path, f"{file} is not Python: {error}.") from None
     own: set[str] = set()
@@ -432,22 +436,22 @@ class CodeLibrary:
         """
         found = self.known(text, short)
         if found is None:
-            found = function_of(find(text, self.sources, path, short=short), self.folder)
-            self._known[_in_full(text, short)] = found
+            found = import_function(find(text, self.sources, path, short=short), self.folder)
+            self._known[_describe_reference(text, short)] = found
         return found
 
     def known(self, text: str, short: str | None = None) -> Function | None:
         """Return the function of a reference if it has been imported; else None."""
-        return self._known.get(_in_full(text, short))
+        return self._known.get(_describe_reference(text, short))
 
 
-def _in_full(text: str, short: str | None) -> str:
+def _describe_reference(text: str, short: str | None) -> str:
     if text == HUMAN:
         return f"gamms.web:{HUMAN}"
     return f"{short}:{text}" if short and ":" not in text else text
 
 
-def function_of(found: CodeReference, folder: Path | None) -> Function:
+def import_function(found: CodeReference, folder: Path | None) -> Function:
     """Import the code of a reference.
 
     A module from the folder gets a private name, so that `strategies.py` of two scenarios are two modules, and
@@ -456,9 +460,11 @@ def function_of(found: CodeReference, folder: Path | None) -> Function:
     Raises:
         ScenarioError: importing it raises, which is then the cause; or it does not define the function itself.
     """
-    with _raising(found.path, f"importing {found.text!r} failed:"):
-        module = importlib.import_module(found.module) if found.file is None else _private(found, folder or Path())
-        own = offered(found.module) if found.file is None else {}
+    with _raise_scenario_errors(found.path, f"importing {found.text!r} failed:"):
+        module = (
+            importlib.import_module(found.module) if found.file is None else _import_privately(found, folder or Path())
+        )
+        own = list_offered_functions(found.module) if found.file is None else {}
         function: Function | None = own.get(found.wanted) or getattr(module, found.wanted, None)
     if function is not None and not callable(function):
         raise ScenarioError(found.path, f"{found.wanted!r} in {found.text!r} is not a function, but {shown(function)}.")
@@ -475,7 +481,7 @@ def function_of(found: CodeReference, folder: Path | None) -> Function:
 
 
 @contextmanager
-def _raising(path: str, what: str) -> Iterator[None]:
+def _raise_scenario_errors(path: str, what: str) -> Iterator[None]:
     """Turn errors of a scenario's code, SystemExit included, into an error at the place that names the code."""
     try:
         yield
@@ -486,12 +492,12 @@ def _raising(path: str, what: str) -> Iterator[None]:
         raise ScenarioError(path, f"{what} {type(error).__name__}: {error}{hint}") from error
 
 
-def _private(found: CodeReference, folder: Path) -> ModuleType:
+def _import_privately(found: CodeReference, folder: Path) -> ModuleType:
     """Import a module of a scenario's folder under a private name, again if a file has changed."""
     folder = folder.resolve()
-    package = private_package(folder)
+    package = name_private_package(folder)
     stamps = _stamps.setdefault(package, {})
-    if any(_stamp(file) != stamp for file, stamp in stamps.items()):
+    if any(_read_stamp(file) != stamp for file, stamp in stamps.items()):
         for name in [name for name in sys.modules if name.partition(".")[0] == package]:
             del sys.modules[name]
         stamps.clear()
@@ -506,11 +512,11 @@ def _private(found: CodeReference, folder: Path) -> ModuleType:
     finally:
         sys.dont_write_bytecode = before
     if found.file is not None:
-        stamps[found.file] = _stamp(found.file)
+        stamps[found.file] = _read_stamp(found.file)
     return module
 
 
-def _stamp(file: Path) -> tuple[int, int]:
+def _read_stamp(file: Path) -> tuple[int, int]:
     with suppress(OSError):
         status = file.stat()
         return (status.st_mtime_ns, status.st_size)
@@ -521,7 +527,7 @@ def made(function: Function, given: Parameters, ctx: Context, path: str, what: s
     """Return the strategy, plan or rule that a function is or makes.
 
     A function whose first parameter has a name in `_ARGUMENTS` is one itself. A function whose first parameter is
-    `ctx`, or that can be called with the given parameters alone, makes one. For any other strategy see `strategy_in`;
+    `ctx`, or that can be called with the given parameters alone, makes one. For any other strategy see `make_strategy`;
     any other plan or rule is one itself if it gets no parameters.
 
     Args:
@@ -534,33 +540,33 @@ def made(function: Function, given: Parameters, ctx: Context, path: str, what: s
     Raises:
         ScenarioError: the parameters do not fit, or its result is not a function.
     """
-    first = first_of(function)
+    first = find_first_parameter(function)
     name = getattr(function, "__name__", function)
     if what == "rule" and first == "state":
         raise ScenarioError(path, f"{name} takes a state: it is not a rule, but a strategy.")
     if what == "strategy" and first not in ("state", "ctx") and first not in given and needs(function):
         check_parameters(function, given, 1, path)
         asked = partial(function, **given) if given else function
-        with nullcontext() if makes_strategies(asked) is False else _raising(path, f"{name} raised"):
-            found: Function = strategy_in(ctx, asked)
+        with nullcontext() if makes_strategies(asked) is False else _raise_scenario_errors(path, f"{name} raised"):
+            found: Function = make_strategy(ctx, asked)
         return update_wrapper(asked, function) if given and found is asked else found
     if first in _ARGUMENTS[what] or (first != "ctx" and not given and needs(function)):
         check_parameters(function, given, 1, path)
         return update_wrapper(partial(function, **given), function) if given else function
-    one = called(function, given, (ctx,) if first == "ctx" else (), path)
+    one = call_function(function, given, (ctx,) if first == "ctx" else (), path)
     if not callable(one):
         raise ScenarioError(path, f"{name} gives {shown(one)}, which is not a {what}.")
     return one  # type: ignore[no-any-return] # it can be called
 
 
-def called(function: Function, given: Parameters, first: tuple[object, ...], path: str) -> Any:
+def call_function(function: Function, given: Parameters, first: tuple[object, ...], path: str) -> Any:
     """Call a function and return what it returns.
 
     Raises:
         ScenarioError: the parameters do not fit, or the function raises, which is then the cause.
     """
     check_parameters(function, given, len(first), path)
-    with _raising(path, f"{getattr(function, '__name__', function)} raised"):
+    with _raise_scenario_errors(path, f"{getattr(function, '__name__', function)} raised"):
         return function(*first, **given)
 
 
@@ -570,7 +576,7 @@ def check_parameters(function: Function, given: Iterable[str], first: int, path:
     Raises:
         ScenarioError: a parameter is unknown or missing.
     """
-    known = _parameters_of(function)
+    known = _list_parameters(function)
     if known is None:
         return
     name = getattr(function, "__name__", str(function))
@@ -580,37 +586,37 @@ def check_parameters(function: Function, given: Iterable[str], first: int, path:
         if key not in left and not takes_all:
             others = [other for other in left if other not in given]
             hint = nearest(key, others) or (f" It takes: {', '.join(left)}." if left else " It takes none.")
-            raise ScenarioError(joined(path, f"with.{key}"), f"{name} takes no such parameter.{hint}")
+            raise ScenarioError(join_path(path, f"with.{key}"), f"{name} takes no such parameter.{hint}")
     for key, one in left.items():
         if one.default is Parameter.empty and key not in given:
-            raise ScenarioError(joined(path, f"with.{key}"), f"is missing; {name} needs it.")
+            raise ScenarioError(join_path(path, f"with.{key}"), f"is missing; {name} needs it.")
 
 
-def first_of(function: Function) -> str:
+def find_first_parameter(function: Function) -> str:
     """Return the name of the first parameter, or ""."""
-    return next((one.name for one in _parameters_of(function) or ()), "")
+    return next((one.name for one in _list_parameters(function) or ()), "")
 
 
 def needs(function: Function, first: int = 0) -> bool:
     """Return whether a function needs more than its first `first` parameters."""
-    known = _parameters_of(function)
+    known = _list_parameters(function)
     variable = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
     return known is None or any(one.default is Parameter.empty and one.kind not in variable for one in known[first:])
 
 
-def plain_defaults(function: Function) -> dict[str, Plain]:
+def list_plain_defaults(function: Function) -> dict[str, Plain]:
     """Return the defaults of a function's parameters that a file could hold."""
     defaults = {}
-    for one in _parameters_of(function) or ():
+    for one in _list_parameters(function) or ():
         if one.kind in _NAMED and one.default is not Parameter.empty and one.name not in GIVEN_LATER:
             try:
-                defaults[one.name] = copied(one.default)
+                defaults[one.name] = copy_plain(one.default)
             except ScenarioError:
                 continue
     return defaults
 
 
-def _parameters_of(function: Function) -> list[Parameter] | None:
+def _list_parameters(function: Function) -> list[Parameter] | None:
     """Return the parameters of a function; None for a C function without a signature."""
     # NOTE: called for each agent at each reset of a scenario, which has few functions (benchmarks: turns).
     read = _read_parameters if isinstance(function, FunctionType) else _read_parameters.__wrapped__
@@ -622,4 +628,4 @@ def _parameters_of(function: Function) -> list[Parameter] | None:
 
 @lru_cache(maxsize=64)
 def _read_parameters(function: Function) -> list[Parameter]:
-    return list(signature_of(function).parameters.values())
+    return list(find_signature(function).parameters.values())

@@ -26,8 +26,8 @@ from gamms.ir.graph import IntArray
 from gamms.ir.schema import COLUMNS
 from gamms.scenario import maps
 from gamms.scenario import spec as schema
-from gamms.scenario.code import CodeReference, offered_function, plain_defaults
-from gamms.scenario.documents import in_words, joined
+from gamms.scenario.code import CodeReference, find_offered_function, list_plain_defaults
+from gamms.scenario.documents import describe_path, join_path
 from gamms.scenario.placement import members
 from gamms.scenario.spec import (
     Spec,
@@ -42,8 +42,8 @@ from gamms.scenario.spec import (
     list_mappings,
     to_plain,
 )
-from gamms.scenario.validation import NamedCode, code_in, sensor_type
-from gamms.text import as_digits, entries_of, paragraphs_of, printable_line, summary_of, syntax_tree
+from gamms.scenario.validation import NamedCode, find_sensor_type, list_code
+from gamms.text import as_digits, entries_of, make_printable_line, paragraphs_of, parse_syntax, summary_of
 from gamms.typing.agent_engine import IAgentEngine
 from gamms.typing.game import ChannelOptions
 from gamms.typing.sensor_engine import DetectionOptions, PlaceOptions, SensorOptions
@@ -80,7 +80,7 @@ class OddDocument:
     Args:
         spec: the scenario.
         raw: its values, as they are written.
-        code: the code that it names, in the order of `code_in`.
+        code: the code that it names, in the order of `list_code`.
         folder: the folder of its files; None: it has none.
         map: the map; None: it was not loaded.
         starts: the starting nodes of the agents with the seed of the scenario; empty: they are not known.
@@ -97,7 +97,7 @@ class OddDocument:
     ) -> None:
         self._spec = spec
         self._raw = raw
-        self._code = [*zip(code_in(spec), code, strict=True)]
+        self._code = [*zip(list_code(spec), code, strict=True)]
         self._folder = folder
         self._map = map
         self._starts = starts
@@ -153,7 +153,7 @@ class OddDocument:
         yield f"`speed_unit` is {_escape(settings.speed_unit)}: {_as_prose(_texts_of(schema.Settings)['speed_unit'])}"
 
     def _facts_of_map(self) -> Iterator[tuple[str, str]]:
-        yield "kind", maps.kind_of(self._spec.map)
+        yield "kind", maps.find_map_kind(self._spec.map)
         yield "as written", _write_value(self._raw.get("map"))
         if self._map is None:
             yield "not loaded", "The map is made by code or a server. gamms scenario describe --build loads it."
@@ -246,7 +246,7 @@ class OddDocument:
         for path, sensor in self._sensors():
             for key in ("detection", "position_noise_m", "false_alarm_rate"):
                 if getattr(sensor, key) is not None:
-                    yield "reports of sensors", joined(path, key)
+                    yield "reports of sensors", join_path(path, key)
         for name, channel in self._channels():
             if channel.loss:
                 yield "messages that are lost", f"channels.{name}.loss"
@@ -290,12 +290,12 @@ class OddDocument:
         if not self._code:
             yield "The scenario names no functions."
         for named, code in self._code:
-            yield f"### {_escape(in_words(named.path, self._raw))}: {_escape(code.text)}"
+            yield f"### {_escape(describe_path(named.path, self._raw))}: {_escape(code.text)}"
             yield self._explain(named, code, in_full=True)
             yield self._parameters(named, code)
         conflict = self._spec.conflicts
         if conflict is not None and isinstance(conflict.resolve, str) and ":" not in conflict.resolve:
-            function = offered_function(conflict.resolve, "gamms.rules")
+            function = find_offered_function(conflict.resolve, "gamms.rules")
             yield f"### conflicts.resolve: {_escape(conflict.resolve)}"
             yield _as_prose(summary_of(getattr(function, "__doc__", "")))
 
@@ -306,12 +306,12 @@ class OddDocument:
     def _explain_sensor(self, sensor: schema.Sensor) -> str:
         if sensor.type is None:
             return "See section 7."
-        kind = sensor_type(sensor.type)
+        kind = find_sensor_type(sensor.type)
         return _as_prose(summary_of(getattr(sensors, kind.name.lower()).__doc__ if kind else ""))
 
     def _parameters(self, named: NamedCode, code: CodeReference) -> str:
-        function = offered_function(named.reference, named.short)
-        defaults = {} if function is None else plain_defaults(function)
+        function = find_offered_function(named.reference, named.short)
+        defaults = {} if function is None else list_plain_defaults(function)
         texts = entries_of(_docs_of(named, code))
         rows = []
         for name in dict.fromkeys([*named.given, *defaults]):
@@ -389,12 +389,12 @@ def _list_phases() -> list[tuple[str, str]]:
 
 def _docs_of(named: NamedCode, code: CodeReference) -> str | None:
     """Return the docstring of a function that a scenario names; code of users is parsed, and not run."""
-    function = offered_function(named.reference, named.short)
+    function = find_offered_function(named.reference, named.short)
     if function is not None:
         return function.__doc__
     if code.file is None:
         return None
-    for node in syntax_tree(code.file.read_bytes(), str(code.file)).body:
+    for node in parse_syntax(code.file.read_bytes(), str(code.file)).body:
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)) and node.name == code.wanted:
             return ast.get_docstring(node)
     return None
@@ -426,7 +426,7 @@ def _cut(text: str) -> str:
 
 def _escape(text: str) -> str:
     """Return a text as Markdown, on one line, without any markup."""
-    return _SPECIAL.sub(r"\\\1", printable_line(" ".join(text.split("\n"))))
+    return _SPECIAL.sub(r"\\\1", make_printable_line(" ".join(text.split("\n"))))
 
 
 def _as_prose(text: str) -> str:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from gamms.errors import GammsError, MissingFile, nearest
 from gamms.plain import Plain
-from gamms.text import printable, shown
+from gamms.text import make_printable, shown
 
 if TYPE_CHECKING:
     import yaml
@@ -38,15 +38,15 @@ class ScenarioError(GammsError, ValueError):
         self.message = message
         self.file = None if file is None else str(file)
         self.place = path if place is None else place
-        super().__init__(printable(": ".join(part for part in (self.file, self.place, message) if part)))
+        super().__init__(make_printable(": ".join(part for part in (self.file, self.place, message) if part)))
 
     def within(self, file: object, raw: Plain) -> "ScenarioError":
         """Return the error with its file, and its place in words."""
-        place = in_words(self.path, raw) if self.place == self.path else self.place
+        place = describe_path(self.path, raw) if self.place == self.path else self.place
         return ScenarioError(self.path, self.message, self.file or file, place)
 
 
-def joined(path: str, key: object) -> str:
+def join_path(path: str, key: object) -> str:
     """Return the path of a key below a path, cut if it is long."""
     text = f"{path}.{key}" if path else str(key)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
@@ -96,22 +96,24 @@ def on_map(number: int | None) -> Iterator[None]:
         key, _, rest = error.path.partition(".")
         if key == "map":
             place = error.place.removeprefix("map")
-            raise ScenarioError(joined(name, rest) if rest else name, error.message, error.file, name + place) from None
+            raise ScenarioError(
+                join_path(name, rest) if rest else name, error.message, error.file, name + place
+            ) from None
         message = f"on {name}, {error.message}"
         raise ScenarioError(error.path, message, error.file, error.place) from error.__cause__
 
 
-def in_words(path: str, raw: Plain) -> str:
+def describe_path(path: str, raw: Plain) -> str:
     """Return a path with list items counted from 1: `item 3 of rules (tag), with.hops`."""
     words = ""
     here = raw
     for part in path.split("."):
         if isinstance(here, list) and part.isdecimal() and int(part) < len(here):
-            label = _known(here)[int(part)]
+            label = _list_parts(here)[int(part)]
             here = here[int(part)]
             words = f"item {int(part) + 1} of {words}{f' ({label})' if label else ''}, "
         else:
-            key = None if isinstance(here, list) else _found(here, part)
+            key = None if isinstance(here, list) else _follow_part(here, part)
             here = None if key is None else here[key]
             words = f"{words}{'.' if words and not words.endswith(', ') else ''}{part}"
     return words.removesuffix(", ")
@@ -124,7 +126,7 @@ _DEEPEST = 40
 _INT64 = 1 << 63
 
 
-def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
+def copy_plain(value: Plain, path: str = "", depth: int = 0) -> Plain:
     """Return a copy of dicts, lists and scalars, as a file could hold.
 
     Raises:
@@ -133,9 +135,9 @@ def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
     if depth > _DEEPEST:
         raise ScenarioError(path, f"this is nested more than {_DEEPEST} deep.")
     if isinstance(value, Mapping):
-        return {checked_key(key, path): copied(one, joined(path, key), depth + 1) for key, one in value.items()}
+        return {check_key(key, path): copy_plain(one, join_path(path, key), depth + 1) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [copied(one, joined(path, number), depth + 1) for number, one in enumerate(value)]
+        return [copy_plain(one, join_path(path, number), depth + 1) for number, one in enumerate(value)]
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, PurePath):
@@ -148,11 +150,12 @@ def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
         return value
     raise ScenarioError(
         path,
-        f"{shown(value)} is not a plain value; a scenario holds only values that a file could hold.{_named(value)}",
+        f"{shown(value)} is not a plain value; a scenario holds only values that a file could hold."
+        f"{_explain_object(value)}",
     )
 
 
-def _named(value: object) -> str:
+def _explain_object(value: object) -> str:
     """Return the way out for a function, class, rule or module: its name as text."""
     name = getattr(value, "__qualname__", "decide")  # a module has none
     module = str(getattr(value, "__module__", None) or getattr(value, "__name__", ""))
@@ -165,7 +168,7 @@ def _named(value: object) -> str:
     return f" Write its name, '{module}:{name}', with the folder of its file as folder=."
 
 
-def checked_key(key: object, path: str = "") -> str | int:
+def check_key(key: object, path: str = "") -> str | int:
     """Check a key of a mapping: a text, or an integer of 64 bits, because longer ones could be made to share one hash.
 
     Raises:
@@ -178,27 +181,27 @@ def checked_key(key: object, path: str = "") -> str | int:
     return key
 
 
-def with_current_keys(value: Plain, keys: tuple[Plain, ...] = ()) -> Plain:
+def rename_keys(value: Plain, keys: tuple[Plain, ...] = ()) -> Plain:
     """Return the values of a scenario with the current names of its keys; `keys` lead to the value.
 
     Raises:
         ScenarioError: an old name and its current name are both given.
     """
     if isinstance(value, list):
-        return [with_current_keys(one, (*keys, number)) for number, one in enumerate(value)]
+        return [rename_keys(one, (*keys, number)) for number, one in enumerate(value)]
     if not isinstance(value, dict) or (keys and keys[0] not in ("map", "sensors", "teams")):
         return value
     current = {}
     for key, one in value.items():
-        name = _current_key(keys, key)
+        name = _find_current_key(keys, key)
         if name != key and name in value:
-            path = reduce(joined, (*keys, key), "")
+            path = reduce(join_path, (*keys, key), "")
             raise ScenarioError(path, f"is the old name of {name}, which is given, too.")
-        current[name] = with_current_keys(one, (*keys, key))
+        current[name] = rename_keys(one, (*keys, key))
     return current
 
 
-def _current_key(keys: tuple[Plain, ...], key: Plain) -> Plain:
+def _find_current_key(keys: tuple[Plain, ...], key: Plain) -> Plain:
     """Return the current name of a key, below the keys that lead to its mapping."""
     match keys:
         case ("map", "grid"):
@@ -219,23 +222,23 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
     Raises:
         ScenarioError: a path does not exist.
     """
-    new: dict[str, Plain] = with_current_keys(copied(raw))
+    new: dict[str, Plain] = rename_keys(copy_plain(raw))
     for path, value in changes.items():
         here: Plain = new
         *above, last = path.split(".")
-        parts = [*above, _current_key((*above,), last)]
+        parts = [*above, _find_current_key((*above,), last)]
         for number, part in enumerate(parts):
             is_last = number + 1 == len(parts)
-            key = _found(here, part)
+            key = _follow_part(here, part)
             if key is None:
                 if not (isinstance(here, dict) and (is_last or number == 0)):
-                    known = ", ".join(map(repr, _known(here)[:_MOST_NAMED]))
-                    hint = nearest(part, _known(here)) or (f" There are: {known}." if known else "")
+                    known = ", ".join(map(repr, _list_parts(here)[:_MOST_NAMED]))
+                    hint = nearest(part, _list_parts(here)) or (f" There are: {known}." if known else "")
                     raise ScenarioError(".".join(parts[: number + 1]), f"there is no {part!r} to change.{hint}")
                 here[part] = None
                 key = part
             if is_last:
-                here[key] = copied(value, path)
+                here[key] = copy_plain(value, path)
             elif here[key] is None:
                 here[key] = {}
             here = here[key]
@@ -256,7 +259,7 @@ def differences(first: Plain, second: Plain, path: str = "") -> Iterator[str]:
             yield f"{path}: {_written(first)}, and {_written(second)}"
         return
     for key in dict.fromkeys([*one, *other]):
-        place = joined(path, key)
+        place = join_path(path, key)
         if key not in other:
             yield f"{place}: {_written(one[key])}, and not there"
         elif key not in one:
@@ -270,7 +273,7 @@ def differences(first: Plain, second: Plain, path: str = "") -> Iterator[str]:
 
 def _has_labels(value: Plain) -> bool:
     """Return whether the items of a list have different names."""
-    labels = _known(value) if isinstance(value, list) else []
+    labels = _list_parts(value) if isinstance(value, list) else []
     return all(labels) and len(set(labels)) == len(labels)
 
 
@@ -280,22 +283,22 @@ def _labeled(value: Plain, *, with_labels: bool) -> dict[Plain, Plain] | None:
         return value
     if not isinstance(value, list):
         return None
-    keys: list[Plain] = [*_known(value)] if with_labels else [*range(len(value))]
+    keys: list[Plain] = [*_list_parts(value)] if with_labels else [*range(len(value))]
     return dict(zip(keys, value, strict=True))
 
 
 def _written(value: Plain) -> str:
     text = json.dumps(value, ensure_ascii=False)
-    return printable(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}… ({len(text):,} characters)")
+    return make_printable(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}… ({len(text):,} characters)")
 
 
-def _found(here: Plain, part: str) -> Plain:
+def _follow_part(here: Plain, part: str) -> Plain:
     """Return the key or index that a part of a path means; None if it does not exist."""
     if isinstance(here, dict):
         return next((key for key in here if str(key) == part), None)
     if isinstance(here, list):
         names = [str(number) for number in range(len(here))]
-        for labels in (names, _known(here)):
+        for labels in (names, _list_parts(here)):
             if part in labels:
                 return labels.index(part)
         return _find_function(here, part)
@@ -304,14 +307,14 @@ def _found(here: Plain, part: str) -> Plain:
 
 def _find_function(here: list[Plain], name: str) -> int | None:
     """Return the index of the only list item whose code, such as `referee:toll`, is a function of this name."""
-    found = [index for index, label in enumerate(_known(here)) if label.rpartition(":")[2] == name]
+    found = [index for index, label in enumerate(_list_parts(here)) if label.rpartition(":")[2] == name]
     return found[0] if len(found) == 1 else None
 
 
 _MOST_NAMED = 8  # keys in an error
 
 
-def _known(here: Plain) -> list[str]:
+def _list_parts(here: Plain) -> list[str]:
     """Return the names that can follow in a path."""
     if isinstance(here, dict):
         return [str(key) for key in here]
@@ -352,11 +355,11 @@ def read(file: Path) -> Plain:
         ScenarioError: the file is too large, not a text, not YAML or JSON, or repeats a key.
         OSError: the file cannot be read.
     """
-    text = text_of(file)
+    text = read_text(file)
     return from_json(text) if file.suffix.lower() == ".json" else from_yaml(text)
 
 
-def text_of(file: Path) -> str:
+def read_text(file: Path) -> str:
     """Return the text of a scenario file.
 
     Raises:
@@ -391,7 +394,9 @@ def from_json(text: str) -> Plain:
         ScenarioError: the text is not JSON, or repeats a key.
     """
     try:
-        return json.loads(text, object_pairs_hook=_once, parse_constant=_refuse_constant, parse_float=_float)
+        return json.loads(
+            text, object_pairs_hook=_check_unique, parse_constant=_refuse_constant, parse_float=_parse_float
+        )
     except (ValueError, RecursionError) as error:
         if isinstance(error, ScenarioError):
             raise
@@ -414,14 +419,14 @@ def from_yaml(text: str) -> Plain:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise ScenarioError("", f"{_line(event)}: a file holds a single document.")
+                    raise ScenarioError("", f"{_describe_line(event)}: a file holds a single document.")
                 value = _YamlComposer(events).composed(next(events), "", 1)
     except yaml.YAMLError as error:
-        raise ScenarioError("", f"this is not YAML: {_flaw(error, text)}") from None
+        raise ScenarioError("", f"this is not YAML: {_describe_flaw(error, text)}") from None
     return value
 
 
-def _flaw(error: "yaml.YAMLError", text: str) -> str:
+def _describe_flaw(error: "yaml.YAMLError", text: str) -> str:
     """Return where and why a text is not YAML."""
     mark = getattr(error, "problem_mark", None)
     if mark is None:
@@ -433,7 +438,7 @@ def _flaw(error: "yaml.YAMLError", text: str) -> str:
             return f"line {number + 1} begins with a tab. YAML is indented by spaces: put spaces in its place."
     problem = str(getattr(error, "problem", error))
     flaw = next((words for words in _FLAWS if words in problem), "")
-    hint = _key_without_colon(lines[: mark.line]) if flaw in _FLAWS_OF_KEYS else ""
+    hint = _explain_missing_colon(lines[: mark.line]) if flaw in _FLAWS_OF_KEYS else ""
     hint = hint or _FLAWS.get(flaw, "")
     shown_line = f" in {shown(lines[mark.line].strip())}" if mark.line < len(lines) else ""
     return f"line {mark.line + 1}, column {mark.column + 1}: {problem}{shown_line}.{hint}"
@@ -453,7 +458,7 @@ _FLAWS = {
 }
 
 
-def _key_without_colon(lines: list[str]) -> str:
+def _explain_missing_colon(lines: list[str]) -> str:
     """Return a hint at the last line above a flaw if it has a key without a colon and a space; else ""."""
     written = [(number, line.partition(" #")[0].strip()) for number, line in enumerate(lines, 1)]
     number, line = next((one for one in reversed(written) if one[1] and one[1][0] not in "#-[{"), (0, ":"))
@@ -481,54 +486,62 @@ class _YamlComposer:
             raise ScenarioError("", f"the file is nested more than {_DEEPEST} deep.")
         before = self._made
         if isinstance(event, yaml.AliasEvent):
-            value, size = self._aliased(event)
+            value, size = self._compose_alias(event)
             self._made += size
         else:
             self._made += 1
-            value = _scalar(event, path) if isinstance(event, yaml.ScalarEvent) else self._several(event, path, depth)
+            value = (
+                _convert_scalar(event, path)
+                if isinstance(event, yaml.ScalarEvent)
+                else self._compose_collection(event, path, depth)
+            )
             if getattr(event, "anchor", None):
                 self._anchored[event.anchor] = value, self._made - before  # type: ignore[attr-defined] # asked for above
         if self._made > _MOST_VALUES:
-            raise ScenarioError("", f"{_line(event)}: with its aliases the file has over {_MOST_VALUES:,} values.")
+            raise ScenarioError(
+                "", f"{_describe_line(event)}: with its aliases the file has over {_MOST_VALUES:,} values."
+            )
         return value
 
-    def _aliased(self, event: "yaml.AliasEvent") -> tuple[Plain, int]:
+    def _compose_alias(self, event: "yaml.AliasEvent") -> tuple[Plain, int]:
         name = event.anchor
         if name not in self._anchored:
             hint = nearest(name, self._anchored)
-            raise ScenarioError("", f"{_line(event)}: there is no anchor &{name} before the alias *{name}.{hint}")
+            raise ScenarioError(
+                "", f"{_describe_line(event)}: there is no anchor &{name} before the alias *{name}.{hint}"
+            )
         return self._anchored[name]
 
-    def _several(self, event: "yaml.Event", path: str, depth: int) -> Plain:
+    def _compose_collection(self, event: "yaml.Event", path: str, depth: int) -> Plain:
         """Return a mapping or a list."""
         import yaml
 
         is_map = isinstance(event, yaml.MappingStartEvent)
         tag = getattr(event, "tag", None)
         if tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
-            raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
+            raise ScenarioError(path, f"{_describe_line(event)}: the tag {tag!r} is not allowed.")
         items: list[Plain] = []
         found: dict[str | int, Plain] = {}
         ends = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
         while not isinstance(event := next(self._events), ends):
             if is_map:
-                key = _key(self.composed(event, path, depth + 1), event, path)
+                key = _check_event_key(self.composed(event, path, depth + 1), event, path)
                 if key == "<<":
-                    raise ScenarioError(path, f"{_line(event)}: << is not read: give an alias for each value.")
-                _add_once(found, key, self.composed(next(self._events), joined(path, key), depth + 1), path)
+                    raise ScenarioError(path, f"{_describe_line(event)}: << is not read: give an alias for each value.")
+                _add_once(found, key, self.composed(next(self._events), join_path(path, key), depth + 1), path)
             else:
-                items.append(self.composed(event, joined(path, len(items)), depth + 1))
+                items.append(self.composed(event, join_path(path, len(items)), depth + 1))
         return found if is_map else items
 
 
-def _key(key: Plain, event: "yaml.Event", path: str) -> str | int:
+def _check_event_key(key: Plain, event: "yaml.Event", path: str) -> str | int:
     try:
-        return checked_key(key)
+        return check_key(key)
     except ScenarioError as error:
-        raise ScenarioError(path, f"{_line(event)}: {error.message}") from None
+        raise ScenarioError(path, f"{_describe_line(event)}: {error.message}") from None
 
 
-def _scalar(event: "yaml.ScalarEvent", path: str) -> Plain:
+def _convert_scalar(event: "yaml.ScalarEvent", path: str) -> Plain:
     """Return the value of a single word or text."""
     tag = event.tag
     if tag is None and event.implicit[0]:
@@ -538,18 +551,18 @@ def _scalar(event: "yaml.ScalarEvent", path: str) -> Plain:
         kind = "str" if tag in (None, "!") else tag.removeprefix(_TAG)
     read_scalar = _SCALARS.get(kind or "")
     if read_scalar is None:
-        raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
+        raise ScenarioError(path, f"{_describe_line(event)}: the tag {tag!r} is not allowed.")
     try:
         return read_scalar(event.value)
     except (ValueError, KeyError) as error:
-        raise ScenarioError(path, f"{_line(event)}: {error}.") from None
+        raise ScenarioError(path, f"{_describe_line(event)}: {error}.") from None
 
 
-def _line(event: "yaml.Event") -> str:
+def _describe_line(event: "yaml.Event") -> str:
     return f"line {event.start_mark.line + 1 if event.start_mark else 0}"
 
 
-def _once(pairs: list[tuple[str, Plain]]) -> dict[str | int, Plain]:
+def _check_unique(pairs: list[tuple[str, Plain]]) -> dict[str | int, Plain]:
     """Return a mapping from pairs; refuse a repeated key."""
     found: dict[str | int, Plain] = {}
     for key, value in pairs:
@@ -560,7 +573,7 @@ def _once(pairs: list[tuple[str, Plain]]) -> dict[str | int, Plain]:
 def _add_once(found: dict[str | int, Plain], key: str | int, value: Plain, path: str) -> None:
     if key in found:
         values = f"{shown(found[key])} and with {shown(value)}"
-        raise ScenarioError(joined(path, key), f"this key is there twice, with {values}.")
+        raise ScenarioError(join_path(path, key), f"this key is there twice, with {values}.")
     found[key] = value
 
 
@@ -568,7 +581,7 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ScenarioError("", f"{name} is not a number in JSON.")
 
 
-def _float(text: str) -> float:
+def _parse_float(text: str) -> float:
     number = float(text.replace(".inf", "inf").replace(".Inf", "inf").replace(".INF", "inf"))
     if math.isinf(number) and "inf" not in text.lower():
         raise ValueError(f"{shown(text)} is too large")
@@ -579,6 +592,6 @@ _SCALARS: dict[str, Callable[[str], Plain]] = {
     "null": lambda _: None,
     "bool": lambda text: {"true": True, "false": False}[text.lower()],
     "int": int,
-    "float": _float,
+    "float": _parse_float,
     "str": str,
 }

@@ -13,16 +13,16 @@ from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
 from gamms.osm.modes import ModeFunction, as_mode, explain_name
-from gamms.scenario.code import CodeLibrary, called, inside
+from gamms.scenario.code import CodeLibrary, call_function, inside
 from gamms.scenario.documents import ScenarioError, at
-from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, given_values, in_full
+from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, expand, list_given_values
 from gamms.text import shown
 
 _OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # options for OpenStreetMap files only
 _KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
 
 
-def quiet() -> Values:
+def make_log_settings() -> Values:
     """Return the logging settings for contexts of scenarios: the program's level, or warnings."""
     level = logging.getLogger("gamms").level
     return {"level": logging.getLevelName(level) if level else "WARNING"}
@@ -39,7 +39,7 @@ def digest_of(columns: GraphColumns, walls: FloatArray) -> str:
     return sha256(b"".join(one.astype(one.dtype.newbyteorder("<"), copy=False).tobytes() for one in arrays)).hexdigest()
 
 
-def kind_of(map: Map) -> str:
+def find_map_kind(map: Map) -> str:
     """Return the kind of map that is given.
 
     Raises:
@@ -66,7 +66,7 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
     """
     if map.file is None:
         return None
-    text = in_full(MapFile, map.file).path
+    text = expand(MapFile, map.file).path
     path = "map.file" if isinstance(map.file, str) else "map.file.path"
     file = inside(text, folder, path, "map")
     if not file.is_file():
@@ -80,18 +80,18 @@ def check_names(map: Map) -> None:
     Raises:
         ScenarioError: no map or several maps are given, or the mode of travel is unknown.
     """
-    kind_of(map)
+    find_map_kind(map)
     if getattr(map.file or map.place, "modes", None) is None:
-        mode_of(map, None)
+        find_mode(map, None)
 
 
-def mode_of(map: Map, folder: Path | None) -> ModeFunction | list[ModeFunction] | None:
+def find_mode(map: Map, folder: Path | None) -> ModeFunction | list[ModeFunction] | None:
     """Return the mode of travel for the streets of a file or place, or its modes; None if the scenario names none.
 
     Raises:
         ScenarioError: the mode is unknown, or its file is missing, outside the folder or not valid.
     """
-    kind = kind_of(map)
+    kind = find_map_kind(map)
     given = map.file if map.place is None else map.place
     if not isinstance(given, StreetMap) or (given.osm_type is None and given.modes is None):
         return None
@@ -117,20 +117,20 @@ def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
     Raises:
         ScenarioError: the map cannot be loaded.
     """
-    kind = kind_of(map)
-    with create_context(logger_config=quiet()) as ctx, at(f"map.{kind}"):
+    kind = find_map_kind(map)
+    with create_context(logger_config=make_log_settings()) as ctx, at(f"map.{kind}"):
         if map.grid is not None:
-            ctx.graph.attach_networkx_graph(Grid(**given_values(map.grid)))
+            ctx.graph.attach_networkx_graph(Grid(**list_given_values(map.grid)))
         elif map.helsinki is not None:
-            osm.helsinki(ctx, **given_values(map.helsinki))
+            osm.helsinki(ctx, **list_given_values(map.helsinki))
         elif map.place is not None:
-            given = in_full(MapPlace, map.place)
-            _load_place(ctx, given, _options_of(given, mode_of(map, folder), folder))
+            given = expand(MapPlace, map.place)
+            _load_place(ctx, given, _make_street_options(given, find_mode(map, folder), folder))
         elif map.generator is not None:
-            _generate(ctx, in_full(Code, map.generator), library)
+            _generate(ctx, expand(Code, map.generator), library)
         elif map.file is not None and (file := map_file(map, folder)) is not None:
-            of_file = in_full(MapFile, map.file)
-            _load_file(ctx, of_file, file, _options_of(of_file, mode_of(map, folder), folder))
+            of_file = expand(MapFile, map.file)
+            _load_file(ctx, of_file, file, _make_street_options(of_file, find_mode(map, folder), folder))
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         for number, part in enumerate(map.closed):
@@ -157,12 +157,12 @@ def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> Non
     else:
         ctx.graph.attach_networkx_graph(osm.graph_from_file(file, **options))
     if given.buildings:
-        ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs, **_walls_of(given, options)))
+        ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs, **_make_wall_options(given, options)))
     if given.scenery:
         ctx.graph.graph.scenery = osm.scenery_from_file(file, ctx, buildings=not given.buildings)
 
 
-def scenery_for_pictures(map: Map, given: Values, folder: Path | None, ctx: Context) -> Scenery | None:
+def load_scenery(map: Map, given: Values, folder: Path | None, ctx: Context) -> Scenery | None:
     """Return the buildings, parks and water around a built game whose scenario does not say whether they are drawn.
 
     They are read from the file of the map, for pictures: the map of the game, and of its recording, is without them.
@@ -189,24 +189,24 @@ def scenery_for_pictures(map: Map, given: Values, folder: Path | None, ctx: Cont
 def _load_place(ctx: Context, given: MapPlace, options: Values) -> None:
     ctx.graph.attach_networkx_graph(osm.graph_from_place(given.location, **options))
     if given.buildings:
-        walls = {**_walls_of(given, options), "offline": given.offline}
+        walls = {**_make_wall_options(given, options), "offline": given.offline}
         ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, **walls))
     if given.scenery:
         drawn: dict[str, bool] = {"buildings": not given.buildings, "offline": given.offline}
         ctx.graph.graph.scenery = osm.scenery_from_osm(given.location, ctx, **drawn)
 
 
-def _walls_of(given: MapFile | MapPlace, options: Values) -> Values:
+def _make_wall_options(given: MapFile | MapPlace, options: Values) -> Values:
     """Return the options for the walls of a map."""
     return {"barriers": given.barriers, "elevation": options.get("elevation")}
 
 
-def _options_of(
+def _make_street_options(
     given: MapFile | MapPlace, mode: ModeFunction | list[ModeFunction] | None, folder: Path | None
 ) -> Values:
     """Return the options for the streets of a map, as arguments of `gamms.osm` functions."""
     ours = ("path", "location", "buildings", "scenery", "barriers", "modes")
-    options = {name: one for name, one in given_values(given).items() if name not in ours}
+    options = {name: one for name, one in list_given_values(given).items() if name not in ours}
     if given.elevation is not None:
         where = f"map.{'file' if isinstance(given, MapFile) else 'place'}.elevation"
         options["elevation"] = inside(given.elevation, folder, where, "file of heights")
@@ -215,7 +215,7 @@ def _options_of(
 
 def _generate(ctx: Context, given: Code, library: CodeLibrary) -> None:
     """Attach the networkx graph that a function returns."""
-    made = called(library.get(given.function, "map.generator"), given.with_, (), "map.generator")
+    made = call_function(library.get(given.function, "map.generator"), given.with_, (), "map.generator")
     if not callable(getattr(made, "is_directed", None)):
         raise ScenarioError("map.generator", f"{given.function} gives {shown(made)}, which is not a networkx graph.")
     ctx.graph.attach_networkx_graph(made)

@@ -15,7 +15,7 @@ from gamms.ir.graph import IntArray, as_mode, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
-from gamms.scenario.documents import ScenarioError, at, joined
+from gamms.scenario.documents import ScenarioError, at, join_path
 from gamms.scenario.spec import Agent, LatLon, ModeAttribute, Place, Spec, Team, TeamDistance
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType
@@ -57,7 +57,7 @@ def members(spec: Spec) -> dict[str, list[TeamMember]]:
     seen: dict[str, str] = {}
     for member in chain.from_iterable(found.values()):
         if member.name in seen:
-            where = joined(member.path, "name" if member.listed else "count")
+            where = join_path(member.path, "name" if member.listed else "count")
             taken = f"there is already an agent named {shown(member.name)}, in {seen[member.name]}"
             raise ScenarioError(where, f"{taken}. Choose another.")
         seen[member.name] = member.path
@@ -93,14 +93,14 @@ class AgentPlacement:
             members = chain.from_iterable(team.members for team in self._teams.values())
             return {one.name: np.empty(0, np.int64) for one in members}
         size = max(1, _AT_ONCE // max(1, len(self.map.ids)))
-        parts = [self._rows(seeds[first : first + size]) for first in range(0, len(seeds), size)]
+        parts = [self._place_rows(seeds[first : first + size]) for first in range(0, len(seeds), size)]
         ids = {name: self.map.ids[np.concatenate([part[name] for part in parts])] for name in self._teams}
         found: dict[str, IntArray] = {}
         for name, team in self._teams.items():
             found.update({one.name: ids[name][:, column] for column, one in enumerate(team.members)})
         return found
 
-    def _rows(self, seeds: Sequence[int]) -> dict[str, IntArray]:
+    def _place_rows(self, seeds: Sequence[int]) -> dict[str, IntArray]:
         rows = dict[str, IntArray]()
         for name, team in self._teams.items():
             rows[name] = team.place(seeds, rows)
@@ -112,7 +112,7 @@ def flies(given: str | None) -> bool:
     return as_member(AgentType, given) is AgentType.AERIAL
 
 
-def mode_of(team: Team, agent: Agent | None) -> str | None:
+def get_mode(team: Team, agent: Agent | None) -> str | None:
     """Return the mode of an agent, its own or that of its team; None: it may use all edges, or it flies."""
     given = team.mode if agent is None or agent.mode is None else agent.mode
     if flies((agent and agent.type) or team.type):
@@ -223,8 +223,8 @@ class _TeamPlacement:
             return rows
         if not (self.spec.apart or self.away):
             if len(free) > len(self._free_rows):
-                raise ScenarioError(self.path, self._refusal(len(self._free_rows), len(free)))
-            rows[:, free] = kernels.places_of_agents(self._keys(seeds, free, 0), self._free_rows)
+                raise ScenarioError(self.path, self._describe_refusal(len(self._free_rows), len(free)))
+            rows[:, free] = kernels.places_of_agents(self._make_keys(seeds, free, 0), self._free_rows)
             return rows
         allowed = np.repeat(self._near[None], len(seeds), axis=0)
         for one in self.away:
@@ -240,7 +240,7 @@ class _TeamPlacement:
             left = left[placed < len(free)]
             if not len(left):
                 return rows
-        raise ScenarioError(self.path, self._refusal(int(most[left[0]]), len(free), seeds[left[0]]))
+        raise ScenarioError(self.path, self._describe_refusal(int(most[left[0]]), len(free), seeds[left[0]]))
 
     def _try(self, seeds: Sequence[int], free: list[int], allowed: WordArray, attempt: int) -> IntArray:
         """Draw a remaining node for one agent after the other, (seeds, agents); -1: no node remained."""
@@ -248,7 +248,7 @@ class _TeamPlacement:
         at = np.arange(len(seeds))
         for row in self.fixed.values():
             self._close(allowed, np.full(len(seeds), row))
-        words = kernels.stream_words(self._keys(seeds, free, attempt))
+        words = kernels.stream_words(self._make_keys(seeds, free, attempt))
         for column in range(len(free)):
             counts = _COUNTS[allowed]
             is_left = counts.any(axis=1)
@@ -257,12 +257,12 @@ class _TeamPlacement:
             counts = counts[is_left]
             if not len(at):
                 break
-            rows = _drawn(words[at, column], allowed, counts)
+            rows = _draw_rows(words[at, column], allowed, counts)
             drawn[at, column] = rows
             self._close(allowed, rows)
         return drawn
 
-    def _keys(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
+    def _make_keys(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
         """Return the keys of the streams of the agents' draws, (seeds, agents, 2)."""
         names = [("scenario", "place", self.name, self.members[number].name, attempt) for number in free]
         return kernels.stream_keys(seeds, names)
@@ -285,10 +285,10 @@ class _TeamPlacement:
         """The modes of the members that are placed at random, each with the path of the first that has it."""
         found: dict[str, str] = {}
         for number, one in enumerate(self.members):
-            mode = mode_of(self.spec, one.listed)
+            mode = get_mode(self.spec, one.listed)
             if mode is not None and number not in self.fixed:
                 is_own = one.listed is not None and one.listed.mode is not None
-                found.setdefault(mode, joined(one.path if is_own else self.path, "mode"))
+                found.setdefault(mode, join_path(one.path if is_own else self.path, "mode"))
         return found
 
     @cached_property
@@ -304,14 +304,14 @@ class _TeamPlacement:
             allowed &= np.hypot(self.map.xy[:, 0] - x, self.map.xy[:, 1] - y) <= self.spec.within
         return as_words(allowed)
 
-    def _refusal(self, placed: int, wanted: int, seed: int | None = None) -> str:
+    def _describe_refusal(self, placed: int, wanted: int, seed: int | None = None) -> str:
         words = [f"only {placed} of {wanted} agents could be placed"]
         ways_out = ["count"]
         if self._modes:
             words.append(f"on nodes that mode {next(iter(self._modes))} can leave")
             ways_out.append("mode")
         if self.spec.within is not None:
-            words.append(f"within {self.spec.within:g} of {_in_words(self.spec.near)}")
+            words.append(f"within {self.spec.within:g} of {_describe_place(self.spec.near)}")
             ways_out.append("within")
         if self.spec.apart:
             words.append(f"at least {self.spec.apart:g} apart")
@@ -328,7 +328,7 @@ class _TeamPlacement:
 _COUNTS = np.unpackbits(np.arange(1 << 16, dtype=np.uint16).view(np.uint8)).reshape(-1, 16).sum(axis=1, dtype=np.uint8)
 
 
-def _drawn(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> IntArray:
+def _draw_rows(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> IntArray:
     """Return a row drawn from each set of nodes, (sets,).
 
     Args:
@@ -346,7 +346,7 @@ def _drawn(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, ...],
     return rows
 
 
-def _in_words(near: Place | None) -> str:
+def _describe_place(near: Place | None) -> str:
     """Return a place in the words of a file."""
     if isinstance(near, LatLon):
         return f"latitude {near.lat:g}, longitude {near.lon:g}"

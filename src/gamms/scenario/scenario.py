@@ -9,8 +9,8 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, names_keywords
-from gamms.compat import Surface, part_with
+from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, explain_call_errors
+from gamms.compat import Surface, suggest_part
 from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import Batch, BatchSource, MostAgents
@@ -22,13 +22,13 @@ from gamms.readonly import Immutable
 from gamms.recorder import Recording
 from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
-from gamms.scenario.builder import Builder, Strategies, digests, written_out
+from gamms.scenario.builder import Builder, Strategies, make_digests, write_out
 from gamms.scenario.code import ON_REQUEST, CodeLibrary, CodeReference, CodeSources, allowed
 from gamms.scenario.describing import OddDocument
 from gamms.scenario.documents import ScenarioError, named, on_map
 from gamms.scenario.placement import AgentPlacement, members, node_at
-from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
-from gamms.scenario.validation import check_code, check_sense, unread_data
+from gamms.scenario.spec import LatLon, Place, Spec, convert_plain, to_plain
+from gamms.scenario.validation import check_code, check_sense, find_unread_data
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
@@ -38,11 +38,11 @@ _AMONG = 1000  # the seeds of a batch, from the first, among which these are
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
 
 
-def _place_in_scenario(name: str) -> str:
+def _suggest_place(name: str) -> str:
     """Return the hint that the contents of a scenario, or parts of its context, have a name; nothing if none has."""
     if name in Spec.__struct_fields__:
         return f" There is scenario.spec.{name}."
-    found = part_with(name)
+    found = suggest_part(name)
     return f"{found[:-1]}, where ctx = scenario.build(seed=…). scenario.play(…) plays a whole game." if found else ""
 
 
@@ -74,7 +74,7 @@ class Scenario(Surface, Immutable):
     key_variable: str | None
     spec: Spec
     _called = "scenario"
-    _elsewhere = _place_in_scenario
+    _elsewhere = _suggest_place
     _way_out = "scenario.replace(…) returns a scenario with other values."
 
     def __init__(
@@ -91,8 +91,8 @@ class Scenario(Surface, Immutable):
         self._put_public(key_variable=None if key_variable is None else as_text(key_variable, "key_variable"))
         self._library = CodeLibrary(CodeSources(self.folder, self.allow, self.key_variable))
         with named(self.file, given):
-            self._raw: dict[str, Any] = documents.copied(given)
-            self._put_public(spec=checked(documents.with_current_keys(self._raw), Spec))
+            self._raw: dict[str, Any] = documents.copy_plain(given)
+            self._put_public(spec=convert_plain(documents.rename_keys(self._raw), Spec))
             check_sense(self.spec)
         self._digests: dict[str, str] | None = None
         self._map_number: int | None = None  # among the maps of a batch; None: it is the only one
@@ -101,7 +101,7 @@ class Scenario(Surface, Immutable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return its contents as plain values; `Scenario(**scenario.to_dict())` is an equal scenario."""
-        copy: dict[str, Any] = documents.copied(self._raw)
+        copy: dict[str, Any] = documents.copy_plain(self._raw)
         return copy
 
     def replace(self, **changes: object) -> "Scenario":
@@ -148,7 +148,7 @@ class Scenario(Surface, Immutable):
             ScenarioError: with one of the seeds, not all agents can be placed.
         """
         chosen = [as_int(seed, "A seed") for seed in as_items(seeds, "seeds", "integers")]
-        with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
+        with named(self.file, self._raw), create_context(logger_config=maps.make_log_settings()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
             return AgentPlacement(ctx, self.spec, members(self.spec)).place(chosen)
 
@@ -158,9 +158,9 @@ class Scenario(Surface, Immutable):
         Raises:
             ScenarioError: the node does not exist, or the value is not a place.
         """
-        with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
+        with named(self.file, self._raw), create_context(logger_config=maps.make_log_settings()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
-            return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
+            return node_at(ctx, place if isinstance(place, LatLon) else convert_plain(place, Place, "place"), "place")
 
     def code(self) -> list[CodeReference]:
         """Return the code that `build` would import, without running any of it.
@@ -178,7 +178,7 @@ class Scenario(Surface, Immutable):
             ScenarioError: some code does not exist.
         """
         file = "" if self.file is None else f"{self.file}: "
-        unread = unread_data(self.spec, self.code())
+        unread = find_unread_data(self.spec, self.code())
         return [f"{file}data.{key}: nothing in the code of this game names {shown(key)}." for key in unread]
 
     def warn_of_idle_teams(self, given: Collection[str] = ()) -> None:
@@ -209,7 +209,10 @@ class Scenario(Surface, Immutable):
         agents = members(self.spec)
         done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
         if maps.is_data(self.spec.map):
-            with named(self.file, self._raw), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
+            with (
+                named(self.file, self._raw),
+                create_context(seed=self.spec.seed, logger_config=maps.make_log_settings()) as ctx,
+            ):
                 ctx.graph.storage.copy_from(self._loaded())
                 AgentPlacement(ctx, self.spec, agents).place([ctx.seed])
                 done += [
@@ -255,10 +258,10 @@ class Scenario(Surface, Immutable):
         """
         if self._digests is None:
             with named(self.file, self._raw):
-                self._digests = digests(self.spec, self._library, self._loaded())
+                self._digests = make_digests(self.spec, self._library, self._loaded())
         return dict(self._digests)
 
-    @names_keywords
+    @explain_call_errors
     def build(
         self,
         seed: int | None = None,
@@ -282,15 +285,15 @@ class Scenario(Surface, Immutable):
             ScenarioError: a part of the scenario cannot be built as it is written.
             UnknownName (KeyError): a strategy is for an unknown team or agent.
         """
-        return self._built(seed, strategies, vis_engine, graph_engine)[0]
+        return self._build_context(seed, strategies, vis_engine, graph_engine)[0]
 
-    def _builder_for(self, seed: int, strategies: Strategies | None) -> Builder:
+    def _make_builder(self, seed: int, strategies: Strategies | None) -> Builder:
         """Return the builder of the same game with another seed."""
-        ctx, builder = self._built(seed, strategies)
+        ctx, builder = self._build_context(seed, strategies)
         ctx.terminate()
         return builder
 
-    def _built(
+    def _build_context(
         self,
         seed: int | None,
         strategies: Strategies | None,
@@ -312,7 +315,7 @@ class Scenario(Surface, Immutable):
             graph_engine,
             Engine.NO_VIS if vis_engine is None else vis_engine,
             vis_kwargs={"title": self.spec.name} if vis_engine is Engine.PYGAME and self.spec.name else None,
-            logger_config=maps.quiet(),
+            logger_config=maps.make_log_settings(),
             seed=self.spec.seed if seed is None else seed,
             game={
                 **to_plain(self.spec.settings),
@@ -325,11 +328,11 @@ class Scenario(Surface, Immutable):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 ctx.game.internals.digests = self.digests
                 ctx.game.internals.map_number = self._map_number or 0
-                ctx.game.internals.map_spec = documents.copied(self._raw).get("map")
+                ctx.game.internals.map_spec = documents.copy_plain(self._raw).get("map")
                 ctx.game.internals.named_idle = self._named_idle
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
-                ctx.game.internals.scenario = written_out(self.spec, self._library)
+                ctx.game.internals.scenario = write_out(self.spec, self._library)
         except BaseException:
             ctx.terminate()
             raise
@@ -341,7 +344,7 @@ class Scenario(Surface, Immutable):
         ctx.game.internals.draw_start = draw_again
         return ctx, builder
 
-    @names_keywords
+    @explain_call_errors
     def play(
         self,
         seed: int | None = None,
@@ -364,7 +367,7 @@ class Scenario(Surface, Immutable):
         with self.build(seed, strategies) as ctx:
             return ctx.game.run(record=record, sensed=sensed)
 
-    @names_keywords
+    @explain_call_errors
     def batch(  # noqa: PLR0913 - which games, who decides in them, and how they are played
         self,
         num_games: int | None = None,
@@ -410,7 +413,7 @@ class Scenario(Surface, Immutable):
                 DeprecationWarning,
                 stacklevel=2,
             )
-        make = partial(_make_sources, [self] if maps is None else self._on_maps(maps), vis_engine)
+        make = partial(_make_sources, [self] if maps is None else self._copy_to_maps(maps), vis_engine)
         sources = make(chosen, strategies)
         try:
             sources[0].game.internals.parts.rules.check_new()
@@ -420,7 +423,7 @@ class Scenario(Surface, Immutable):
                 source.game.ctx.terminate()
             raise
 
-    def _on_maps(self, maps: Iterable[object]) -> list["Scenario"]:
+    def _copy_to_maps(self, maps: Iterable[object]) -> list["Scenario"]:
         """Return the scenario on each of several maps."""
         found = []
         for number, one in enumerate(as_items(maps, "maps", "maps of scenarios")):
@@ -431,15 +434,15 @@ class Scenario(Surface, Immutable):
             raise BadValue("maps is empty: give at least one map, or None for that of the scenario.")
         return found
 
-    def _source_of_batch(
+    def _make_source(
         self, seeds: Sequence[int], strategies: Strategies | None, vis_engine: Engine | None
     ) -> BatchSource:
         """Return the source of a batch's games on this map."""
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
-        ctx, builder = self._built(seeds[0], strategies)
+        ctx, builder = self._build_context(seeds[0], strategies)
         try:
             others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
-            varying = builder.varying(self._builder_for(one, strategies) for one in others)
+            varying = builder.varying(self._make_builder(one, strategies) for one in others)
             functions = partial(builder.functions_at, varying) if varying else None
             differs = builder.has_other_values(varying)
             place = on_map(self._map_number)(builder.place) if are_drawn else None
@@ -483,7 +486,7 @@ def _make_sources(
     try:
         for scenario in scenarios:
             with on_map(scenario._map_number):
-                sources.append(scenario._source_of_batch(seeds, strategies, vis_engine))
+                sources.append(scenario._make_source(seeds, strategies, vis_engine))
     except BaseException:
         for source in sources:
             source.game.ctx.terminate()
@@ -553,7 +556,7 @@ def from_recording(
 
 
 @builders.register("gamms")
-def _builder_of(recording: Recording) -> Callable[[], Context]:
+def _make_rebuilder(recording: Recording) -> Callable[[], Context]:
     """Return the function that rebuilds the game of a recording, with code of GAMMS alone."""
     return from_recording(recording).build
 

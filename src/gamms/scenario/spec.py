@@ -17,7 +17,7 @@ from msgspec import Meta
 from msgspec.structs import FieldInfo
 
 from gamms.errors import nearest
-from gamms.scenario.documents import ScenarioError, joined
+from gamms.scenario.documents import ScenarioError, join_path
 from gamms.text import entries_of, shown, summary_of
 
 Metres = Annotated[float, Meta(ge=0.0, description="Map units; metres on maps of streets.")]
@@ -430,7 +430,7 @@ def list_mappings() -> list[type[msgspec.Struct]]:
     position = 0
     while position < len(found):
         for field in keys_of(found[position]).values():
-            inner = dict.fromkeys(one for _, one in _mappings_in(field.type, ""))
+            inner = dict.fromkeys(one for _, one in _find_mappings(field.type, ""))
             found += [one for one in inner if one not in found]
         position += 1
     return found
@@ -444,7 +444,7 @@ def key_texts(kind: type) -> dict[str, str]:
     return {key: text for key, text in texts.items() if key in keys_of(kind)}
 
 
-def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or a union of types
+def convert_plain(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or a union of types
     """Convert plain values to a type.
 
     Raises:
@@ -453,16 +453,16 @@ def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or
     try:
         return msgspec.convert(value, kind)
     except (ValueError, TypeError, RecursionError) as error:
-        raise _explained(value, kind, path, str(error)) from None
+        raise _explain_error(value, kind, path, str(error)) from None
 
 
-def in_full(kind: type[_T], given: str | _T) -> _T:
+def expand(kind: type[_T], given: str | _T) -> _T:
     """Convert a value to a mapping of the schema; a text becomes the value of the first required key."""
-    return kind(**{_first_required(kind): given}) if isinstance(given, str) else given
+    return kind(**{_find_first_required(kind): given}) if isinstance(given, str) else given
 
 
 @cache
-def _first_required(kind: type) -> str:
+def _find_first_required(kind: type) -> str:
     return next(field.name for field in msgspec.structs.fields(kind) if field.required)
 
 
@@ -472,7 +472,7 @@ def to_plain(part: msgspec.Struct) -> Values:
     return plain
 
 
-def given_values(part: msgspec.Struct) -> Values:
+def list_given_values(part: msgspec.Struct) -> Values:
     """Return the values of a mapping by Python's names: all that are not None."""
     values = {name: getattr(part, name) for name in part.__struct_fields__}
     return {name: value for name, value in values.items() if value is not None}
@@ -489,7 +489,7 @@ def find_mappings(spec: Spec) -> dict[type, list[tuple[str, msgspec.Struct]]]:
         path, value = waiting.pop()
         if isinstance(value, msgspec.Struct):
             found[type(value)].append((path, value))
-        parts = [(joined(path, key), one) for key, one in _items_of(value)]
+        parts = [(join_path(path, key), one) for key, one in _items_of(value)]
         waiting += reversed(parts)
     return found
 
@@ -546,26 +546,26 @@ _TYPES = {
 }
 
 
-def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
+def _explain_error(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
     """Return the error for a value that is not of a type, at the innermost place that is wrong."""
-    for option in _options(kind):
+    for option in _list_options(kind):
         fields = keys_of(option) if isinstance(value, dict) else {}
         for key in value if fields else ():
             if key not in fields:
-                hint = _hint_for_key(key, value, option, path)
-                return ScenarioError(joined(path, key), f"unknown key, with the value {shown(value[key])}.{hint}")
+                hint = _explain_key(key, value, option, path)
+                return ScenarioError(join_path(path, key), f"unknown key, with the value {shown(value[key])}.{hint}")
         for key, field in fields.items():
             if field.required and key not in value:
-                return ScenarioError(joined(path, key), f"is missing in {shown(value)}.")
-        for key, part, its_kind in _parts(value, option, fields):
+                return ScenarioError(join_path(path, key), f"is missing in {shown(value)}.")
+        for key, part, its_kind in _list_parts(value, option, fields):
             try:
                 msgspec.convert(part, its_kind)
             except (ValueError, TypeError, RecursionError) as error:
-                return _explained(part, its_kind, joined(path, key), str(error))
-    return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, message)}")
+                return _explain_error(part, its_kind, join_path(path, key), str(error))
+    return ScenarioError(path, f"cannot be {shown(value)}: {_describe_valid_values(value, kind, message)}")
 
 
-def _hint_for_key(key: str, value: Mapping[str, Any], kind: object, path: str) -> str:
+def _explain_key(key: str, value: Mapping[str, Any], kind: object, path: str) -> str:
     """Return the hint for an unknown key of a mapping: where it belongs, or the most similar key, or all keys."""
     fields = keys_of(kind)
     if path and key in keys_of(Spec):
@@ -578,28 +578,28 @@ def _hint_for_key(key: str, value: Mapping[str, Any], kind: object, path: str) -
     if sibling:
         return sibling
     wanted = _IN_PYTHON.get(key, key)
-    below = [place for place, _ in _places_of(wanted, kind)]
+    below = [place for place, _ in _find_places(wanted, kind)]
     if wanted in fields or below:
         named = "" if wanted == key else f" Scenario files call it {wanted}."
-        return named + (_belongs(below, _form_of(wanted, value, kind)) if below else "")
-    elsewhere = [place for place, one in _places_of(key, Spec) if one is not kind]
-    return nearest(key, fields) or _belongs(elsewhere) or f" Keys here are: {', '.join(fields)}."
+        return named + (_describe_places(below, _describe_form(wanted, value, kind)) if below else "")
+    elsewhere = [place for place, one in _find_places(key, Spec) if one is not kind]
+    return nearest(key, fields) or _describe_places(elsewhere) or f" Keys here are: {', '.join(fields)}."
 
 
-def _belongs(places: list[str], form: str = "") -> str:
+def _describe_places(places: list[str], form: str = "") -> str:
     """Return a sentence that names the first few places of a key; nothing without places."""
     few = list(dict.fromkeys(place.replace(_LIST, "") for place in places))[:_FEW]
     return f" It belongs into {' or '.join(few)}{form and f', such as {form}'}." if few else ""
 
 
-def _form_of(key: str, value: Mapping[str, Any], kind: object) -> str:
+def _describe_form(key: str, value: Mapping[str, Any], kind: object) -> str:
     """Return how a key is written into a mapping inside of a mapping, with the keys that it needs there."""
 
     def rank(found: tuple[str, type]) -> tuple[bool, bool]:
         place, inner = found
         return place.partition(".")[0] not in value, not any(field.required for field in keys_of(inner).values())
 
-    place, inner = min(_places_of(key, kind), key=rank)
+    place, inner = min(_find_places(key, kind), key=rank)
     needed = [f"{name}: …" for name, field in keys_of(inner).items() if field.required and name != key]
     form = f"{{{', '.join([*needed, f'{key}: …'])}}}"
     names = place.split(".")
@@ -610,27 +610,27 @@ def _form_of(key: str, value: Mapping[str, Any], kind: object) -> str:
     return form
 
 
-def _places_of(key: str, kind: object, path: str = "") -> Iterator[tuple[str, type]]:
+def _find_places(key: str, kind: object, path: str = "") -> Iterator[tuple[str, type]]:
     """Yield the place and the type of each mapping inside of a type of mapping that has a key."""
     for name, field in keys_of(kind).items():
-        for place, inner in _mappings_in(field.type, joined(path, name)):
+        for place, inner in _find_mappings(field.type, join_path(path, name)):
             if key in keys_of(inner):
                 yield place, inner
-            yield from _places_of(key, inner, place)
+            yield from _find_places(key, inner, place)
 
 
-def _mappings_in(kind: object, path: str) -> Iterator[tuple[str, type]]:
+def _find_mappings(kind: object, path: str) -> Iterator[tuple[str, type]]:
     """Yield the place and the type of each mapping of the schema that a value of a type may be or hold."""
-    for option in _options(kind):
+    for option in _list_options(kind):
         if keys_of(option):
             yield path, cast("type", option)
         elif get_origin(option) is dict:
-            yield from _mappings_in(get_args(option)[1], joined(path, "NAME"))
+            yield from _find_mappings(get_args(option)[1], join_path(path, "NAME"))
         elif get_origin(option) is list:
-            yield from _mappings_in(get_args(option)[0], f"{path}{_LIST}")
+            yield from _find_mappings(get_args(option)[0], f"{path}{_LIST}")
 
 
-def _parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Iterator[tuple[object, Any, Any]]:
+def _list_parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Iterator[tuple[object, Any, Any]]:
     """Yield the name, value and type of each item of a value, if the value has the form of the type."""
     origin = get_origin(kind)
     arguments = get_args(kind)
@@ -658,28 +658,28 @@ def _read_keys(kind: type[msgspec.Struct]) -> dict[str, FieldInfo]:
     return {field.encode_name: field for field in msgspec.structs.fields(kind)}
 
 
-def _options(kind: object) -> list[object]:
+def _list_options(kind: object) -> list[object]:
     """Return the types that a type may be, without their annotations."""
     if get_origin(kind) is Annotated:
-        return _options(get_args(kind)[0])
+        return _list_options(get_args(kind)[0])
     if get_origin(kind) in (Union, types.UnionType):
-        return list(chain.from_iterable(_options(option) for option in get_args(kind)))
+        return list(chain.from_iterable(_list_options(option) for option in get_args(kind)))
     return [kind]
 
 
-def _in_words(value: object, kind: object, message: str) -> str:
+def _describe_valid_values(value: object, kind: object, message: str) -> str:
     """Return a hint about the valid values."""
-    literals = [option for option in _options(kind) if get_origin(option) is Literal]
+    literals = [option for option in _list_options(kind) if get_origin(option) is Literal]
     choices = list(chain.from_iterable(map(get_args, literals)))
     if choices:
-        others = [_TYPES[name] for name in ("int", "float", "str") if getattr(builtins, name) in _options(kind)]
+        others = [_TYPES[name] for name in ("int", "float", "str") if getattr(builtins, name) in _list_options(kind)]
         return f"use one of {', '.join(map(str, [*choices, *others]))}.{nearest(value, choices)}"
-    return _required(message) + _hint_for_form(value, kind)
+    return _describe_required(message) + _explain_form(value, kind)
 
 
-def _hint_for_form(value: object, kind: object) -> str:
+def _explain_form(value: object, kind: object) -> str:
     """Return the hint for a value that is not in the form of a mapping or a list: the form that it probably means."""
-    options = _options(kind)
+    options = _list_options(kind)
     mapping = next((option for option in options if keys_of(option)), None)
     if mapping is not None and not isinstance(value, dict):
         keys = f" Its keys are {', '.join(keys_of(mapping))}."
@@ -694,7 +694,7 @@ def _hint_for_form(value: object, kind: object) -> str:
     return ""
 
 
-def _required(message: str) -> str:
+def _describe_required(message: str) -> str:
     """Return what msgspec says about the type of a value, in words of scenario files."""
     plain = re.sub(
         r"`([a-z |]+)`", lambda found: " or ".join(_TYPES.get(one, one) for one in found[1].split(" | ")), message

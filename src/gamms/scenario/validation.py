@@ -8,11 +8,11 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
-from gamms.arguments import annotations_of, as_int, as_member
+from gamms.arguments import as_int, as_member, find_annotations
 from gamms.errors import nearest
 from gamms.game.channels import as_channel
 from gamms.game.roles import as_team_or_role, is_role
-from gamms.game.settings import checked_setting
+from gamms.game.settings import check_setting
 from gamms.plain import Plain
 from gamms.scenario import maps
 from gamms.scenario import spec as schema
@@ -24,20 +24,20 @@ from gamms.scenario.code import (
     Function,
     check_parameters,
     find,
-    first_of,
-    located,
+    find_first_parameter,
+    find_offered_function,
+    list_offered_functions,
+    list_plain_defaults,
+    locate_files,
     needs,
-    offered,
-    offered_function,
-    plain_defaults,
 )
-from gamms.scenario.documents import MOST_BYTES, ScenarioError, at, joined
+from gamms.scenario.documents import MOST_BYTES, ScenarioError, at, join_path
 from gamms.scenario.placement import flies, members
-from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
+from gamms.scenario.spec import Code, Spec, Values, convert_plain, expand, list_given_values
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType
-from gamms.typing.game import OWNERS, AerialState, State, team_parameters
+from gamms.typing.game import OWNERS, AerialState, State, find_team_parameters
 from gamms.typing.sensor_engine import SensorType
 
 _MOST_FILES = 500
@@ -63,7 +63,7 @@ class NamedCode(NamedTuple):
     @property
     def path(self) -> str:
         """The place in the scenario as a text."""
-        return reduce(joined, self.keys, "")
+        return reduce(join_path, self.keys, "")
 
     @property
     def short(self) -> str | None:
@@ -89,7 +89,7 @@ def check_sense(spec: Spec) -> None:
     _check_orders(spec)
     for name, channel in spec.channels.items():
         _check_channel(f"channels.{name}", name, channel, spec)
-    for one in code_in(spec):
+    for one in list_code(spec):
         _check_teams_of(one, spec)
 
 
@@ -98,10 +98,10 @@ def _check_settings(spec: Spec) -> None:
     with at("seed"):
         as_int(spec.seed or 0, "A seed")
     with at("max_turns"):
-        checked_setting("max_turns", spec.max_turns)
+        check_setting("max_turns", spec.max_turns)
     for name in spec.settings.__struct_fields__:
         with at(f"settings.{name}"):
-            checked_setting(name, getattr(spec.settings, name))
+            check_setting(name, getattr(spec.settings, name))
 
 
 def _check_orders(spec: Spec) -> None:
@@ -109,7 +109,7 @@ def _check_orders(spec: Spec) -> None:
     order = spec.settings.order
     for number, group in enumerate(order or ()):
         for team_name in group:
-            _known_team(team_name, spec, f"settings.order.{number}")
+            _check_known_team(team_name, spec, f"settings.order.{number}")
     if order is not None:
         _check_complete("settings.order", [*chain.from_iterable(order)], spec.teams)
     if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.PriorityOrder):
@@ -119,44 +119,44 @@ def _check_orders(spec: Spec) -> None:
             if isinstance(member, dict):
                 _check_role(member, spec, f"{path}.{number}")
             else:
-                _known_team(member, spec, f"{path}.{number}")
+                _check_known_team(member, spec, f"{path}.{number}")
         teams = [member if isinstance(member, str) else str(member["team"]) for member in ranked]
         _check_complete(path, teams, [name for name, team in spec.teams.items() if _is_on_ground(team)])
 
 
-def sensor_type(given: str) -> SensorType | None:
+def find_sensor_type(given: str) -> SensorType | None:
     """Return the built-in sensor type of this name, in upper or lower case, or None."""
     kind = as_member(SensorType, given)
     return kind if kind in KINDS else None
 
 
-def _unknown_type(path: str, kind: str, given: str, names: list[str]) -> ScenarioError:
+def _make_type_error(path: str, kind: str, given: str, names: list[str]) -> ScenarioError:
     hint = nearest(given.upper(), names) or f" Use one of {', '.join(names)}."
     return ScenarioError(f"{path}.type", f"unknown {kind} type {given!r}.{hint}")
 
 
 def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
-    given = given_values(sensor)
+    given = list_given_values(sensor)
     if (sensor.type is None) == (sensor.function is None):
         raise ScenarioError(path, "give exactly one of type and function.")
     if sensor.function is not None:
         known = ["function", "with"]
     else:
-        kind = sensor_type(sensor.type or "")
+        kind = find_sensor_type(sensor.type or "")
         if kind is None:
-            raise _unknown_type(path, "sensor", sensor.type or "", [one.name for one in KINDS])
+            raise _make_type_error(path, "sensor", sensor.type or "", [one.name for one in KINDS])
         known = ["type", *sorted(KINDS[kind].names() - {"sensor_range"})]
     for key in (key.rstrip("_") for key in given):
         if key not in known:
             what = f"a {sensor.type} sensor" if sensor.type else "a function"
             hint = nearest(key, known) or f" It has: {', '.join(known)}."
-            raise ScenarioError(joined(path, key), f"{what} has none.{hint}")
+            raise ScenarioError(join_path(path, key), f"{what} has none.{hint}")
     if sensor.at is not None:
         _check_place(f"{path}.at", sensor.at, f"{sensor.type} sensors are", flies="quat" in known)
     for key in ("team", "exclude"):
         teams = given.get(key, [])
         for team in [teams] if isinstance(teams, str) else teams:
-            _known_team(team, spec, f"{path}.{key}")
+            _check_known_team(team, spec, f"{path}.{key}")
 
 
 def _check_place(path: str, place: int | list[float], what: str, *, flies: bool) -> None:
@@ -170,7 +170,7 @@ def _check_channel(path: str, name: str, channel: schema.Channel, spec: Spec) ->
     with at(path):
         declared = as_channel(name, schema.to_plain(channel))
     for team in declared.teams or ():
-        _known_team(team, spec, f"{path}.teams")
+        _check_known_team(team, spec, f"{path}.teams")
     known = {*spec.teams, *chain.from_iterable((one.name for one in agents) for agents in members(spec).values())}
     relays = declared.relay if isinstance(declared.relay, tuple) else ()
     named = [("relay", relays), ("eavesdroppers", declared.eavesdroppers)]
@@ -181,7 +181,7 @@ def _check_channel(path: str, name: str, channel: schema.Channel, spec: Spec) ->
                 raise ScenarioError(f"{path}.{key}", f"there is no agent or team {shown(one)}.{nearest(one, known)}")
     for number, jammer in enumerate(declared.jammers):
         if jammer.team is not None:
-            _known_team(jammer.team, spec, f"{path}.jammers.{number}.team")
+            _check_known_team(jammer.team, spec, f"{path}.jammers.{number}.team")
 
 
 def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> None:
@@ -193,7 +193,7 @@ def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> 
     for number, away in enumerate([team.from_] if isinstance(team.from_, schema.TeamDistance) else team.from_):
         if away.team not in earlier:
             where = f"{path}.from.team" if isinstance(team.from_, schema.TeamDistance) else f"{path}.from.{number}.team"
-            _known_team(away.team, spec, where)
+            _check_known_team(away.team, spec, where)
             raise ScenarioError(where, f"{away.team!r} must stand before this team in the file: it is placed first.")
     for where, one in [(path, team), *((f"{path}.agents.{i}", agent) for i, agent in enumerate(team.agents))]:
         _check_equipment(where, one, team, spec)
@@ -218,7 +218,7 @@ def _check_equipment(where: str, one: schema.AgentKeys, team: schema.Team, spec:
     if team.plan is not None and one.strategy is not None:
         raise ScenarioError(f"{where}.strategy", "is never asked, because the team has a plan. Give one of them.")
     if one.type is not None and as_member(AgentType, one.type) is None:
-        raise _unknown_type(where, "agent", one.type, list(AgentType.__members__))
+        raise _make_type_error(where, "agent", one.type, list(AgentType.__members__))
     is_aerial = flies(one.type or team.type)
     if is_aerial and one.speed is None and team.speed is None and (one is not team or team.count):
         raise ScenarioError(f"{where}.speed", "is missing: an aerial agent needs it, in map units per turn.")
@@ -230,10 +230,10 @@ def _check_equipment(where: str, one: schema.AgentKeys, team: schema.Team, spec:
 
 def _check_teams_of(one: NamedCode, spec: Spec) -> None:
     """Check the parameters of a function of GAMMS that are annotated as teams."""
-    function = offered_function(one.reference, one.short)
-    for name, names in ({} if function is None else team_parameters(function)).items():
+    function = find_offered_function(one.reference, one.short)
+    for name, names in ({} if function is None else find_team_parameters(function)).items():
         given = one.given.get(name)
-        path = reduce(joined, ("with", name), one.path)
+        path = reduce(join_path, ("with", name), one.path)
         if is_call(given):
             continue
         is_several = isinstance(given, (dict, list)) and ("team" in spec.teams or not is_role(given))
@@ -241,28 +241,28 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
         listed = [one[0] if isinstance(one, list) and one else one for one in listed]  # pairs of owners and bases
         for number, role in enumerate(listed):
             if isinstance(role, dict):
-                _check_role(role, spec, path if role is given else joined(path, number))
+                _check_role(role, spec, path if role is given else join_path(path, number))
         teams = [team for team in listed if isinstance(team, (str, int, float))]
         unknown = (team for team in teams if team not in spec.teams)
         if names == OWNERS:  # other values are allowed, unless they look like misspelled teams
             without = [team for team in spec.teams if team not in teams]
             unknown = (team for team in islice(unknown, _FEW) if nearest(team, without))
         for team in unknown:
-            _known_team(team, spec, path)
+            _check_known_team(team, spec, path)
 
 
 def _check_role(given: Plain, spec: Spec, path: str) -> None:
     """Check a role that a rule takes instead of a team: its form, its team, and the names of its agents."""
     with at(path):
         role = as_team_or_role(given)
-    _known_team(role.team, spec, joined(path, "team"))
-    if any(code.what == "rule" and ":" in code.reference for code in code_in(spec)):
+    _check_known_team(role.team, spec, join_path(path, "team"))
+    if any(code.what == "rule" and ":" in code.reference for code in list_code(spec)):
         return  # it may create the agents
     known = [one.name for one in members(spec)[str(role.team)]]
     for name in sorted(role.names or ()):
         if name not in known:
             hint = nearest(name, known) or f" Its agents are: {', '.join(islice(known, _FEW))}."
-            raise ScenarioError(joined(path, "names"), f"team {shown(role.team)} has no agent {shown(name)}.{hint}")
+            raise ScenarioError(join_path(path, "names"), f"team {shown(role.team)} has no agent {shown(name)}.{hint}")
 
 
 def _check_complete(path: str, listed: list[str], teams: Iterable[str]) -> None:
@@ -271,7 +271,7 @@ def _check_complete(path: str, listed: list[str], teams: Iterable[str]) -> None:
             raise ScenarioError(path, f"leaves out team {shown(team)}. Put it into the list {shown(listed)}.")
 
 
-def _known_team(team: object, spec: Spec, path: str) -> None:
+def _check_known_team(team: object, spec: Spec, path: str) -> None:
     if team not in spec.teams:
         few = ", ".join(islice(spec.teams, _FEW))
         hint = nearest(team, spec.teams) or f" Teams are: {few}{', …' if len(spec.teams) > _FEW else ''}."
@@ -281,50 +281,50 @@ def _known_team(team: object, spec: Spec, path: str) -> None:
 # -- code -------------------------------------------------------------------------------------------------------
 
 
-def code_in(spec: Spec) -> Iterator[NamedCode]:
+def list_code(spec: Spec) -> Iterator[NamedCode]:
     """Yield all code that a scenario names, in the order of the file."""
     if spec.map.generator is not None:
-        yield from _code("value", ("map", "generator"), spec.map.generator)
-    yield from _code_of_sensors((), spec)
+        yield from _list_given_code("value", ("map", "generator"), spec.map.generator)
+    yield from _list_sensor_code((), spec)
     for name, team in spec.teams.items():
         if team.plan is not None:
-            yield from _code("plan", ("teams", name, "plan"), team.plan)
+            yield from _list_given_code("plan", ("teams", name, "plan"), team.plan)
         own = [((*("teams", name, "agents"), number), agent) for number, agent in enumerate(team.agents)]
         for keys, one in [(("teams", name), team), *own]:
             if one.strategy is not None:
-                yield from _code("strategy", (*keys, "strategy"), one.strategy)
-            yield from _code_of_sensors(keys, one)
-            yield from _code_among((*keys, "meta"), one.meta)
+                yield from _list_given_code("strategy", (*keys, "strategy"), one.strategy)
+            yield from _list_sensor_code(keys, one)
+            yield from _list_parameter_code((*keys, "meta"), one.meta)
     for number, rule in enumerate(spec.rules):
-        yield from _code("rule", ("rules", number), rule)
+        yield from _list_given_code("rule", ("rules", number), rule)
     resolve = spec.conflicts.resolve if spec.conflicts else None
     if isinstance(resolve, str) and ":" in resolve:
-        yield from _code("resolver", ("conflicts", "resolve"), resolve)
-    yield from _code_among(("facts",), spec.facts)
-    yield from _code_among(("data",), spec.data)
+        yield from _list_given_code("resolver", ("conflicts", "resolve"), resolve)
+    yield from _list_parameter_code(("facts",), spec.facts)
+    yield from _list_parameter_code(("data",), spec.data)
 
 
-def _code_of_sensors(keys: tuple[str | int, ...], part: Spec | schema.AgentKeys) -> Iterator[NamedCode]:
+def _list_sensor_code(keys: tuple[str | int, ...], part: Spec | schema.AgentKeys) -> Iterator[NamedCode]:
     for name, sensor in part.sensors.items() if isinstance(part.sensors, dict) else ():
         if sensor.function is not None:
             code = Code(function=sensor.function, with_=sensor.with_ or {})
-            yield from _code("sensor", (*keys, "sensors", name), code)
+            yield from _list_given_code("sensor", (*keys, "sensors", name), code)
 
 
-def _code(what: str, keys: tuple[str | int, ...], given: str | Code | schema.Rule) -> Iterator[NamedCode]:
-    code = in_full(Code, given) if isinstance(given, str) else given
+def _list_given_code(what: str, keys: tuple[str | int, ...], given: str | Code | schema.Rule) -> Iterator[NamedCode]:
+    code = expand(Code, given) if isinstance(given, str) else given
     yield NamedCode(what, keys, code.rule if isinstance(code, schema.Rule) else code.function, code.with_)
-    yield from _code_among((*keys, "with"), code.with_)
+    yield from _list_parameter_code((*keys, "with"), code.with_)
 
 
-def _code_among(keys: tuple[str | int, ...], values: Values | list[Plain]) -> Iterator[NamedCode]:
+def _list_parameter_code(keys: tuple[str | int, ...], values: Values | list[Plain]) -> Iterator[NamedCode]:
     """Yield the code named among parameters and facts: `{function: …, with: {…}}`."""
     for key, value in values.items() if isinstance(values, dict) else enumerate(values):
         call = call_in(value, (*keys, key))
         if call is not None:
-            yield from _code("value", (*keys, key), call)
+            yield from _list_given_code("value", (*keys, key), call)
         elif isinstance(value, (dict, list)):
-            yield from _code_among((*keys, key), value)
+            yield from _list_parameter_code((*keys, key), value)
 
 
 def is_call(value: Plain) -> bool:
@@ -343,7 +343,9 @@ def call_in(value: Plain, keys: Iterable[str | int]) -> Code | None:
     """
     if not is_call(value):
         return None
-    code: Code = checked({key: one for key, one in value.items() if one is not None}, Code, reduce(joined, keys, ""))
+    code: Code = convert_plain(
+        {key: one for key, one in value.items() if one is not None}, Code, reduce(join_path, keys, "")
+    )
     return code
 
 
@@ -356,17 +358,17 @@ def check_code(spec: Spec, sources: CodeSources) -> list[CodeReference]:
     _check_resolver(spec)
     found = []
     known: dict[tuple[str | int, ...], Function] = {}  # functions of GAMMS, by the keys that lead to them
-    for one in code_in(spec):
+    for one in list_code(spec):
         found.append(find(one.reference, sources, one.path, short=one.short))
-        function = offered_function(one.reference, one.short)
+        function = find_offered_function(one.reference, one.short)
         if function is not None:
             known[one.keys] = function
             _check_kind(one, function, known)
         if function is not None and (one.given or one.what in ("strategy", "plan", "rule")):
-            check_parameters(function, one.given, int(first_of(function) in GIVEN_LATER), one.path)
-            located(function, one.given, sources, one.path)
+            check_parameters(function, one.given, int(find_first_parameter(function) in GIVEN_LATER), one.path)
+            locate_files(function, one.given, sources, one.path)
     maps.map_file(spec.map, sources.folder)
-    maps.mode_of(spec.map, sources.folder)
+    maps.find_mode(spec.map, sources.folder)
     return found
 
 
@@ -376,37 +378,37 @@ def _check_resolver(spec: Spec) -> None:
     if resolve == "by_priority":
         form = f"{{by_priority: [{', '.join(spec.teams)}]}}"
         raise ScenarioError("conflicts.resolve", f"by_priority needs the teams in their order, such as {form}.")
-    if isinstance(resolve, str) and ":" not in resolve and resolve not in resolvers():
-        hint = nearest(resolve, resolvers()) or f" There are: {', '.join(resolvers())}."
+    if isinstance(resolve, str) and ":" not in resolve and resolve not in list_resolvers():
+        hint = nearest(resolve, list_resolvers()) or f" There are: {', '.join(list_resolvers())}."
         raise ScenarioError("conflicts.resolve", f"there is no resolver {resolve!r}.{hint}")
 
 
 def _check_kind(one: NamedCode, function: Function, known: Mapping[tuple[str | int, ...], Function]) -> None:
     """Check that a function of GAMMS is allowed at its place; `known` holds the functions around it."""
-    kind = kind_of(function, first_of(function))
+    kind = find_kind(function, find_first_parameter(function))
     name = one.reference.rpartition(":")[2]
     if one.what != "value":
         check_kind(kind, one.what, name, one.path)
     elif "with" in one.keys:
         at = len(one.keys) - 1 - one.keys[::-1].index("with")
         outer = known.get(one.keys[:at])
-        taken = {} if outer is None else annotations_of(outer.__init__ if isinstance(outer, type) else outer)  # type: ignore[misc] # of the class itself
+        taken = {} if outer is None else find_annotations(outer.__init__ if isinstance(outer, type) else outer)  # type: ignore[misc] # of the class itself
         if one.keys[at + 1] in taken:
             check_parameter(kind, taken[str(one.keys[at + 1])], name, one.path)
 
 
-def unread_data(spec: Spec, found: Iterable[CodeReference]) -> list[str | int]:
+def find_unread_data(spec: Spec, found: Iterable[CodeReference]) -> list[str | int]:
     """Return the keys of `data` that neither the game's files nor parameters of GAMMS functions mention."""
     if any(one.file is None and one.module.partition(".")[0] != "gamms" for one in found):
         return []  # an installed package may read anything
-    texts = [file.read_text(errors="replace") for file in _files_beside(found)]
-    for one in code_in(spec):
-        function = offered_function(one.reference, one.short)
-        texts.append(str(one.given if function is None else {**plain_defaults(function), **one.given}))
+    texts = [file.read_text(errors="replace") for file in _list_files_beside(found)]
+    for one in list_code(spec):
+        function = find_offered_function(one.reference, one.short)
+        texts.append(str(one.given if function is None else {**list_plain_defaults(function), **one.given}))
     return [key for key in spec.data if not any(str(key) in text for text in texts)]
 
 
-def _files_beside(found: Iterable[CodeReference]) -> Iterator[Path]:
+def _list_files_beside(found: Iterable[CodeReference]) -> Iterator[Path]:
     """Yield the Python files in the folders of code, up to a number and a size."""
     folders = dict.fromkeys(one.file.parent for one in found if one.file is not None)
     files = chain.from_iterable(sorted(folder.glob("*.py")) for folder in folders)
@@ -417,7 +419,7 @@ def _files_beside(found: Iterable[CodeReference]) -> Iterator[Path]:
 # They are derived from annotations. Functions of users are checked only when a game is built and they are imported.
 
 
-def kind_of(function: Callable[..., Any], first: str) -> str | None:
+def find_kind(function: Callable[..., Any], first: str) -> str | None:
     """Return the kind of a function of GAMMS or of its result.
 
     Args:
@@ -429,9 +431,9 @@ def kind_of(function: Callable[..., Any], first: str) -> str | None:
     """
     if first in _FIRST:
         return _FIRST[first]
-    given = function if isinstance(function, type) else annotations_of(function).get("return")
+    given = function if isinstance(function, type) else find_annotations(function).get("return")
     if isinstance(given, type):
-        call = annotations_of(vars(given).get("__call__"))
+        call = find_annotations(vars(given).get("__call__"))
         return "strategy" if "state" in call else None
     if get_origin(given) is not AnyCallable:
         return None
@@ -443,10 +445,12 @@ def kind_of(function: Callable[..., Any], first: str) -> str | None:
     return "strategy" if arguments[0] in (State, AerialState) else "team strategy"
 
 
-def resolvers() -> list[str]:
+def list_resolvers() -> list[str]:
     """Return the names of the resolvers of conflicts that GAMMS offers, by_priority first."""
-    functions = offered(RULES).items()
-    made = [name for name, one in functions if kind_of(one, first_of(one)) == "resolver" and not needs(one)]
+    functions = list_offered_functions(RULES).items()
+    made = [
+        name for name, one in functions if find_kind(one, find_first_parameter(one)) == "resolver" and not needs(one)
+    ]
     return ["by_priority", *made]
 
 
@@ -462,7 +466,7 @@ def check_kind(kind: str | None, wanted: str, name: str, path: str) -> None:
     found = "no such function" if kind is None else _ARTICLES[kind.removeprefix("team ")]
     hint = " It belongs into conflicts.resolve." if kind == "resolver" else ""
     if wanted == "resolver":
-        hint = f" Write {', '.join(resolvers())}, without a module, or name a function of your own."
+        hint = f" Write {', '.join(list_resolvers())}, without a module, or name a function of your own."
     if kind == wanted:
         raise ScenarioError(path, f"{name} makes {found}, but is not one itself.{hint}")
     raise ScenarioError(path, f"{name} is {found}, and {_ARTICLES[wanted]} belongs here.{hint}")
@@ -480,19 +484,19 @@ def check_parameter(kind: str | None, annotation: object, name: str, path: str) 
     Raises:
         ScenarioError: it is a strategy, rule or resolver, which the parameter does not accept.
     """
-    takes_strategy = annotation is Any or any(map(_is_strategy, _callables_in(annotation)))
+    takes_strategy = annotation is Any or any(map(_is_strategy, _list_callables(annotation)))
     if kind is None or (takes_strategy and kind in ("strategy", "team strategy")):
         return
     article = _ARTICLES[kind.removeprefix("team ")]
     raise ScenarioError(path, f"{name} is {article}, and the parameter takes none.")
 
 
-def _callables_in(annotation: object) -> list[Any]:
+def _list_callables(annotation: object) -> list[Any]:
     """Return the function types in an annotation."""
     if get_origin(annotation) is AnyCallable:
         return [annotation]
     parts = get_args(annotation)[:1] if get_origin(annotation) is Annotated else get_args(annotation)
-    return list(chain.from_iterable(_callables_in(part) for part in parts))
+    return list(chain.from_iterable(_list_callables(part) for part in parts))
 
 
 def _is_strategy(function: object) -> bool:

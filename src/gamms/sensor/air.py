@@ -9,18 +9,18 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_ids, as_numbers, as_range
-from gamms.deciding import refused_while_deciding
+from gamms.deciding import refuse_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensor_results import LookResults, SensorView, ragged
+from gamms.ir.sensor_results import LookResults, SensorView, flatten_lists
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.ground import map_view
-from gamms.sensor.nearby import Coordinates, caches_of
-from gamms.sensor.sensor import Sensor, of_data
+from gamms.sensor.nearby import Coordinates, get_caches
+from gamms.sensor.sensor import Sensor, refuse_set_data
 from gamms.sensor.sighting_errors import LookDraws
-from gamms.sensor.views import ground_at, on_ground
+from gamms.sensor.views import find_ground, on_ground
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -98,7 +98,7 @@ class FlyingSensor(Sensor):
         point = None if at is None else as_numbers(at, f"at of {self.sensor_id!r}", "(x, y, z)")
         self._at = cast("Axis | None", point and tuple(point))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_owner(self, owner: str | None) -> None:
         """Set the name of the agent that carries the sensor; None for no agent.
 
@@ -117,7 +117,7 @@ class FlyingSensor(Sensor):
     def _aim(self, place: object) -> Pose | None:  # noqa: ARG002 - it looks from the air
         return self.pose()
 
-    def _place_of_look(self) -> Axis | None:
+    def _get_place_of_look(self) -> Axis | None:
         pose: Pose | None = self._last[1]
         return None if pose is None else cast("Axis", tuple(pose.position.tolist()))
 
@@ -143,7 +143,7 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
-    def _with_field(self, view: SensorView, corners_of: _Corners) -> SensorView:
+    def _add_field(self, view: SensorView, corners_of: _Corners) -> SensorView:
         """Return a view with the outline of the last look, or its reach: what is in sight past walls is no polygon."""
         pose: Pose | None = self._last[1]
         if pose is None:
@@ -151,7 +151,7 @@ class FlyingSensor(Sensor):
         corners = corners_of(*pose, self.range, self.fov)
         return replace(view, reach=corners) if self._is_occluded else replace(view, outline=corners)
 
-    def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
+    def _find_in_reach(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Return the indices of offsets (points, 3) that lie in range and in the cone."""
         # Compares squares, which are the same on every machine and in batches.
         near = np.flatnonzero(kernels.squares(*offsets.T) <= self.range * self.range)
@@ -186,27 +186,29 @@ class AerialSensor(FlyingSensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         pose = self.pose()
-        nodes, edges = self._seen(pose)
+        nodes, edges = self._find_seen(pose)
         self._last[:] = {"nodes": nodes, "edges": edges}, pose
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense once for each node, always from the position of the sensor. `data` is unchanged."""
-        nodes, edges = self._seen(self.pose())
+        nodes, edges = self._find_seen(self.pose())
         looks = len(as_ids(node_ids, "node_ids"))
-        return LookResults(*ragged([[*nodes]] * looks), LookResults(*ragged([[edge.id for edge in edges]] * looks)))
+        return LookResults(
+            *flatten_lists([[*nodes]] * looks), LookResults(*flatten_lists([[edge.id for edge in edges]] * looks))
+        )
 
-    @of_data
+    @refuse_set_data
     def last_view(self) -> SensorView:
         """Return the nodes and edges seen last, and the part of the ground inside the cone at that time."""
-        return self._with_field(map_view(self._view_data()), fov_geometry.footprint)
+        return self._add_field(map_view(self._get_view_data()), fov_geometry.make_footprint)
 
-    def _seen(self, pose: Pose | None) -> Surroundings:
+    def _find_seen(self, pose: Pose | None) -> Surroundings:
         if pose is None:
             return Surroundings({}, [])
         x, y, _ = pose.position.tolist()
         ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
         ground, is_outside = on_ground(self.ctx, ids, xy)
-        rows = self._reaches(ground - pose.position, pose.axis)
+        rows = self._find_in_reach(ground - pose.position, pose.axis)
         if self._is_occluded:
             rows = rows[is_outside[rows]]
             rows = rows[self.ctx.graph.visible(pose.position, ground[rows])]
@@ -247,7 +249,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         pose = self.pose()
-        self._last[:] = self._seen(pose), pose
+        self._last[:] = self._find_seen(pose), pose
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense once for each node, always from the position of the sensor; values are indices in `names`.
@@ -256,11 +258,11 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         """
         pose = self.pose()
         with self.notice.rolled_back():
-            return self._named([self._seen(pose) for _ in node_ids])
+            return self._make_results([self._find_seen(pose) for _ in node_ids])
 
-    def _seen(self, pose: Pose | None) -> dict[str, _Sighting]:
+    def _find_seen(self, pose: Pose | None) -> dict[str, _Sighting]:
         look = self.notice.look(self.ctx, self._owner)
-        rows, now = self._found(pose, look)
+        rows, now = self._find_agents(pose, look)
         names = self.ctx.agent.positions.names
         seen = {
             names[row]: (_KINDS[is_flying], (x, y, z))
@@ -271,23 +273,23 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         report = self._report(look, None, seen)
         return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in report.items()}
 
-    def _reportable_rows(self) -> list[int]:
+    def _find_reportable_rows(self) -> list[int]:
         flyers = set(self.ctx.agent.positions.flyers.tolist())
-        return [row for row in super()._reportable_rows() if row not in flyers]
+        return [row for row in super()._find_reportable_rows() if row not in flyers]
 
-    def _sighting(self, node_id: int) -> _Sighting:
+    def _make_sighting(self, node_id: int) -> _Sighting:
         node = self.ctx.graph.graph.get_node(node_id)
-        ground = ground_at(self.ctx, node_id)
+        ground = find_ground(self.ctx, node_id)
         return AgentType.BASIC, (node.x, node.y, float(ground.z[0]))
 
-    def _displaced(self, sightings: list[_Sighting], errors: FloatArray) -> list[_Sighting]:
-        places = (self._places(sightings) + errors).tolist()
+    def _displace_sightings(self, sightings: list[_Sighting], errors: FloatArray) -> list[_Sighting]:
+        places = (self._list_places(sightings) + errors).tolist()
         return [(kind, (x, y, z)) for (kind, _), (x, y, z) in zip(sightings, places, strict=True)]
 
-    def _places(self, sightings: list[_Sighting]) -> FloatArray:
+    def _list_places(self, sightings: list[_Sighting]) -> FloatArray:
         return np.array([place for _, place in sightings], np.float64).reshape(-1, 3)
 
-    def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:  # noqa: ARG002 - it looks from the air
+    def _find_covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:  # noqa: ARG002 - it looks from the air
         pose = self.pose()
         if pose is None:
             return np.zeros(0, np.int64), np.zeros(0)
@@ -295,22 +297,22 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
         ground, is_outside = on_ground(self.ctx, ids, xy)
         offsets = ground - pose.position
-        rows = self._reaches(offsets, pose.axis)
+        rows = self._find_in_reach(offsets, pose.axis)
         rows = rows[offsets[rows].any(axis=1)]
         if self._is_occluded:
             rows = rows[is_outside[rows]]
             rows = rows[self.ctx.graph.visible(pose.position, ground[rows])]
-        return ids[rows], _lengths(offsets[rows])
+        return ids[rows], _measure_lengths(offsets[rows])
 
-    @of_data
+    @refuse_set_data
     def last_view(self) -> SensorView:
         """Return the agents seen last, their positions at that time, and the ground below the cone."""
-        agents = np.array([place[:2] for _, place in self._view_data().values()], np.float64).reshape(-1, 2)
-        return self._with_field(SensorView(agents=agents, names=self._names()), fov_geometry.shadow)
+        agents = np.array([place[:2] for _, place in self._get_view_data().values()], np.float64).reshape(-1, 2)
+        return self._add_field(SensorView(agents=agents, names=self._list_names()), fov_geometry.make_shadow)
 
-    def _found(self, pose: Pose | None, look: LookDraws) -> tuple[IntArray, Coordinates]:
+    def _find_agents(self, pose: Pose | None, look: LookDraws) -> tuple[IntArray, Coordinates]:
         """Return the rows (agents,) of the agents that are seen, and their positions."""
-        nearby = caches_of(self.ctx).nearby
+        nearby = get_caches(self.ctx).nearby
         near = np.zeros(0, np.int64)
         if pose is None:
             return near, nearby.in_space(near)
@@ -321,7 +323,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         names = positions.names
         there = nearby.in_space(near)
         offsets = there.xyz - pose.position
-        reached = self._reaches(offsets, pose.axis)
+        reached = self._find_in_reach(offsets, pose.axis)
         reached = reached[offsets[reached].any(axis=1)]
         listed: list[int] = near[reached].tolist()
         wanted = set(self.notice.wanted([row for row in listed if names[row] != own], positions.teams))
@@ -330,7 +332,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             at = at[there.is_outside[at]]
             at = at[self.ctx.graph.visible(pose.position, there.xyz[at])]
         if self.notice.needs_chance:
-            distances = _lengths(there.xyz[at] - pose.position)
+            distances = _measure_lengths(there.xyz[at] - pose.position)
             seen = [names[row] for row in near[at].tolist()]
             at = at[self.notice.is_noticed(look, seen, distances)]
         return near[at], there.of(at)
@@ -343,6 +345,6 @@ class OccludedAerialAgentSensor(AerialAgentSensor):
     _is_occluded = True
 
 
-def _lengths(offsets: FloatArray) -> FloatArray:
+def _measure_lengths(offsets: FloatArray) -> FloatArray:
     found: FloatArray = np.sqrt(kernels.squares(*offsets.T))
     return found

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from math import inf, pi
 from typing import Any, NamedTuple, Unpack
 
-from gamms.arguments import signature_of, with_options
+from gamms.arguments import find_signature, spell_out_options
 from gamms.errors import BadType, BadValue, nearest
-from gamms.plain import is_same, plain_subset
+from gamms.plain import is_same, select_plain
 from gamms.sensor.air import (
     AHEAD,
     DOWN,
@@ -34,7 +34,7 @@ from gamms.typing.sensor_engine import (
     PlaceOptions,
     SensorDeclaration,
     SensorType,
-    kind_called,
+    get_kind,
 )
 
 FORWARD = (1.0, 0.0)
@@ -102,7 +102,7 @@ class SensorKind(NamedTuple):
     def change(self, sensor: ISensor, keywords: Mapping[str, Any]) -> None:
         """Set a sensor to the plain values among keywords that `keywords_of` returned; other settings stay."""
         now = self.keywords_of(sensor)
-        plain = plain_subset(now)
+        plain = select_plain(now)
         if not is_same(plain, dict(keywords)):
             kept = {name: value for name, value in now.items() if name in self.keywords or name not in plain}
             self.apply(sensor, kept | dict(keywords))
@@ -137,13 +137,13 @@ def derived(nearest: type[Sensor], read: Callable[..., Any]) -> type[Sensor]:
     data: property = vars(Sensor)["data"]
 
     def read_at_place(sensor: Sensor) -> Any:
-        return read(sensor._view_data(), place=sensor._place_of_look())
+        return read(sensor._get_view_data(), place=sensor._get_place_of_look())
 
-    read_data = read_at_place if _takes_place(read) else lambda sensor: read(sensor._view_data())
+    read_data = read_at_place if _is_placed(read) else lambda sensor: read(sensor._get_view_data())
     members: dict[str, Any] = {
         "__slots__": (),
         "data": property(read_data, data.fset, doc=read.__doc__),
-        "_view_data": data.fget,
+        "_get_view_data": data.fget,
         "looks_alike": None,
         "in_arrays": lambda _: None,
         **{name: vars(ISensor)[name] for name in ("coverage", "live_result", "sense_many")},
@@ -151,24 +151,24 @@ def derived(nearest: type[Sensor], read: Callable[..., Any]) -> type[Sensor]:
     return type(f"{nearest.__name__}Reading", (nearest,), members)
 
 
-def _takes_place(read: Callable[..., Any]) -> bool:
+def _is_placed(read: Callable[..., Any]) -> bool:
     try:
-        return "place" in signature_of(read).parameters
+        return "place" in find_signature(read).parameters
     except (TypeError, ValueError):  # some builtins have no signature
         return False
 
 
-def _unlimited(make: Callable[..., Sensor]) -> Callable[..., Sensor]:
+def _remove_range(make: Callable[..., Sensor]) -> Callable[..., Sensor]:
     """MAP and AGENT have no range, whatever a caller gives them."""
     return lambda *args, **given: make(*args, sensor_range=inf, **given)
 
 
 _BY_NAME = {
     "NEIGHBOR": SensorKind(NeighborSensor, {}),
-    "MAP": SensorKind(_unlimited(MapSensor), {}, _PLACE),
+    "MAP": SensorKind(_remove_range(MapSensor), {}, _PLACE),
     "RANGE": SensorKind(MapSensor, _RANGE, _PLACE),
     "ARC": SensorKind(MapSensor, _RANGE | _FIELD, _PLACE),
-    "AGENT": SensorKind(_unlimited(AgentSensor), _FIELD, _DETECTION),
+    "AGENT": SensorKind(_remove_range(AgentSensor), _FIELD, _DETECTION),
     "AGENT_RANGE": SensorKind(AgentSensor, _RANGE, _DETECTION),
     "AGENT_ARC": SensorKind(AgentSensor, _RANGE | _FIELD, _DETECTION),
     "AERIAL": SensorKind(AerialSensor, _CONE, _PLACE, takes_type=False),
@@ -178,7 +178,7 @@ _BY_NAME = {
     "OCCLUDED_AERIAL": SensorKind(OccludedAerialSensor, _CONE, _PLACE, takes_type=False),
     "OCCLUDED_AERIAL_AGENT": SensorKind(OccludedAerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
 }
-KINDS: dict[SensorType, SensorKind] = {kind_called(name): kind for name, kind in _BY_NAME.items()}
+KINDS: dict[SensorType, SensorKind] = {get_kind(name): kind for name, kind in _BY_NAME.items()}
 
 # Programs for 1.0.0 pass these to every kind; those that do not know them ignore them.
 SHARED_KEYWORDS = {"type", "sensor_range", "fov", "quat", "orientation", "observer_height"}
@@ -201,9 +201,9 @@ Direction = tuple[float, float]
 Quaternion = tuple[float, float, float, float]
 
 
-def _declared(kind: str, options: dict[str, Any], **settings: object) -> SensorDeclaration:
+def _make_declaration(kind: str, options: dict[str, Any], **settings: object) -> SensorDeclaration:
     """Return the declaration of a sensor without its defaults; its options are checked against its kind."""
-    row = KINDS[kind_called(kind)]
+    row = KINDS[get_kind(kind)]
     known = row.names() - {"sensor_range"}
     for name in options:
         if name not in known:
@@ -221,20 +221,20 @@ def from_function(fn: Callable[..., Any]) -> SensorDeclaration:
 
 def neighbor() -> SensorDeclaration:
     """Declare a sensor for the node of the agent and its neighbors: `[node, neighbor, …]`."""
-    return _declared("NEIGHBOR", {})
+    return _make_declaration("NEIGHBOR", {})
 
 
-@with_options()
+@spell_out_options()
 def map(**options: Unpack[PlaceOptions]) -> SensorDeclaration:
     """Declare a sensor for the whole graph: `{"nodes": {id: Node}, "edges": [OSMEdge, …]}`.
 
     Args:
         options: see `PlaceOptions`.
     """
-    return _declared("MAP", {**options})
+    return _make_declaration("MAP", {**options})
 
 
-@with_options()
+@spell_out_options()
 def range(range_m: float = 30.0, **options: Unpack[PlaceOptions]) -> SensorDeclaration:
     """Declare a sensor for the graph within a distance, like `map`.
 
@@ -242,10 +242,10 @@ def range(range_m: float = 30.0, **options: Unpack[PlaceOptions]) -> SensorDecla
         range_m: the range in map units, in a straight line.
         options: see `PlaceOptions`.
     """
-    return _declared("RANGE", {**options}, range_m=range_m)
+    return _make_declaration("RANGE", {**options}, range_m=range_m)
 
 
-@with_options()
+@spell_out_options()
 def arc(
     range_m: float = 30.0, fov: float = 2.0 * pi, orientation: Direction = (1.0, 0.0), **options: Unpack[PlaceOptions]
 ) -> SensorDeclaration:
@@ -257,10 +257,10 @@ def arc(
         orientation: the direction `(cos, sin)`, relative to the heading of the agent.
         options: see `PlaceOptions`.
     """
-    return _declared("ARC", {**options}, range_m=range_m, fov=fov, orientation=orientation)
+    return _make_declaration("ARC", {**options}, range_m=range_m, fov=fov, orientation=orientation)
 
 
-@with_options(PlaceOptions)
+@spell_out_options(PlaceOptions)
 def agent(
     fov: float = 2.0 * pi, orientation: Direction = (1.0, 0.0), **options: Unpack[DetectionOptions]
 ) -> SensorDeclaration:
@@ -271,10 +271,10 @@ def agent(
         orientation: the direction `(cos, sin)`, relative to the heading of the agent.
         options: see `DetectionOptions`.
     """
-    return _declared("AGENT", {**options}, fov=fov, orientation=orientation)
+    return _make_declaration("AGENT", {**options}, fov=fov, orientation=orientation)
 
 
-@with_options(PlaceOptions)
+@spell_out_options(PlaceOptions)
 def agent_range(range_m: float = 30.0, **options: Unpack[DetectionOptions]) -> SensorDeclaration:
     """Declare a sensor for other agents within a distance: `{name: node}`.
 
@@ -282,10 +282,10 @@ def agent_range(range_m: float = 30.0, **options: Unpack[DetectionOptions]) -> S
         range_m: the range in map units, in a straight line.
         options: see `DetectionOptions`.
     """
-    return _declared("AGENT_RANGE", {**options}, range_m=range_m)
+    return _make_declaration("AGENT_RANGE", {**options}, range_m=range_m)
 
 
-@with_options(PlaceOptions)
+@spell_out_options(PlaceOptions)
 def agent_arc(
     range_m: float = 30.0,
     fov: float = 2.0 * pi,
@@ -300,10 +300,10 @@ def agent_arc(
         orientation: the direction `(cos, sin)`, relative to the heading of the agent.
         options: see `DetectionOptions`.
     """
-    return _declared("AGENT_ARC", {**options}, range_m=range_m, fov=fov, orientation=orientation)
+    return _make_declaration("AGENT_ARC", {**options}, range_m=range_m, fov=fov, orientation=orientation)
 
 
-@with_options()
+@spell_out_options()
 def occluded_map(
     range_m: float = inf,
     fov: float = 2.0 * pi,
@@ -321,10 +321,10 @@ def occluded_map(
         options: see `PlaceOptions`.
     """
     settings = {"range_m": range_m, "fov": fov, "orientation": orientation, "observer_height": observer_height}
-    return _declared("OCCLUDED_MAP", {**options}, **settings)
+    return _make_declaration("OCCLUDED_MAP", {**options}, **settings)
 
 
-@with_options(PlaceOptions)
+@spell_out_options(PlaceOptions)
 def occluded_agent(
     range_m: float = inf,
     fov: float = 2.0 * pi,
@@ -342,10 +342,10 @@ def occluded_agent(
         options: see `DetectionOptions`.
     """
     settings = {"range_m": range_m, "fov": fov, "orientation": orientation, "observer_height": observer_height}
-    return _declared("OCCLUDED_AGENT", {**options}, **settings)
+    return _make_declaration("OCCLUDED_AGENT", {**options}, **settings)
 
 
-@with_options()
+@spell_out_options()
 def aerial(
     range_m: float = 100.0, fov: float = pi / 3.0, quat: Quaternion = DOWN, **options: Unpack[PlaceOptions]
 ) -> SensorDeclaration:
@@ -357,10 +357,10 @@ def aerial(
         quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight down by default.
         options: see `PlaceOptions`.
     """
-    return _declared("AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
+    return _make_declaration("AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
 
 
-@with_options(PlaceOptions)
+@spell_out_options(PlaceOptions)
 def aerial_agent(
     range_m: float = 100.0, fov: float = 2.0 * pi, quat: Quaternion = AHEAD, **options: Unpack[DetectionOptions]
 ) -> SensorDeclaration:
@@ -372,10 +372,10 @@ def aerial_agent(
         quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight ahead by default.
         options: see `DetectionOptions`.
     """
-    return _declared("AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)
+    return _make_declaration("AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)
 
 
-@with_options()
+@spell_out_options()
 def occluded_aerial(
     range_m: float = 100.0, fov: float = pi / 3.0, quat: Quaternion = DOWN, **options: Unpack[PlaceOptions]
 ) -> SensorDeclaration:
@@ -387,10 +387,10 @@ def occluded_aerial(
         quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight down by default.
         options: see `PlaceOptions`.
     """
-    return _declared("OCCLUDED_AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
+    return _make_declaration("OCCLUDED_AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
 
 
-@with_options(PlaceOptions)
+@spell_out_options(PlaceOptions)
 def occluded_aerial_agent(
     range_m: float = 100.0, fov: float = 2.0 * pi, quat: Quaternion = AHEAD, **options: Unpack[DetectionOptions]
 ) -> SensorDeclaration:
@@ -402,4 +402,4 @@ def occluded_aerial_agent(
         quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight ahead by default.
         options: see `DetectionOptions`.
     """
-    return _declared("OCCLUDED_AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)
+    return _make_declaration("OCCLUDED_AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)

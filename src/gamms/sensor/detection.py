@@ -12,13 +12,13 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_range
-from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
+from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refuse_while_deciding
 from gamms.errors import BadValue, UnknownAttribute
-from gamms.ir.chances import as_chances, chances_at, chances_given
+from gamms.ir.chances import as_chances, compute_chances, interpolate_chances
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensor_results import AgentLook, Coverage, LookResults, ragged
+from gamms.ir.sensor_results import AgentLook, Coverage, LookResults, flatten_lists
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
-from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, LookDraws, PossibleFalseAlarms, delayed, forget_delayed
+from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, LookDraws, PossibleFalseAlarms, find_delayed, forget_delayed
 from gamms.typing import IContext
 from gamms.typing.routes import made_last
 
@@ -71,7 +71,7 @@ class DetectionModel(Guarded):
         super().__setattr__(name, value)
         if name[0] != "_":
             if name == "detection":
-                self._chance = _chance_of(self.detection)
+                self._chance = _make_chance(self.detection)
             self._phase.change_sensors()
             self._reports_all = self.team is None and self.exclude is None and not self.needs_look
 
@@ -90,7 +90,7 @@ class DetectionModel(Guarded):
         """Whether agents may be reported at wrong positions."""
         return bool(self.position_noise_m or self.false_alarm_rate or self.delay_turns)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def reset(self) -> None:
         """Reset the count of looks."""
         self._looks.clear()
@@ -99,7 +99,7 @@ class DetectionModel(Guarded):
         """Return the counts of looks, for `go_to`."""
         return self._looks.copy()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def go_to(self, mark: dict[str | None, tuple[int, int]]) -> None:
         """Count looks from a mark on."""
         self._looks = mark.copy()
@@ -115,8 +115,8 @@ class DetectionModel(Guarded):
         """Return a description of the agents reported around an agent, and whether this is exact."""
         return AgentLook(
             radius,
-            teams=None if self.team is None else tuple(teams_in(self.team)),
-            others=() if self.exclude is None else tuple(teams_in(self.exclude)),
+            teams=None if self.team is None else tuple(check_teams(self.team)),
+            others=() if self.exclude is None else tuple(check_teams(self.exclude)),
             is_plain=not self.needs_look,
             is_late=bool(self.delay_turns),
         )
@@ -141,11 +141,11 @@ class DetectionModel(Guarded):
         """Return the rows whose agents are on a reported team; `teams` by row."""
         if self.team is None and self.exclude is None:
             return rows
-        others = () if self.exclude is None else teams_in(self.exclude)
-        known = None if self.team is None else teams_in(self.team)
+        others = () if self.exclude is None else check_teams(self.exclude)
+        known = None if self.team is None else check_teams(self.team)
         return [row for row in rows if (known is None or teams[row] in known) and teams[row] not in others]
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def look(self, ctx: IContext, owner: str | None) -> LookDraws:
         """Count and return one more look of this owner."""
         turn = 0 if (game := ctx.current_game) is None else game.turn
@@ -168,16 +168,18 @@ class DetectionModel(Guarded):
         """Whether looks must be counted, because draws or delays depend on them."""
         return self._chance is not None or self.has_errors
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def delayed(self, ctx: IContext, look: LookDraws, seen: dict[str, Any]) -> dict[str, Any]:
         """Return the report for the present look, by agent names, after the delay."""
-        return delayed(ctx, look, seen, self.delay_turns, is_noted=not self._is_trial) if self.delay_turns else seen
+        return (
+            find_delayed(ctx, look, seen, self.delay_turns, is_noted=not self._is_trial) if self.delay_turns else seen
+        )
 
     def chances(self, distances: FloatArray) -> FloatArray:
         """Return the detection probabilities at distances (agents,)."""
         if self._chance is None:
             return np.ones(len(distances))
-        return chances_given(self._chance, distances, f"detection of {self._sensor_id!r}")
+        return compute_chances(self._chance, distances, f"detection of {self._sensor_id!r}")
 
 
 class DetectingSensor(Sensor):
@@ -235,7 +237,7 @@ class DetectingSensor(Sensor):
         looking = self._copy_for_view()
         looking._owner = self._owner if owner is None else owner
         with self._phase.suspended(changes_world=False):
-            node_ids, distances = looking._covered(node_id)
+            node_ids, distances = looking._find_covered(node_id)
             positions = self.ctx.agent.positions
             living = self.ctx.agent.positions.living.tolist()
         shown_rows = set(living if self._notice is None else self._notice.wanted(living, positions.teams))
@@ -254,36 +256,36 @@ class DetectingSensor(Sensor):
         return False
 
     @abstractmethod
-    def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
+    def _find_covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         """Return the ids of the nodes in view (nodes,), and their distances (nodes,)."""
 
     def _report(self, look: LookDraws, node_id: int | None, seen: dict[str, Any]) -> dict[str, Any]:
         """Return the report of a look, by agent names in order of creation."""
         notice = self.notice
         if notice.false_alarm_rate and (count := look.count_false_alarms(notice.false_alarm_rate)):
-            node_ids = self._covered(node_id)[0]
+            node_ids = self._find_covered(node_id)[0]
             row_of = self.ctx.agent.positions.row_of
             others = {*seen, look.owner} if self._at is None else {*seen}
-            alarms = look.false_alarms(count, self._reportable(), others, node_ids) if len(node_ids) else {}
-            seen = seen | {name: self._sighting(node) for name, node in alarms.items()}
+            alarms = look.false_alarms(count, self._find_reportable(), others, node_ids) if len(node_ids) else {}
+            seen = seen | {name: self._make_sighting(node) for name, node in alarms.items()}
             seen = {name: seen[name] for name in sorted(seen, key=row_of)}
         if notice.position_noise_m and seen:
             errors = look.noise([*seen], notice.position_noise_m)
-            seen = dict(zip(seen, self._displaced([*seen.values()], errors), strict=True))
+            seen = dict(zip(seen, self._displace_sightings([*seen.values()], errors), strict=True))
         return notice.delayed(self.ctx, look, seen)
 
-    def _names(self) -> tuple[str, ...]:
+    def _list_names(self) -> tuple[str, ...]:
         """Return the names of the agents seen last, if they were reported without errors."""
-        return () if self._notice is not None and self._notice.has_errors else tuple(self._view_data())
+        return () if self._notice is not None and self._notice.has_errors else tuple(self._get_view_data())
 
-    def _reportable(self) -> PossibleFalseAlarms:
+    def _find_reportable(self) -> PossibleFalseAlarms:
         """Return the agents that may be reported falsely."""
         positions = self.ctx.agent.positions
         notice = self.notice
-        teams = [None if given is None else (*teams_in(given),) for given in (notice.team, notice.exclude)]
+        teams = [None if given is None else (*check_teams(given),) for given in (notice.team, notice.exclude)]
 
         def make() -> PossibleFalseAlarms:
-            rows = notice.wanted(self._reportable_rows(), positions.teams)
+            rows = notice.wanted(self._find_reportable_rows(), positions.teams)
             names = [positions.names[row] for row in rows]
             return PossibleFalseAlarms(names, kernels.name_keys(names))
 
@@ -292,31 +294,31 @@ class DetectingSensor(Sensor):
         slot = "false alarms", type(self).__name__, repr(teams)
         return made_last(self.ctx.graph.routes, slot, (positions, positions.structure_version, teams), make)
 
-    def _reportable_rows(self) -> list[int]:
+    def _find_reportable_rows(self) -> list[int]:
         """Return the rows of the agents that may be reported falsely, of any team."""
         rows: list[int] = self.ctx.agent.positions.living.tolist()
         return rows
 
     @abstractmethod
-    def _sighting(self, node_id: int) -> Any:
+    def _make_sighting(self, node_id: int) -> Any:
         """Return the reported value of an agent on a node."""
 
     @abstractmethod
-    def _displaced(self, sightings: list[Any], errors: FloatArray) -> list[Any]:
+    def _displace_sightings(self, sightings: list[Any], errors: FloatArray) -> list[Any]:
         """Return the reported values of agents whose positions have errors (sightings, 3)."""
 
-    def _named(self, reports: list[dict[str, Any]]) -> LookResults:
+    def _make_results(self, reports: list[dict[str, Any]]) -> LookResults:
         """Return reports as arrays."""
         names = tuple(dict.fromkeys(chain(self.ctx.agent.positions.names, *reports)))  # of deleted agents, too
         rows = {name: row for row, name in enumerate(names)}
         return LookResults(
-            *ragged([[rows[name] for name in report] for report in reports]),
+            *flatten_lists([[rows[name] for name in report] for report in reports]),
             names=names,
-            places=self._places([sighting for report in reports for sighting in report.values()]),
+            places=self._list_places([sighting for report in reports for sighting in report.values()]),
         )
 
     @abstractmethod
-    def _places(self, sightings: list[Any]) -> IntArray | FloatArray:
+    def _list_places(self, sightings: list[Any]) -> IntArray | FloatArray:
         """Return the reported positions, (sightings,) node ids or (sightings, 3)."""
 
     def reset(self) -> None:
@@ -331,7 +333,7 @@ class DetectingSensor(Sensor):
         """Whether its only state is the data it has shown."""
         return self._notice is None
 
-    def _snapshot(self) -> tuple[Any, ...]:
+    def _take_snapshot(self) -> tuple[Any, ...]:
         """Return the sensed data and the count of looks, for `_restore`."""
         return tuple(self._last), {} if self._notice is None else self._notice.mark()
 
@@ -347,32 +349,32 @@ class DetectingSensor(Sensor):
         return twin
 
 
-def teams_in(given: object) -> Collection[Any]:
+def check_teams(given: object) -> Collection[Any]:
     """Return the teams given by a keyword: one, or several in a list, tuple or set."""
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
 
 
-def _checked_detection(detection: Detection, name: str) -> Detection:
+def _check_detection(detection: Detection, name: str) -> Detection:
     if not callable(detection):
         as_chances(detection, name, or_function=True)
     return detection
 
 
-def _chance_of(detection: Detection) -> Chance | None:
+def _make_chance(detection: Detection) -> Chance | None:
     """Return a checked detection probability as a function of distances."""
     if detection is None or callable(detection):
         return detection
     points = as_chances(detection, "detection")
-    return lambda distances: chances_at(distances, points)
+    return lambda distances: interpolate_chances(distances, points)
 
 
-def _checked_noise(deviation: float, name: str) -> float:
+def _check_noise(deviation: float, name: str) -> float:
     if deviation == inf:
         raise BadValue(f"{name} must be finite, not {deviation}.")
     return as_range(deviation, name)
 
 
-def _checked_rate(rate: float, name: str) -> float:
+def _check_rate(rate: float, name: str) -> float:
     checked = as_range(rate, name)
     if checked > MOST_FALSE_ALARMS:
         raise BadValue(f"{name} is a number of false alarms per look, at most {MOST_FALSE_ALARMS:g}, not {checked}.")
@@ -380,8 +382,8 @@ def _checked_rate(rate: float, name: str) -> float:
 
 
 _CHECKS: dict[str, Callable[[Any, str], Any]] = {
-    "detection": _checked_detection,
-    "position_noise_m": _checked_noise,
-    "false_alarm_rate": _checked_rate,
+    "detection": _check_detection,
+    "position_noise_m": _check_noise,
+    "false_alarm_rate": _check_rate,
     "delay_turns": lambda turns, name: as_count(turns, name, least=0),
 }

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 from gamms.arguments import as_declared, as_mapping, as_member, as_name
 from gamms.compat import Surface
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copied
-from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, Guarded, copy_part, get_phase, refuse_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.air import AerialAgentSensor, AerialSensor
@@ -29,8 +29,8 @@ from gamms.typing.sensor_engine import (
     SensorDeclaration,
     SensorOptions,
     SensorType,
-    kind_called,
-    owner_of,
+    find_owner,
+    get_kind,
     refuse_no_sensor,
 )
 
@@ -71,7 +71,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     _called = "ctx.sensor"
 
     def __init__(self, ctx: IContext) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self.ctx = ctx
         self._sensors: dict[str, ISensor] = {}
         self._warned: set[tuple[SensorType, str]] = set()
@@ -119,14 +119,14 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor: ...
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(ISensorEngine.create_sensor)
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor:
         """Create and store a built-in sensor; the contract explains the keywords."""
         synonym = options.pop("type", None)
-        sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
+        sensor_type = _check_type(synonym if sensor_type is None else sensor_type, sensor_id)
         kind = KINDS[sensor_type]
         self._refuse_name(sensor_id)
         sensor = kind.create(self.ctx, sensor_id, sensor_type, options)  # type: ignore[arg-type] # a dict
@@ -140,7 +140,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         self._keep(sensor)
         return sensor
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> FunctionSensor:
         """Create and store a sensor whose `data` is the result of a function."""
         self._refuse_name(sensor_id)
@@ -148,14 +148,14 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         self._keep(sensor)
         return sensor
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def from_declaration(self, sensor_id: str, declaration: SensorDeclaration) -> Sensor:
         """Create the sensor that a factory such as `gamms.sensor.agent_range` declares, and keep it."""
         given = {
             as_name(key, "a declared keyword"): value for key, value in as_mapping(declaration, "declaration").items()
         }
         known = self._sensors.get(sensor_id)
-        if known is not None and owner_of(known) is None:
+        if known is not None and find_owner(known) is None:
             self.delete_sensor(sensor_id)
         if "function" in given:
             function: Any = given["function"]
@@ -164,14 +164,14 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         created: Sensor = self.create_sensor(sensor_id, **options)
         return created
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_sensor(self, sensor: ISensor) -> None:
         """Store a sensor under its own name."""
         refuse_no_sensor(sensor)
         self._refuse_name(sensor.sensor_id)
         self._keep(sensor)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def delete_sensor(self, sensor_id: str) -> None:
         """Remove a sensor from its agents and from the engine; its name becomes free."""
         sensor = self.get_sensor(sensor_id)
@@ -190,7 +190,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         except (KeyError, TypeError):
             raise UnknownName("sensor", sensor_id, self._sensors) from None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def custom(self, name: str) -> Callable[[type], type]:
         """Return a decorator for the class of a custom kind of sensor, `SensorType.<name>`.
 
@@ -199,7 +199,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         """
         if as_name(name, "a kind of sensor") in SensorType.__members__:
             self.ctx.logger.warning(f"SensorType.{name} exists already and is used again.")
-        member = kind_called(name)
+        member = get_kind(name)
 
         def decorate(cls: type) -> type:
             # The type of a built-in parent class is ignored; duck-typed classes count as sensors from now
@@ -212,7 +212,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
 
         return decorate
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def terminate(self) -> None:
         """Close the engine; sensors stay readable."""
 
@@ -221,7 +221,9 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         for name in sorted(ignored):
             if (kind, name) not in self._warned:
                 self._warned.add((kind, name))
-                self.ctx.logger.warning(f"Sensor {sensor_id!r}: {kind.name} ignores {name}=.{_way_out(kind, name)}")
+                self.ctx.logger.warning(
+                    f"Sensor {sensor_id!r}: {kind.name} ignores {name}=.{_suggest_keyword(kind, name)}"
+                )
 
     def _keep(self, sensor: ISensor) -> None:
         self._sensors[sensor.sensor_id] = sensor
@@ -245,7 +247,7 @@ class SensorStorage(Guarded):
 
     def __init__(self, engine: SensorEngine) -> None:
         self._engine = engine
-        self._phase = phase_of(engine.ctx)
+        self._phase = get_phase(engine.ctx)
         self.memory = SensorCaches(engine.ctx)
         self._settings_now: SensorSettings | None = None
         self._changes = -1, -1  # change counters at the last look-up of the settings
@@ -282,20 +284,20 @@ class SensorStorage(Guarded):
 
     def snapshot(self) -> SensorsSnapshot:
         """Return the sensors, their settings and their data, for `restore`."""
-        settings = self._settings()
+        settings = self._get_settings()
         shown = [one for sensor in settings.simple for one in sensor._last]
         return SensorsSnapshot(settings, shown, [sensed() for sensed, _ in settings.memories])
 
     def restore_keywords(self, before: SensorsSnapshot) -> None:
         """Restore the settings of sensors before agents carry them again: settings decide which agents may."""
-        if self._settings() is not before.settings:
+        if self._get_settings() is not before.settings:
             for sensor, keywords in zip(before.settings.sensors, before.settings.keywords, strict=True):
-                if keywords is not None and _keywords_of(sensor) != keywords:
+                if keywords is not None and _find_keywords(sensor) != keywords:
                     _set(sensor, keywords)
 
     def restore(self, before: SensorsSnapshot, *, forget: bool = False) -> None:
         """Restore the sensors; with `forget`, clear all sensed data, also of custom classes."""
-        if self._settings() is not before.settings:
+        if self._get_settings() is not before.settings:
             self.restore_keywords(before)
             self._phase.change_sensors()
             self.show(before.settings)
@@ -324,7 +326,9 @@ class SensorStorage(Guarded):
         Raises:
             NotPlain: a sensor has other attributes than plain values, draws, or is of a class of the user's.
         """
-        return {name: (one, _attributes_of(one, only_plain=only_plain)) for name, one in self._engine._sensors.items()}
+        return {
+            name: (one, _find_attributes(one, only_plain=only_plain)) for name, one in self._engine._sensors.items()
+        }
 
     def copy_from(self, sensors: Mapping[str, tuple[ISensor, Any]], other: SensorEngine, memo: dict[int, Any]) -> None:
         """Copy the sensors of another context into this one, which must have none.
@@ -357,25 +361,25 @@ class SensorStorage(Guarded):
             for one, keywords in zip(before.settings.sensors, before.settings.keywords, strict=True)
         }
         for name, sensor in self._engine._sensors.items():
-            if owner_of(sensor) in known:
+            if find_owner(sensor) in known:
                 continue
             if hasattr(sensor, "reset"):
                 sensor.reset()
             keywords = then.get(name)
-            if keywords is not None and not isinstance(sensor, FunctionSensor) and _keywords_of(sensor) != keywords:
+            if keywords is not None and not isinstance(sensor, FunctionSensor) and _find_keywords(sensor) != keywords:
                 _set(sensor, keywords)
 
-    def _settings(self) -> SensorSettings:
+    def _get_settings(self) -> SensorSettings:
         """Return the present settings of the sensors; the same object as long as nothing has changed."""
         # NOTE: most snapshots are of games whose sensors do not change (benchmarks: snapshots).
         known = self._settings_now
-        changes = self._counts()
+        changes = self._get_counts()
         sensors = tuple(self._engine._sensors.values())
         if known is None or self._changes != changes or known.sensors != sensors:
             simple = tuple([one for one in sensors if _is_simple(one)])
-            memories = tuple(filter(None, map(_memory_of, filterfalse(_is_simple, sensors))))
-            owners = tuple(map(owner_of, sensors))
-            keywords = tuple(map(_keywords_of, sensors))
+            memories = tuple(filter(None, map(_find_memory, filterfalse(_is_simple, sensors))))
+            owners = tuple(map(find_owner, sensors))
+            keywords = tuple(map(_find_keywords, sensors))
             known = SensorSettings(sensors, owners, keywords, simple, memories)
             self._settings_now = known
             self._changes = changes
@@ -383,19 +387,19 @@ class SensorStorage(Guarded):
 
     def share(self) -> SensorSettings:
         """Return the present set of sensors and their owners, for `show`."""
-        return self._settings()
+        return self._get_settings()
 
     def show(self, settings: SensorSettings) -> None:
         """Set the sensors of the context to a set that `share` has returned, with their owners."""
         self._engine._sensors.clear()
         for sensor, owner in zip(settings.sensors, settings.owners, strict=True):
             self._engine._sensors[sensor.sensor_id] = sensor
-            if owner_of(sensor) != owner:
+            if find_owner(sensor) != owner:
                 sensor.set_owner(owner)
         self._settings_now = settings
-        self._changes = self._counts()
+        self._changes = self._get_counts()
 
-    def _counts(self) -> tuple[int, int]:
+    def _get_counts(self) -> tuple[int, int]:
         return self._phase.sensor_changes, self._phase.owner_changes
 
 
@@ -403,7 +407,7 @@ def _is_built_in(sensor: ISensor) -> bool:
     return isinstance(sensor, Sensor) and sensor.type in KINDS
 
 
-def _keywords_of(sensor: ISensor) -> dict[str, Any] | None:
+def _find_keywords(sensor: ISensor) -> dict[str, Any] | None:
     if isinstance(sensor, FunctionSensor):
         return {"function": sensor.function}
     return KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None
@@ -420,16 +424,16 @@ def _is_simple(sensor: object) -> TypeGuard[Sensor]:
     return isinstance(sensor, Sensor) and sensor._remembers_no_more
 
 
-def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:
+def _find_memory(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:
     """Return functions that return and restore the state of a sensor; custom classes may lack them."""
     if isinstance(sensor, DetectingSensor):
-        return sensor._snapshot, sensor._restore
+        return sensor._take_snapshot, sensor._restore
     give = getattr(sensor, "snapshot", None)
     restore = getattr(sensor, "restore", None)
     return (give, restore) if callable(give) and callable(restore) else None
 
 
-def _attributes_of(sensor: ISensor, *, only_plain: bool) -> Any:
+def _find_attributes(sensor: ISensor, *, only_plain: bool) -> Any:
     """Return the attributes of a sensor and those in slots; None for a class that is no `Sensor`; see `capture`."""
     attributes: Any = sensor.__getstate__() if isinstance(sensor, Sensor) else None
     if not only_plain:
@@ -446,7 +450,7 @@ def _attributes_of(sensor: ISensor, *, only_plain: bool) -> Any:
 def _copy_of(sensor: ISensor, attributes: object, memo: dict[int, Any]) -> ISensor:
     """Return a copy; a custom sensor that cannot be copied is shared."""
     if isinstance(sensor, Sensor):
-        return copied_part(sensor, memo, attributes)
+        return copy_part(sensor, memo, attributes)
     try:
         return deepcopy(sensor, memo)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
@@ -454,7 +458,7 @@ def _copy_of(sensor: ISensor, attributes: object, memo: dict[int, Any]) -> ISens
         return sensor
 
 
-def _checked_type(kind: object, sensor_id: str) -> SensorType:
+def _check_type(kind: object, sensor_id: str) -> SensorType:
     member = as_member(SensorType, kind)
     known = [one.name for one in KINDS]
     if member in KINDS:
@@ -468,7 +472,7 @@ def _checked_type(kind: object, sensor_id: str) -> SensorType:
     raise UnknownType(f"Unknown sensor type {seen} for sensor {shown(sensor_id)}.{hint}")
 
 
-def _way_out(kind: SensorType, name: str) -> str:
+def _suggest_keyword(kind: SensorType, name: str) -> str:
     """Return a hint to replace a keyword that a kind ignores."""
     known = KINDS[kind].names()
     others = [other.name for other, one in KINDS.items() if name in one.names()]

@@ -27,10 +27,10 @@ _RIM = 1e-9  # share of a radius: points on the border are inside in spite of ro
 
 def disc(x: float, y: float, radius: float) -> FloatArray:
     """Return the corners (48, 2) of a disc around a place; (0, 2) if the radius is infinite."""
-    return _arc(x, y, radius, _AROUND)
+    return _compute_arc(x, y, radius, _AROUND)
 
 
-def sector(x: float, y: float, radius: float, heading: tuple[float, float], fov: float) -> FloatArray:
+def make_sector(x: float, y: float, radius: float, heading: tuple[float, float], fov: float) -> FloatArray:
     """Return the corners (corners, 2) of a sector of `fov` radians around `heading`: its center, then the arc.
 
     Without a heading, (0.0, 0.0), the sector is a disc. Returns no corners, (0, 2), if the radius is infinite.
@@ -38,11 +38,11 @@ def sector(x: float, y: float, radius: float, heading: tuple[float, float], fov:
     if fov >= 2.0 * pi or heading == (0.0, 0.0):
         return disc(x, y, radius)
     ahead = atan2(heading[1], heading[0])
-    arc = _arc(x, y, radius, np.linspace(ahead - fov / 2.0, ahead + fov / 2.0, _CORNERS))
+    arc = _compute_arc(x, y, radius, np.linspace(ahead - fov / 2.0, ahead + fov / 2.0, _CORNERS))
     return np.vstack([[(x, y)], arc]) if len(arc) else arc
 
 
-def area_in_sight(
+def find_area_in_sight(
     is_visible: Callable[[FloatArray], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"],
     x: float,
     y: float,
@@ -57,7 +57,7 @@ def area_in_sight(
         x: x of the center.
         y: y of the center.
         radius: map units.
-        heading: see `sector`.
+        heading: see `make_sector`.
         fov: full opening angle in radians.
     """
     if radius == inf:
@@ -89,7 +89,7 @@ def area_in_sight(
     return rim if is_round else np.vstack([[(x, y)], rim])
 
 
-def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatArray:
+def make_footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatArray:
     """Return the corners (corners, 2) of the ground, z = 0, inside a cone of view and at most `radius` from its tip.
 
     If the cone meets no ground, returns its shadow instead; (0, 2) if the view is unlimited.
@@ -105,7 +105,7 @@ def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatA
         return disc(x, y, radius)
     cone = _Cone(axis, fov / 2.0)
     rim = cone.rays(np.concatenate([_TURNS, cone.turns_that_fall(-z / radius)]))
-    reach = _to_ground(z, rim)
+    reach = _measure_to_ground(z, rim)
     meets = (reach >= 0.0) & (reach < inf)
     if radius == inf and not meets.all():
         return np.zeros((0, 2))
@@ -115,22 +115,22 @@ def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatA
         edge = disc(0.0, 0.0, np.sqrt(radius * radius - z * z))  # the radius on the ground
         is_seen = edge @ cone.axis[:2] - z * cone.axis[2] >= radius * np.cos(fov / 2.0)
         corners = np.vstack([corners, np.array([x, y]) + edge[is_seen]])
-    outline = geometry.hull_of(corners)
-    return outline if len(outline) >= 3 else shadow(position, axis, radius, fov)
+    outline = geometry.find_hull(corners)
+    return outline if len(outline) >= 3 else make_shadow(position, axis, radius, fov)
 
 
-def shadow(position: Point, axis: Point, radius: float, fov: float) -> FloatArray:
+def make_shadow(position: Point, axis: Point, radius: float, fov: float) -> FloatArray:
     """Return the corners (corners, 2) of the vertical shadow of a cone of view, limited by `radius` and by the ground.
 
-    All visible points in the air are above it. The arguments are those of `footprint`.
+    All visible points in the air are above it. The arguments are those of `make_footprint`.
     """
     x, y, z = position
     if fov >= pi or radius == inf:
         return disc(x, y, radius)
     rays = np.vstack([_Cone(axis, share * fov / 2.0).rays(_TURNS) for share in _RINGS])
-    reach = _to_ground(z, rays)
+    reach = _measure_to_ground(z, rays)
     reach = np.where((reach >= 0.0) & (reach <= radius), reach, radius)
-    return geometry.hull_of(np.vstack([[(x, y)], np.array([x, y]) + rays[:, :2] * reach[:, None]]))
+    return geometry.find_hull(np.vstack([[(x, y)], np.array([x, y]) + rays[:, :2] * reach[:, None]]))
 
 
 def polylines(edges: Iterable[OSMEdge]) -> tuple[FloatArray, IntArray]:
@@ -140,7 +140,7 @@ def polylines(edges: Iterable[OSMEdge]) -> tuple[FloatArray, IntArray]:
     return np.fromiter(chain.from_iterable(flats), np.float64).reshape(-1, 2), offsets
 
 
-def _arc(x: float, y: float, radius: float, angles: FloatArray) -> FloatArray:
+def _compute_arc(x: float, y: float, radius: float, angles: FloatArray) -> FloatArray:
     if radius == inf:
         return np.zeros((0, 2))
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
@@ -172,7 +172,7 @@ class _Cone:
         return np.array([highest - away, highest + away])
 
 
-def _to_ground(z: float, rays: FloatArray) -> FloatArray:
+def _measure_to_ground(z: float, rays: FloatArray) -> FloatArray:
     """Return distances to the ground along unit rays (rays, 3) from a height; negative behind, NaN or inf if none."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         reach: FloatArray = -z / rays[:, 2]

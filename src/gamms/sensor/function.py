@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import Any
 
-from gamms.arguments import signature_of
-from gamms.deciding import refused_while_deciding
+from gamms.arguments import find_signature
+from gamms.deciding import refuse_while_deciding
 from gamms.errors import BadType
 from gamms.ir.sensor_results import SensorView
-from gamms.readonly import copied
+from gamms.readonly import thaw
 from gamms.sensor.sensor import Sensor
 from gamms.text import shown
 from gamms.typing import IContext
@@ -43,7 +43,7 @@ class FunctionSensor(Sensor):
 
     @function.setter
     def function(self, fn: Callable[..., Any]) -> None:
-        self._takes = _parameters(fn, self.sensor_id)
+        self._takes = _count_parameters(fn, self.sensor_id)
         self._function = fn
 
     def called_with_both(self) -> Callable[[int | None, Any], Any]:
@@ -52,12 +52,12 @@ class FunctionSensor(Sensor):
         takes = self._takes
         return lambda node_id, agent: function(*(node_id, agent)[:takes])
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def reset(self) -> None:
         """Clear the sensed data."""
         self._last[0] = None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:  # noqa: ARG002 - it is not drawn
         """Raise NotOffered, without a call of the function."""
         return self.last_view()
@@ -74,7 +74,7 @@ class FunctionSensor(Sensor):
             error.add_note(f"In the function of sensor {self.sensor_id!r}{whose}.")
             raise
         try:
-            self._last[0] = copied(sensed)
+            self._last[0] = thaw(sensed)
         except Exception as error:
             error.add_note(
                 f"The result of the function of sensor {self.sensor_id!r} is copied: every agent gets its own."
@@ -82,7 +82,7 @@ class FunctionSensor(Sensor):
             raise
 
 
-def _parameters(fn: object, sensor_id: str) -> int:
+def _count_parameters(fn: object, sensor_id: str) -> int:
     """Return the number of arguments, at most two, with which a function is called."""
     from inspect import Parameter
 
@@ -90,13 +90,13 @@ def _parameters(fn: object, sensor_id: str) -> int:
     if not callable(fn):
         raise BadType(f"{wanted}; {shown(fn)} is no function.")
     try:
-        parameters = list(signature_of(fn).parameters.values())
+        parameters = list(find_signature(fn).parameters.values())
     except (TypeError, ValueError):  # some builtins have no signature
         return 1
     positional = [one for one in parameters if one.kind in (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)]
     needed = [one for one in positional if one.default is Parameter.empty]
     keywords = [one for one in parameters if one.kind is Parameter.KEYWORD_ONLY and one.default is Parameter.empty]
     if len(needed) > 2 or keywords:
-        raise BadType(f"{wanted}; {shown(fn)} takes {signature_of(fn)}.")
+        raise BadType(f"{wanted}; {shown(fn)} takes {find_signature(fn)}.")
     is_open = any(one.kind is Parameter.VAR_POSITIONAL for one in parameters)
     return 2 if is_open else len(needed) or min(len(positional), 1)

@@ -11,15 +11,15 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_float, as_numbers, as_range
 from gamms.core import sight
-from gamms.deciding import refused_while_deciding
+from gamms.deciding import refuse_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray, as_node_id, as_node_ids, split_mode
 from gamms.ir.positions import Positions
-from gamms.ir.sensor_results import LookResults, SensorView, sensed_arrays
+from gamms.ir.sensor_results import LookResults, SensorView, make_results
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
-from gamms.sensor.nearby import caches_of
-from gamms.sensor.sensor import ALL_AROUND, Heading, Sensor, of_data
+from gamms.sensor.nearby import get_caches
+from gamms.sensor.sensor import ALL_AROUND, Heading, Sensor, refuse_set_data
 from gamms.sensor.sighting_errors import LookDraws
 from gamms.sensor.views import (
     FULL_CIRCLE,
@@ -27,9 +27,9 @@ from gamms.sensor.views import (
     View,
     Viewpoint,
     coordinates,
-    in_sight,
+    find_in_sight,
+    find_nodes_ahead,
     is_unhidden,
-    nodes_ahead,
 )
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
@@ -79,7 +79,7 @@ class GroundSensor(Sensor):
     ) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self._at: Place | None = None
-        self._memory = caches_of(ctx)
+        self._memory = get_caches(ctx)
         self.range = as_range(sensor_range, f"range_m of {sensor_id!r}")
         self.fov = fov
         self.orientation = orientation
@@ -94,7 +94,7 @@ class GroundSensor(Sensor):
 
     @at.setter
     def at(self, at: object) -> None:
-        self._at = None if at is None else checked_place(self.ctx, at, f"at of {self.sensor_id!r}")
+        self._at = None if at is None else check_place(self.ctx, at, f"at of {self.sensor_id!r}")
 
     def place(self, node_id: int | None) -> Place:
         """Return the place from which it looks for a node id."""
@@ -110,11 +110,11 @@ class GroundSensor(Sensor):
         is_usual = self._is_ours and not self._is_occluded and "sense" not in self.__dict__
         return (type(self), self.range) if is_usual and self.fov == FULL_CIRCLE and self._at is None else None
 
-    def _viewpoint(self, place: Place) -> Viewpoint:
+    def _make_viewpoint(self, place: Place) -> Viewpoint:
         """Return a place from which it looks, with its coordinates."""
-        return Viewpoint.at(self.ctx, place, self._tunnel(place) if self._is_occluded else 0)
+        return Viewpoint.at(self.ctx, place, self._find_tunnel(place) if self._is_occluded else 0)
 
-    def _tunnel(self, place: Place) -> int:
+    def _find_tunnel(self, place: Place) -> int:
         """Return the tunnel of a place (x, y), which is that of its owner on an edge; 0 on the surface."""
         if self._owner is None or self._at is not None or not isinstance(place, tuple):
             return 0
@@ -144,7 +144,7 @@ class GroundSensor(Sensor):
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         return self.place(cast("int", place)), self.range, self.fov, heading
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return the present view of the sensor, for drawing."""
         if node_id is None and self._at is None:
@@ -153,23 +153,23 @@ class GroundSensor(Sensor):
             node_id = cast("int", self._last[1][0])
         return super().view_from(node_id, owner)
 
-    def _with_field(self, view: SensorView) -> SensorView:
+    def _add_field(self, view: SensorView) -> SensorView:
         """Return a view with the outline of the last look, and its reach if obstacles can block it."""
         looked: tuple[Place, float, float, Heading] | None = self._last[1]  # place, range, fov, heading
         if looked is None:
             return view
         place, radius, fov, heading = looked
         try:
-            x, y = self._where(place)
+            x, y = self._find_coordinates(place)
         except UnknownName:  # its node is gone
             return view
-        whole = fov_geometry.sector(x, y, radius, heading, fov)
+        whole = fov_geometry.make_sector(x, y, radius, heading, fov)
         if not self._is_occluded:
             return replace(view, outline=whole)
         views = self._memory.views_past_obstacles
         return replace(view, outline=views.area((x, y), (radius, heading, fov), self._observer_height), reach=whole)
 
-    def _where(self, place: Place) -> tuple[float, float]:
+    def _find_coordinates(self, place: Place) -> tuple[float, float]:
         return coordinates(self.ctx, place)
 
 
@@ -212,11 +212,13 @@ class MapSensor(GroundSensor):
         heading = ALL_AROUND if fov == FULL_CIRCLE else self.heading()
         # NOTE: inline for the most common case (benchmarks: peers).
         hidden = self._is_occluded
-        nodes, edges = self._look(place, heading) if hidden else self._memory.views.look(place, radius, fov, heading)
+        nodes, edges = (
+            self._look_around(place, heading) if hidden else self._memory.views.look(place, radius, fov, heading)
+        )
         last[0] = {"nodes": nodes.copy(), "edges": edges.copy()}
         last[1] = (place, radius, fov, heading)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def shared_look(self) -> Callable[[], sight.NodeViews]:
         """Return a function that returns the views shared by sensors that look alike, valid while agents decide."""
         views = self._memory.views
@@ -226,24 +228,26 @@ class MapSensor(GroundSensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        views = [self._look(self.place(id), heading) for id in as_node_ids(node_ids, "node_ids", self.ctx.graph)]
-        return sensed_arrays([view.node_ids for view in views], partial(_edges_of, views))
+        views = [self._look_around(self.place(id), heading) for id in as_node_ids(node_ids, "node_ids", self.ctx.graph)]
+        return make_results([view.node_ids for view in views], partial(_collect_edges, views))
 
-    @of_data
+    @refuse_set_data
     def last_view(self) -> SensorView:
         """Return the nodes and edges seen last, and the field of view at that time."""
-        return self._with_field(map_view(self._view_data()))
+        return self._add_field(map_view(self._get_view_data()))
 
-    def _where(self, place: Place) -> tuple[float, float]:
+    def _find_coordinates(self, place: Place) -> tuple[float, float]:
         node = (
-            self._view_data().get("nodes", {}).get(place)
+            self._get_view_data().get("nodes", {}).get(place)
         )  # its position at that time, unless the data was emptied since
-        return super()._where(place) if node is None else (node.x, node.y)
+        return super()._find_coordinates(place) if node is None else (node.x, node.y)
 
-    def _look(self, place: Place, heading: Heading) -> View:
+    def _look_around(self, place: Place, heading: Heading) -> View:
         if self._is_occluded:
             views = self._memory.views_past_obstacles
-            return views.look_past(place, self.range, self.fov, heading, self._observer_height, self._tunnel(place))
+            return views.look_past(
+                place, self.range, self.fov, heading, self._observer_height, self._find_tunnel(place)
+            )
         return self._memory.views.look(place, self.range, self.fov, heading)
 
 
@@ -269,7 +273,7 @@ class NeighborSensor(Sensor):
         self._last[0] = []
         self._neighborhoods = ctx.graph.graph.neighborhoods
 
-    def _mode(self) -> str | None:
+    def _find_mode(self) -> str | None:
         """Return the mode of the agent that carries the sensor: only edges that it may use lead to neighbors."""
         owner = self.ctx.agent.agents.get(self._owner) if isinstance(self._owner, str) else None
         mode: str | None = getattr(owner, "mode", None)
@@ -278,7 +282,7 @@ class NeighborSensor(Sensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes. `data` is unchanged."""
         nodes = as_node_ids(node_ids, "node_ids", self.ctx.graph)
-        mode = self._mode()
+        mode = self._find_mode()
         routes = self.ctx.graph.routes if mode is None else self.ctx.graph.routes.select_mode(mode).routes
         offsets, targets = routes.neighborhoods()
         places, ends = kernels.chosen_runs(offsets, routes.rows(nodes))
@@ -287,7 +291,7 @@ class NeighborSensor(Sensor):
     @property
     def neighborhoods(self) -> Mapping[int, Sequence[int]]:
         """The neighborhoods of the graph, which a look only copies to `data` (used by agents)."""
-        mode = self._mode()
+        mode = self._find_mode()
         if mode is None:
             return self._neighborhoods
         found: Mapping[int, Sequence[int]] = self.ctx.graph.routes.select_mode(mode).neighborhoods
@@ -305,10 +309,10 @@ class NeighborSensor(Sensor):
             self._last[0] = [*near[node_id]]
         self._last[1] = (node_id,)
 
-    @of_data
+    @refuse_set_data
     def last_view(self) -> SensorView:
         """The nodes seen last."""
-        return SensorView(nodes=self.places_of(self._view_data()))
+        return SensorView(nodes=self.places_of(self._get_view_data()))
 
 
 class AgentSensor(DetectingSensor, GroundSensor):
@@ -359,7 +363,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if heading == ALL_AROUND and (notice is None or notice.reports_all) and not self._is_occluded:
             data = nearby.by_name(place, radius, own)
         else:
-            positions, rows, look = self._found(place, heading)
+            positions, rows, look = self._find_agents(place, heading)
             data = positions.found(rows)
             if positions.travellers and (look is None or not self.notice.has_errors):
                 data.update(nearby.on_edges(positions, rows))
@@ -375,7 +379,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         """A key shared by all sensors that look in all directions from their agents' nodes, and report all they see."""
         return super().looks_alike if self._notice is None or self._notice.reports_all else None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def shared_look(self) -> Callable[[], sight.RangeSearch | None]:
         """Return a function that returns a search for agents, which sensors that look alike share while agents decide.
 
@@ -391,19 +395,19 @@ class AgentSensor(DetectingSensor, GroundSensor):
             ids = as_node_ids(node_ids, "node_ids", self.ctx.graph)
             reports = list[dict[str, int]]()
             for id in ids:
-                positions, rows, look = self._found(self.place(id), heading)
+                positions, rows, look = self._find_agents(self.place(id), heading)
                 seen = positions.found(rows)
                 if own is not None:
                     seen.pop(own, None)
                 reports.append(seen if look is None else self._report(look, id, seen))
-            return self._named(reports)
+            return self._make_results(reports)
 
-    def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
+    def _find_covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        view = self._viewpoint(self.place(node_id))
-        nodes = nodes_ahead(self.ctx, view, self.range, self.fov, heading)
+        view = self._make_viewpoint(self.place(node_id))
+        nodes = find_nodes_ahead(self.ctx, view, self.range, self.fov, heading)
         if self._is_occluded:
-            is_seen = in_sight(self.ctx, view, nodes, self.range, self._observer_height)
+            is_seen = find_in_sight(self.ctx, view, nodes, self.range, self._observer_height)
             nodes = NodeColumns(nodes.ids[is_seen], nodes.xy[is_seen])
         return nodes.ids, np.hypot(*(nodes.xy - (view.x, view.y)).T)
 
@@ -420,33 +424,33 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def _is_convex(self) -> bool:
         return not self._is_occluded and (self.fov == FULL_CIRCLE or self.fov <= pi)
 
-    @of_data
+    @refuse_set_data
     def last_view(self) -> SensorView:
         """Return the agents seen last, their positions at that time, and the field of view at that time."""
         graph = self.ctx.graph.graph
-        kept = [node for node in self._view_data().values() if graph.has_node(node)]
+        kept = [node for node in self._get_view_data().values() if graph.has_node(node)]
         agents = graph.positions(kept)
         for i, node in enumerate(kept):
             agents[i] = getattr(node, "xy", agents[i])
-        return self._with_field(SensorView(agents=agents, names=self._names()))
+        return self._add_field(SensorView(agents=agents, names=self._list_names()))
 
-    def _sighting(self, node_id: int) -> int:
+    def _make_sighting(self, node_id: int) -> int:
         return node_id
 
-    def _displaced(self, sightings: list[int], errors: FloatArray) -> list[int]:
+    def _displace_sightings(self, sightings: list[int], errors: FloatArray) -> list[int]:
         """Return the nodes nearest to the positions with errors."""
         graph = self.ctx.graph.graph
         x, y = (graph.positions(sightings) + errors[:, :2]).T
         nodes: list[int] = graph.nearest_node(x, y).tolist()
         return nodes
 
-    def _places(self, sightings: list[int]) -> IntArray:
+    def _list_places(self, sightings: list[int]) -> IntArray:
         return np.array(sightings, np.int64)
 
-    def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int], LookDraws | None]:
+    def _find_agents(self, place: Place, heading: Heading) -> tuple[Positions, list[int], LookDraws | None]:
         """Return the positions of agents, the rows of seen agents, ascending, and the look, if it was counted."""
         nearby = self._memory.nearby
-        view = self._viewpoint(place)
+        view = self._make_viewpoint(place)
         if heading == ALL_AROUND:
             positions, rows = nearby.around(view, self.range)
         else:
@@ -455,27 +459,27 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if notice is not None:
             rows = notice.wanted(rows, positions.teams)
         if self._is_occluded:
-            rows = self._unhidden(view, rows, positions)
+            rows = self._remove_hidden(view, rows, positions)
         if notice is None or not notice.needs_look:
             return positions, rows, None
         look = notice.look(self.ctx, self._owner)
         if notice.needs_chance:
             distances = np.hypot(*(nearby.xy(rows) - (view.x, view.y)).T)
             names = [positions.names[row] for row in rows]
-            rows = _selected(rows, notice.is_noticed(look, names, distances))
+            rows = _select_rows(rows, notice.is_noticed(look, names, distances))
         return positions, rows, look
 
-    def _unhidden(self, view: Viewpoint, rows: list[int], positions: Positions) -> list[int]:
+    def _remove_hidden(self, view: Viewpoint, rows: list[int], positions: Positions) -> list[int]:
         """Return the rows of agents that no obstacle hides; visibility tables know nodes, but not places on edges."""
         xy = self._memory.nearby.xy
         height = self._observer_height
         between = [row for row in rows if positions.on_edge(row) is not None] if positions.travellers else []
         on_nodes = sorted({*rows}.difference(between)) if between else rows
         nodes = NodeColumns(positions.node_ids_of(on_nodes), xy(on_nodes))
-        seen = _selected(on_nodes, in_sight(self.ctx, view, nodes, self.range, height))
+        seen = _select_rows(on_nodes, find_in_sight(self.ctx, view, nodes, self.range, height))
         if between:
             places = NodeColumns(positions.node_ids_of(between), xy(between))
-            seen += _selected(between, is_unhidden(self.ctx, view, places, height))
+            seen += _select_rows(between, is_unhidden(self.ctx, view, places, height))
         return sorted(seen)
 
 
@@ -485,15 +489,15 @@ class OccludedAgentSensor(OccludedSensor, AgentSensor):
     __slots__ = ()
 
 
-def _edges_of(views: list[View]) -> LookResults:
-    return sensed_arrays([view.edge_ids for view in views])
+def _collect_edges(views: list[View]) -> LookResults:
+    return make_results([view.edge_ids for view in views])
 
 
-def _selected(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:
+def _select_rows(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:
     return [row for row, is_in in zip(rows, is_kept.tolist(), strict=True) if is_in]
 
 
-def checked_place(ctx: IContext, at: object, name: str) -> Place:
+def check_place(ctx: IContext, at: object, name: str) -> Place:
     """Check a place passed by a caller: a node id or (x, y).
 
     Raises:

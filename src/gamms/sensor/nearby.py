@@ -12,7 +12,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core import sight
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import UnknownName
 from gamms.ir.columns import ChangeLog
 from gamms.ir.graph import FloatArray, IntArray, as_node_id
@@ -77,7 +77,7 @@ class NearbyAgents(sight.AgentIndex):
 
     def __init__(self, ctx: IContext) -> None:
         self.places_of_nodes = NodePositions(ctx)
-        super().__init__(phase_of(ctx), sight.AgentPositions(self.places_of_nodes))
+        super().__init__(get_phase(ctx), sight.AgentPositions(self.places_of_nodes))
         self._ctx = ctx
         self._graph: IGraph | None = None
         self._travellers = AgentsOnEdges(ctx)
@@ -94,7 +94,7 @@ class NearbyAgents(sight.AgentIndex):
         """
         positions = self._catch_up()
         reach = kernels.widened(radius)
-        rows = set(self._rows_within(positions, x, y, reach))
+        rows = set(self._find_rows_within(positions, x, y, reach))
         is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
         rows.update(positions.flyers[is_near].tolist())
         return np.array(sorted(rows.difference(positions.inactive)), np.int64)
@@ -143,9 +143,9 @@ class NearbyAgents(sight.AgentIndex):
             found = self.find_sight(radius) if looks is None else looks
             if type(place) is int:
                 return found.seen_from(place, own or "")
-            x, y = self._coordinates_of(place)
+            x, y = self._find_coordinates(place)
             return found.by_name(x, y, own or "")
-        rows = self._rows_within(positions, *self._coordinates_of(place), radius)
+        rows = self._find_rows_within(positions, *self._find_coordinates(place), radius)
         nodes = positions.found(rows)
         nodes.update(self.on_edges(positions, rows))
         nodes.pop(own or "", None)
@@ -168,7 +168,7 @@ class NearbyAgents(sight.AgentIndex):
             UnknownName (KeyError): the node of an agent was removed.
         """
         positions = self._catch_up()
-        return positions, self._rows_within(positions, view.x, view.y, radius)
+        return positions, self._find_rows_within(positions, view.x, view.y, radius)
 
     def ahead(
         self, view: Viewpoint, radius: float, heading: tuple[float, float], fov: float
@@ -184,13 +184,13 @@ class NearbyAgents(sight.AgentIndex):
             rows = sorted([*rows, *compress(moving, kernels.in_cone(dx, dy, heading, fov).tolist())])
         return positions, rows
 
-    def _rows_within(self, positions: Positions, x: float, y: float, radius: float) -> list[int]:
+    def _find_rows_within(self, positions: Positions, x: float, y: float, radius: float) -> list[int]:
         rows = self.find_sight(radius).rows(x, y)
         if positions.travellers:
             rows = sorted([*rows, *self._travellers.within(positions, (x, y), radius)])
         return rows
 
-    def _coordinates_of(self, place: Place) -> tuple[float, float]:
+    def _find_coordinates(self, place: Place) -> tuple[float, float]:
         if isinstance(place, tuple):
             return coordinates(self._ctx, place)
         return self.places_of_nodes[
@@ -300,7 +300,7 @@ class AgentsOnEdges:
     def place(self, positions: Positions, row: int) -> tuple[float, float] | None:
         """Return the position of an agent on an edge, or at its node if the edge was removed; None for others."""
         self._catch_up(positions)
-        return self._place(positions, row)
+        return self._locate_agent(positions, row)
 
     def within(self, positions: Positions, place: tuple[float, float], radius: float) -> list[int]:
         """Return the rows of the living agents on edges within `radius` of a place, the border included, ascending."""
@@ -311,7 +311,7 @@ class AgentsOnEdges:
         is_near = (left <= x + reach) & (right >= x - reach) & (low <= y + reach) & (high >= y - reach)
         found = []
         for row in np.flatnonzero(is_near).tolist():
-            at_x, at_y = self._place(positions, row) or (inf, inf)
+            at_x, at_y = self._locate_agent(positions, row) or (inf, inf)
             dx = at_x - x
             dy = at_y - y
             if dx * dx + dy * dy <= radius * radius and row not in positions.inactive:
@@ -328,7 +328,7 @@ class AgentsOnEdges:
         edge = progress.source, progress.target, progress.edge
         return PassedNode(node, edge, progress.share * self._edges[row][1], xy)
 
-    def _place(self, positions: Positions, row: int) -> tuple[float, float] | None:
+    def _locate_agent(self, positions: Positions, row: int) -> tuple[float, float] | None:
         if row not in self._places:
             progress = positions.on_edge(row)
             self._places[row] = None if progress is None else self._edges[row][0].at(progress.share)[:2]
@@ -382,7 +382,7 @@ class SensorCaches:
         self.nearby = NearbyAgents(ctx)
 
 
-def caches_of(ctx: IContext) -> SensorCaches:
+def get_caches(ctx: IContext) -> SensorCaches:
     """Return the caches of the context's sensor engine; new ones for a sensor in a custom engine."""
     shared = getattr(getattr(ctx.sensor, "storage", None), "memory", None)
     return shared if isinstance(shared, SensorCaches) else SensorCaches(ctx)

@@ -7,7 +7,7 @@ from math import hypot, inf
 from typing import Any, ClassVar, Self, TypeVar, cast
 
 from gamms.arguments import as_float, as_name, as_range
-from gamms.deciding import UNKNOWN_LOOK, ContextPart, DecidePhase, phase_of, refuse_unknown_look, refused_while_deciding
+from gamms.deciding import UNKNOWN_LOOK, ContextPart, DecidePhase, get_phase, refuse_unknown_look, refuse_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensor_results import SensorView
@@ -30,7 +30,7 @@ _OURS = "gamms.sensor."
 _UNIT = 1e-9  # directions whose length differs from 1 by less are stored unchanged
 
 
-def of_data(look: Callable[[S], R]) -> Callable[[S], R]:
+def refuse_set_data(look: Callable[[S], R]) -> Callable[[S], R]:
     """Decorate a method that reads `data`, to raise BadValue if a caller has set `data` to something invalid."""
 
     @wraps(look)
@@ -73,14 +73,14 @@ class Sensor(ContextPart, ISensor):
     _owner: str | None
 
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
-        phase = phase_of(ctx)
+        phase = get_phase(ctx)
         phase.refuse("make a sensor")
         put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks)
         put(self, "_phase", phase)
         put(self, "_last", [None, None])
         put(self, "ctx", ctx)
         put(self, "sensor_id", as_name(sensor_id, "a sensor"))
-        put(self, "type", _checked_type(sensor_type, "type"))
+        put(self, "type", _check_type(sensor_type, "type"))
         put(self, "_owner", None)
 
     def __init_subclass__(cls, **kwargs: object) -> None:
@@ -131,25 +131,25 @@ class Sensor(ContextPart, ISensor):
     def data(self, data: object) -> None:
         self._last[0] = data
 
-    def _view_data(self) -> Any:
+    def _get_view_data(self) -> Any:
         """Return the data to draw: `data`, or the data of the underlying kind; see `catalog.derived`."""
         return {} if self._last[0] is UNKNOWN_LOOK else self.data
 
-    def _place_of_look(self) -> Any:
+    def _get_place_of_look(self) -> Any:
         """Return the place of the last look: the id of a node, (x, y) or (x, y, z); None before a look."""
         return self._last[1] and self._last[1][0]
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def update(self, data: dict[str, Any]) -> None:
         """Ignore `data`: a built-in sensor collects its own data."""
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_owner(self, owner: str | None) -> None:
         """Set the name of the agent that carries the sensor; None for no agent."""
         self._phase.owner_changes += 1
         object.__setattr__(self, "_owner", None if owner is None else as_name(owner, "the owner of a sensor"))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def reset(self) -> None:
         """Clear the sensed data."""
         self._last[:] = [] if isinstance(self._last[0], list) else {}, None
@@ -165,12 +165,12 @@ class Sensor(ContextPart, ISensor):
         """Whether its only state is the data it has shown."""
         return True
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def data_from(self, place: Any, owner: str | None) -> Any:
         """Return the `data` that an agent would get now; the look is not counted."""
         return self._looking_from(place, owner)._data_for_owner()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return the present view, for drawing; for custom classes, the last view."""
         if not self._is_ours:
@@ -180,7 +180,7 @@ class Sensor(ContextPart, ISensor):
         except UnknownName:  # a node is gone
             return SensorView()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def preview(self, place: object, owner: str | None) -> tuple[Any, SensorView]:
         """Return the `data` that an agent would get now, and its view for drawing; the look is not counted.
 
@@ -190,7 +190,7 @@ class Sensor(ContextPart, ISensor):
         looking = self._looking_from(place, owner)
         return looking._data_for_owner(), looking.last_view()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def view_of(self, data: object, place: int | tuple[float, ...], owner: str | None) -> SensorView:
         """Return the view of a report, for drawing, without a look.
 
@@ -232,7 +232,7 @@ class Sensor(ContextPart, ISensor):
         return graph.positions([id for id in node_ids if graph.has_node(id)])
 
 
-def checked_orientation(value: Iterable[object], name: str) -> Heading:
+def check_orientation(value: Iterable[object], name: str) -> Heading:
     """Check an orientation, and return it as `(cos, sin)` of length 1.
 
     Raises:
@@ -248,7 +248,7 @@ def checked_orientation(value: Iterable[object], name: str) -> Heading:
     return (x, y) if abs(length - 1.0) <= _UNIT else (x / length, y / length)
 
 
-def _checked_type(value: object, name: str) -> SensorType:
+def _check_type(value: object, name: str) -> SensorType:
     if not isinstance(value, SensorType):
         raise BadType(f"{name} must be a SensorType, not {shown(value)}.")
     return value
@@ -258,6 +258,6 @@ Sensor._CHECKS = {
     "sensor_id": lambda value, _: as_name(value, "a sensor"),
     "range": as_range,
     "fov": as_range,
-    "orientation": checked_orientation,
+    "orientation": check_orientation,
     "observer_height": as_float,
 }

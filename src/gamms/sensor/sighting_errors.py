@@ -38,17 +38,17 @@ class LookDraws(NamedTuple):
 
     def bits(self, names: Iterable[str], purpose: str) -> BitArray:
         """Return 64 random bits for each name, (names,)."""
-        return self._bits(kernels.name_keys(names), purpose)
+        return self._draw_bits(kernels.name_keys(names), purpose)
 
     def noise(self, names: Sequence[str], deviation: float) -> FloatArray:
         """Return the position errors of agents, (names, 3)."""
         keys = kernels.name_keys(names)
-        axes = [kernels.normals(self._bits(keys, "position noise", axis).tolist()) for axis in AXES]
+        axes = [kernels.normals(self._draw_bits(keys, "position noise", axis).tolist()) for axis in AXES]
         return deviation * np.column_stack(axes)
 
     def count_false_alarms(self, rate: float) -> int:
         """Draw the number of false alarms, with mean `rate`."""
-        return kernels.poisson(self._one("false alarms"), rate)
+        return kernels.poisson(self._draw_one("false alarms"), rate)
 
     def false_alarms(
         self, count: int, among: PossibleFalseAlarms, but: Collection[str], node_ids: IntArray
@@ -68,28 +68,28 @@ class LookDraws(NamedTuple):
             left = np.array([i for i, name in enumerate(names) if name not in but], np.int64)
         # each agent draws a number and the highest counts, so that one agent hardly affects others
         for i in range(count):
-            lots = self._bits(keys[left], "false alarm", i)
+            lots = self._draw_bits(keys[left], "false alarm", i)
             while len(left):
                 highest = int(lots.argmax())
                 name = names[left[highest]]
                 left = np.delete(left, highest)
                 lots = np.delete(lots, highest)
                 if name not in but:
-                    found[name] = int(node_ids[kernels.below(self._one("false alarm", "place", i), len(node_ids))])
+                    found[name] = int(node_ids[kernels.below(self._draw_one("false alarm", "place", i), len(node_ids))])
                     break
         return found
 
-    def _bits(self, keys: BitArray, purpose: str, *which: str | int) -> BitArray:
-        return kernels.draw_bits_rows(self._key(purpose, *which), keys, self.turn, self.number)
+    def _draw_bits(self, keys: BitArray, purpose: str, *which: str | int) -> BitArray:
+        return kernels.draw_bits_rows(self._make_key(purpose, *which), keys, self.turn, self.number)
 
-    def _one(self, purpose: str, *which: str | int) -> int:
-        return kernels.draw_bits(self._key(purpose, *which), kernels.name_key(""), self.turn, self.number)
+    def _draw_one(self, purpose: str, *which: str | int) -> int:
+        return kernels.draw_bits(self._make_key(purpose, *which), kernels.name_key(""), self.turn, self.number)
 
-    def _key(self, purpose: str, *which: str | int) -> int:
+    def _make_key(self, purpose: str, *which: str | int) -> int:
         return kernels.purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)
 
 
-def delayed(ctx: IContext, look: LookDraws, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
+def find_delayed(ctx: IContext, look: LookDraws, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
     """Return the data of an earlier look as plain values: the latest look that is at least `delay` turns old.
 
     Args:

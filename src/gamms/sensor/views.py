@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.sensor import fov_geometry
@@ -48,7 +48,7 @@ class ViewCache:
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._graph: IGraph | None = None
         self._moment: object = None
         self._revision: Any = None
@@ -75,7 +75,7 @@ class ViewCache:
         try:
             return self._seen[kind][key]
         except KeyError:
-            return self._keep(kind, key, self._ahead(place, radius, fov, heading))
+            return self._keep(kind, key, self._find_ahead(place, radius, fov, heading))
         except TypeError:  # not hashable
             return self.look(as_node_id(place, "The id of a node", self._ctx.graph), radius, fov, heading)
 
@@ -84,10 +84,10 @@ class ViewCache:
         is_valid = self._revision is not None and self._revision == self._ctx.graph.graph.revision
         return self._seen.get(radius, {}) if is_valid else {}
 
-    def _ahead(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
+    def _find_ahead(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
         graph = self._ctx.graph.graph
         if isinstance(place, tuple):
-            return graph.among(nodes_ahead(self._ctx, Viewpoint.at(self._ctx, place), radius, fov, heading).ids)
+            return graph.among(find_nodes_ahead(self._ctx, Viewpoint.at(self._ctx, place), radius, fov, heading).ids)
         return graph.within(place, radius, fov, heading)
 
     def _forget(self, revision: object) -> None:
@@ -97,7 +97,7 @@ class ViewCache:
 
     def _keep(self, kind: Hashable, place: Place, seen: Surroundings) -> View:
         """Cache a view if it is small enough; when the cache is full, drop one in a few views."""
-        words = _words(seen)
+        words = _count_words(seen)
         view = View(*seen)
         if self._revision is None or words > _MOST_WORDS:
             return view
@@ -114,12 +114,12 @@ class ViewCache:
         while self._seen and self._words + words > _MOST_WORDS:
             for kind, views in list(self._seen.items()):
                 for place in list(views)[::_PART]:
-                    self._words -= _words(views.pop(place))
+                    self._words -= _count_words(views.pop(place))
                 if not views:
                     del self._seen[kind]
 
 
-def _words(seen: Surroundings) -> int:
+def _count_words(seen: Surroundings) -> int:
     return _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
 
 
@@ -139,7 +139,7 @@ class OccludedViewCache(ViewCache):
         try:
             return self._seen[kind][place]
         except KeyError:
-            ids = self._ids_in_sight(place, radius, fov, heading, height, tunnel)
+            ids = self._find_ids_in_sight(place, radius, fov, heading, height, tunnel)
             return self._keep(kind, place, self._ctx.graph.graph.among(ids))
         except TypeError:  # not hashable
             return self.look_past(
@@ -153,18 +153,18 @@ class OccludedViewCache(ViewCache):
         if key not in self._areas:
             if len(self._areas) >= _MOST_AREAS:
                 self._areas.clear()
-            self._areas[key] = self._area_in_sight(place, sector, height)
+            self._areas[key] = self._find_area_in_sight(place, sector, height)
         return self._areas[key]
 
-    def _area_in_sight(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
+    def _find_area_in_sight(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
         radius, heading, fov = sector
         see = self._ctx.graph.visible
         end = _FAR_BEYOND * float(np.abs(self._ctx.graph.columns().xy - place).max(initial=0.0))
         within = min(radius, end) if radius < inf and end > 0.0 else radius
-        level = float(ground_at(self._ctx, place).z[0]) + height  # the area is computed at the height of the eyes
+        level = float(find_ground(self._ctx, place).z[0]) + height  # the area is computed at the height of the eyes
         origin = np.array([*place, level])
-        return fov_geometry.area_in_sight(
-            lambda points: see(origin, at_height(points, level)), *place, within, heading, fov
+        return fov_geometry.find_area_in_sight(
+            lambda points: see(origin, raise_to_height(points, level)), *place, within, heading, fov
         )
 
     def _renew(self) -> None:
@@ -174,16 +174,16 @@ class OccludedViewCache(ViewCache):
             self._forget(None if None in revision else revision)
             self._areas.clear()
 
-    def _ids_in_sight(
+    def _find_ids_in_sight(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int
     ) -> IntArray:
         view = Viewpoint.at(self._ctx, place, tunnel)
         table = None if view.node is None else self._ctx.graph.visibility_table(radius, height)
         if table is not None and table.radius == radius and view.node is not None:  # the table already has the range
             ids = table.from_node(view.node)
-            return ahead_of(NodeColumns(ids, self._ctx.graph.graph.positions(ids)), view, fov, heading).ids
-        nodes = nodes_ahead(self._ctx, view, radius, fov, heading)
-        return nodes.ids[in_sight(self._ctx, view, nodes, radius, height)]
+            return select_ahead(NodeColumns(ids, self._ctx.graph.graph.positions(ids)), view, fov, heading).ids
+        nodes = find_nodes_ahead(self._ctx, view, radius, fov, heading)
+        return nodes.ids[find_in_sight(self._ctx, view, nodes, radius, height)]
 
 
 class Viewpoint(NamedTuple):
@@ -223,12 +223,14 @@ def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
     return x, y
 
 
-def nodes_ahead(ctx: IContext, view: Viewpoint, radius: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
+def find_nodes_ahead(
+    ctx: IContext, view: Viewpoint, radius: float, fov: float, heading: tuple[float, float]
+) -> NodeColumns:
     """Return the nodes in range and inside the field of view, as arrays."""
-    return ahead_of(ctx.graph.graph.nodes_near(view.x, view.y, radius), view, fov, heading)
+    return select_ahead(ctx.graph.graph.nodes_near(view.x, view.y, radius), view, fov, heading)
 
 
-def ahead_of(nodes: NodeColumns, view: Viewpoint, fov: float, heading: tuple[float, float]) -> NodeColumns:
+def select_ahead(nodes: NodeColumns, view: Viewpoint, fov: float, heading: tuple[float, float]) -> NodeColumns:
     """Return the nodes that are inside the field of view."""
     if fov == FULL_CIRCLE or heading == (0.0, 0.0):
         return nodes
@@ -237,7 +239,7 @@ def ahead_of(nodes: NodeColumns, view: Viewpoint, fov: float, heading: tuple[flo
     return NodeColumns(ids[is_ahead], xy[is_ahead])
 
 
-def in_sight(
+def find_in_sight(
     ctx: IContext, view: Viewpoint, nodes: NodeColumns, radius: float, height: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether no obstacle hides each node; all sight lines run `height` above the ground.
@@ -252,16 +254,16 @@ def in_sight(
 
 def is_unhidden(ctx: IContext, view: Viewpoint, nodes: NodeColumns, height: float) -> BoolArray:
     """Return whether no obstacle hides each node or an adjacent place, without a visibility table."""
-    here = ground_at(ctx, (view.x, view.y) if view.node is None else view.node)
+    here = find_ground(ctx, (view.x, view.y) if view.node is None else view.node)
     there = ctx.graph.graph.ground(nodes.ids)
     origin = here.eyes(np.array([(view.x, view.y)]), height)[0]
     if there is None:
-        return ctx.graph.visible(origin, at_height(nodes.xy, height))
+        return ctx.graph.visible(origin, raise_to_height(nodes.xy, height))
     is_near: BoolArray = there.tunnels == (view.tunnel if view.node is None else here.tunnels)
     return is_near & ctx.graph.visible(origin, there.eyes(nodes.xy, height))
 
 
-def ground_at(ctx: IContext, place: Place) -> NodeGround:
+def find_ground(ctx: IContext, place: Place) -> NodeGround:
     """Return the ground at one place; for (x, y) the surface, at the height of the nearest node."""
     graph = ctx.graph.graph
     if not isinstance(place, tuple):
@@ -272,7 +274,7 @@ def ground_at(ctx: IContext, place: Place) -> NodeGround:
     return _SURFACE if ground is None else ground
 
 
-def at_height(xy: FloatArray, height: float) -> FloatArray:
+def raise_to_height(xy: FloatArray, height: float) -> FloatArray:
     """Return points (points, 3) above places (points, 2) of a flat map."""
     return np.column_stack([xy, np.full(len(xy), height)])
 
@@ -281,5 +283,5 @@ def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray,
     """Return the nodes as points (nodes, 3) on the ground, and a mask of the nodes that are not in a tunnel."""
     ground = ctx.graph.graph.ground(ids)
     if ground is None:
-        return at_height(xy, 0.0), np.ones(len(xy), np.bool_)
+        return raise_to_height(xy, 0.0), np.ones(len(xy), np.bool_)
     return ground.eyes(xy, 0.0), ground.tunnels == 0

@@ -50,10 +50,10 @@ class SensorObserver:
                 if node >= 0:
                     agent.prev_node_id = node
                     agent.current_node_id = node
-            self._seen[places] = tuple([self._look(agent) if agent.alive else "" for agent in self._agents])
+            self._seen[places] = tuple([self._describe_look(agent) if agent.alive else "" for agent in self._agents])
         return self._seen[places]
 
-    def _look(self, agent: IAgent) -> str:
+    def _describe_look(self, agent: IAgent) -> str:
         return repr(as_sorted(agent.get_state().copy()))
 
     def is_reliable(self, agent: int) -> bool:
@@ -63,34 +63,34 @@ class SensorObserver:
 
 
 @contextmanager
-def observing(table: Table) -> Iterator[SensorObserver]:
+def open_observer(table: Table) -> Iterator[SensorObserver]:
     """Make an observer for the states of a table, and terminate its context afterwards."""
     with table.setup.scenario.build(table.setup.seed) as ctx:
         yield SensorObserver(ctx, table)
 
 
-def sensor_information(table: Table) -> dict[str, str]:
+def find_sensor_information(table: Table) -> dict[str, str]:
     """Return how much the sensors of each deciding team show; see `Solution.sees`."""
     if table.sorted_agents is not None:  # sensors may tell agents apart that are sorted
         table = explore(table.setup._replace(max_states=maxsize), by_winner=table.by_winner)
-    with observing(table) as observer:
+    with open_observer(table) as observer:
         if observer.is_full:
             return dict.fromkeys(table.setup.teams, "full")
-        return {team: _seen_by(table, observer, side) for side, team in enumerate(table.setup.teams)}
+        return {team: _find_observability(table, observer, side) for side, team in enumerate(table.setup.teams)}
 
 
-def _seen_by(table: Table, observer: SensorObserver, side: int) -> str:
+def _find_observability(table: Table, observer: SensorObserver, side: int) -> str:
     """Return "full", "team" or "agent": who in a team can tell all positions from observations."""
     members = table.members(side).tolist()
     groups = [(agent,) for agent in members]
     if not all(observer.is_reliable(agent) for agent in members):
         return "agent"
-    if all(_tells_apart(table, observer, group) for group in groups):
+    if all(_has_distinct_observations(table, observer, group) for group in groups):
         return "full"
-    return "team" if len(members) > 1 and _tells_apart(table, observer, tuple(members)) else "agent"
+    return "team" if len(members) > 1 and _has_distinct_observations(table, observer, tuple(members)) else "agent"
 
 
-def _tells_apart(table: Table, observer: SensorObserver, agents: tuple[int, ...]) -> bool:
+def _has_distinct_observations(table: Table, observer: SensorObserver, agents: tuple[int, ...]) -> bool:
     """Return whether observations of some agents together determine all positions, in states where one is alive."""
     known: dict[tuple[str, ...], tuple[tuple[int, ...], tuple[bool, ...]]] = {}
     states = [state for state in range(len(table)) if table.offsets[state] < table.offsets[state + 1]]

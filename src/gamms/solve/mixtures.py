@@ -13,18 +13,18 @@ from gamms.context import Context
 from gamms.errors import BadValue, TooLarge
 from gamms.ir.graph import FloatArray
 from gamms.scenario import Scenario
-from gamms.solve.information import sensor_information
+from gamms.solve.information import find_sensor_information
 from gamms.solve.solution import (
     MAX_STATES,
     TOLERANCE,
     Reward,
     SolvedStrategy,
     TableStrategy,
-    checked_discount,
+    check_discount,
+    find_rewards,
     looks_at_winners,
+    make_setup,
     read_rewards,
-    rewards_of,
-    setup_of,
     teams_of,
 )
 from gamms.solve.stages import Bound, Rewards, ValueIteration
@@ -174,7 +174,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
         TooLarge: see `solve`; or the first best responses exceed `max_nodes`.
     """
     teams = teams_of(scenario, team)
-    share = checked_discount(reward, discount)
+    share = check_discount(reward, discount)
     most = as_count(iterations, "iterations")
     nodes = as_count(max_nodes, "max_nodes")
     if len(teams) != 2:
@@ -183,7 +183,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
             "strategies to all teams but one, and use best_response."
         )
     table = explore(
-        setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states),
+        make_setup(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states),
         by_winner=looks_at_winners(reward),
         merges=not callable(reward),
     )
@@ -192,7 +192,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
             f"double_oracle needs a game with a last turn, up to {_MOST_TURNS}, not {table.last_turn}: give turns=, or "
             "use solve, which needs none."
         )
-    game = _StrategyGame(table, rewards_of(table, reward, share, teams[0]), nodes)
+    game = _StrategyGame(table, find_rewards(table, reward, share, teams[0]), nodes)
     found: DoubleOracle | None = None
     try:
         for _ in range(most):
@@ -356,70 +356,70 @@ class _BestResponse:
         self._best: dict[tuple[int, int, int, int | None], tuple[float, int]] = {}
         self._after: dict[tuple[int | None, ...], int] = {}
         self._sign = 1.0 if side == 0 else -1.0
-        self._number(tuple((k, 0) for k in np.flatnonzero(shares).tolist()))
-        self.value = self._sign * self._worth(0, 0, 0)
+        self._number_beliefs(tuple((k, 0) for k in np.flatnonzero(shares).tolist()))
+        self.value = self._sign * self._compute_worth(0, 0, 0)
 
     def act(self, turn: int, state: int, seen: int, other: int | None) -> int:
         """Return its joint action; `other` is the other team's, if that team has moved first."""
-        return self._chosen(turn, state, seen, other)[1]
+        return self._choose_action(turn, state, seen, other)[1]
 
     def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
         """Return the number of the history after a turn that has led to state `later`."""
         key = turn, state, seen, other, own, later
         if key not in self._after:
             self._game.count_node()
-            self._after[key] = self._seen_after(turn, state, seen, other, own, later)
+            self._after[key] = self._find_seen(turn, state, seen, other, own, later)
         return self._after[key]
 
-    def _seen_after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
+    def _find_seen(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
         found = []
         is_second = other is not None
         for k, its in self._beliefs[seen]:
-            does = self._does(turn, state, k, its, own)
+            does = self._find_action(turn, state, k, its, own)
             if does == other if is_second else self._game.later[self._game.row(state, self._side, own, does)] == later:
                 found.append((k, does, its))
         # If no strategy would have done that, all of them stay possible.
-        every = found or [(k, self._does(turn, state, k, its, own), its) for k, its in self._beliefs[seen]]
+        every = found or [(k, self._find_action(turn, state, k, its, own), its) for k, its in self._beliefs[seen]]
         given = None if is_second or not self._game.moves_second(1 - self._side) else own
-        return self._number(
+        return self._number_beliefs(
             tuple((k, self._others[k].after(turn, state, its, given, does, later)) for k, does, its in every)
         )
 
-    def _number(self, beliefs: tuple[tuple[int, int], ...]) -> int:
+    def _number_beliefs(self, beliefs: tuple[tuple[int, int], ...]) -> int:
         if beliefs not in self._numbers:
             self._numbers[beliefs] = len(self._beliefs)
             self._beliefs.append(beliefs)
         return self._numbers[beliefs]
 
-    def _does(self, turn: int, state: int, k: int, its: int, own: int) -> int:
+    def _find_action(self, turn: int, state: int, k: int, its: int, own: int) -> int:
         """Return the action of the other team's strategy number `k`."""
         return self._others[k].act(turn, state, its, own if self._game.moves_second(1 - self._side) else None)
 
-    def _worth(self, turn: int, state: int, seen: int) -> float:
+    def _compute_worth(self, turn: int, state: int, seen: int) -> float:
         """Return the team's future reward, weighted by the probabilities of the possible strategies."""
         if self._game.is_over(turn, state):
             return 0.0
         if not self._game.moves_second(self._side):
-            return self._chosen(turn, state, seen, None)[0]
-        others = {self._does(turn, state, k, its, 0) for k, its in self._beliefs[seen]}
-        return sum(self._chosen(turn, state, seen, other)[0] for other in sorted(others))
+            return self._choose_action(turn, state, seen, None)[0]
+        others = {self._find_action(turn, state, k, its, 0) for k, its in self._beliefs[seen]}
+        return sum(self._choose_action(turn, state, seen, other)[0] for other in sorted(others))
 
-    def _chosen(self, turn: int, state: int, seen: int, other: int | None) -> tuple[float, int]:
+    def _choose_action(self, turn: int, state: int, seen: int, other: int | None) -> tuple[float, int]:
         """Return the team's future reward for its best joint action, and that action."""
         key = turn, state, seen, other
         if key not in self._best:
             self._game.count_node()
             worths = list[float]()
             for action in range(int(self._game.table.sizes[state, self._side])):  # a comprehension would add a frame
-                worths.append(self._worth_of(turn, state, seen, other, action))
+                worths.append(self._compute_worth_of_state(turn, state, seen, other, action))
             best = max(worths)
             self._best[key] = best, worths.index(best)
         return self._best[key]
 
-    def _worth_of(self, turn: int, state: int, seen: int, other: int | None, own: int) -> float:
+    def _compute_worth_of_state(self, turn: int, state: int, seen: int, other: int | None, own: int) -> float:
         total = 0.0
         laters = dict[int, None]()
-        does = [(k, self._does(turn, state, k, its, own)) for k, its in self._beliefs[seen]]
+        does = [(k, self._find_action(turn, state, k, its, own)) for k, its in self._beliefs[seen]]
         if other is not None:  # if no strategy does that, all of them are assumed to have done it
             does = [one for one in does if one[1] == other] or [(k, other) for k, _ in does]
         for k, action in does:
@@ -428,7 +428,7 @@ class _BestResponse:
             laters[self._game.later[row]] = None
         for later in laters:
             if not self._game.is_over(turn + 1, later):
-                total += self._worth(turn + 1, later, self.after(turn, state, seen, other, own, later))
+                total += self._compute_worth(turn + 1, later, self.after(turn, state, seen, other, own, later))
         return total
 
 
@@ -443,13 +443,15 @@ class _MixedStrategy(TableStrategy):
     def __repr__(self) -> str:
         return f"DoubleOracle.strategy({shown(self.team)})"
 
-    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
+    def _find_joint_action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
         strategies = self._game.strategies[self._side]
         turn = state["turn"]
         before = state["memory"].get(_MEMORY)
         if before is None:
             sums = np.cumsum(self._shares)
-            drawn = min(int(np.searchsorted(sums, self._drawn(ctx, _MEMORY, 0), side="right")), len(self._shares) - 1)
+            drawn = min(
+                int(np.searchsorted(sums, self._draw_number(ctx, _MEMORY, 0), side="right")), len(self._shares) - 1
+            )
             known = 0
         else:
             drawn, known, *last = before
@@ -508,8 +510,8 @@ class PoolResponse:
         self._rewards = [read_rewards(table, reward, 1.0, self.team) for table in self.tables]
         self._best: dict[tuple[int, _Belief], tuple[float, int]] = {}
         self.start: _Belief = tuple((member, 0) for member in range(len(members)))
-        self.value = self._value_before(0, self.start) + 0.0
-        seen = [sensor_information(table)[self.team] for table in self.tables]
+        self.value = self._compute_value_before(0, self.start) + 0.0
+        seen = [find_sensor_information(table)[self.team] for table in self.tables]
         self.bound: Bound = "exact" if set(seen) == {"full"} else "upper"
 
     def strategy(self) -> TableStrategy:
@@ -530,7 +532,7 @@ class PoolResponse:
                 raise BadValue("Legal moves differ at equal positions: an exact response to a pool needs equal ones.")
             values = list[float]()
             for action in range(actions.pop()):  # a comprehension would add a frame
-                values.append(self._value_of(turn, belief, action))
+                values.append(self._compute_value(turn, belief, action))
             best = max(values)
             self._best[key] = best, values.index(best)
         return self._best[key]
@@ -557,14 +559,14 @@ class PoolResponse:
             found[nodes] = (*found.get(nodes, ()), (member, state))
         return found
 
-    def _value_before(self, turn: int, belief: _Belief) -> float:
+    def _compute_value_before(self, turn: int, belief: _Belief) -> float:
         """Return the expected reward before the team has seen earlier moves of the turn."""
         total = 0.0
         for seen in self.list_seen(belief).values():
             total += self.choose(turn, seen)[0]
         return total
 
-    def _value_of(self, turn: int, belief: _Belief, action: int) -> float:
+    def _compute_value(self, turn: int, belief: _Belief, action: int) -> float:
         """Return the expected reward of a joint action."""
         total = 0.0
         for member, state in belief:
@@ -573,7 +575,7 @@ class PoolResponse:
             now = rewards.last if is_last and rewards.last is not None else rewards.usual
             total += self._shares[member] * float(now[self.tables[member].row_of(state, (action, 0))])
         for later in self.list_after(turn, belief, action).values():
-            total += self._value_before(turn + 1, later)
+            total += self._compute_value_before(turn + 1, later)
         return total
 
 
@@ -607,5 +609,5 @@ class _PoolResponseStrategy(SolvedStrategy):
         state["memory"][_MEMORY] = possible, action
         return response.tables[member].actions_of(number, 0, action)[state["name"]]
 
-    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:  # noqa: ARG002
-        return int(self._shares_of_actions(state["turn"], number, seen).argmax())
+    def _find_joint_action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:  # noqa: ARG002
+        return int(self._find_action_probabilities(state["turn"], number, seen).argmax())

@@ -4,7 +4,7 @@ A position is a *formation* of the pursuers, the place of the evader, and the si
 agents that obey turn restrictions a state of traffic, the edge by which they came. Pursuers on the same roads are
 interchangeable, so that a formation is a multiset of places; else it has a place of each. `PursuitTable` has an
 outcome for each position, which `gamms.core.pursuit` finds backward from captures and escapes. `pursuit` makes it for a
-graph, `recognized` for a scenario with these rules, which `solve` then need not explore.
+graph, `recognize_pursuit` for a scenario with these rules, which `solve` then need not explore.
 """
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_known, as_mapping, names_keywords
+from gamms.arguments import as_choice, as_count, as_known, as_mapping, explain_call_errors
 from gamms.context import Context
 from gamms.core import pursuit as core
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
@@ -31,14 +31,14 @@ from gamms.ir.graph import (
     IntArray,
     as_node_ids,
     find_usable_edges,
-    forbidden_paths,
     labels,
+    list_forbidden_paths,
     split_mode,
 )
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.limits import refuse_above
-from gamms.solve.solution import Choice, Reward, Solution, solved
+from gamms.solve.solution import Choice, Reward, Solution, solve_table
 from gamms.solve.stages import Bound
 from gamms.solve.table import Table, explore
 from gamms.solve.worlds import GameSetup, TurnTerms, name_shipped_rule
@@ -95,7 +95,7 @@ class Roads(NamedTuple):
     traffic: Traffic | None = None
 
 
-def roads_of(graph: object) -> Roads:
+def find_roads(graph: object) -> Roads:
     """Return the roads of a networkx graph or of `ctx.graph`.
 
     Raises:
@@ -105,37 +105,37 @@ def roads_of(graph: object) -> Roads:
     columns: Any = getattr(graph, "columns", None)
     edges: Any = getattr(graph, "edges", None)
     if callable(columns):
-        return _roads_of_columns(columns())
+        return _read_roads(columns())
     if callable(edges) and hasattr(graph, "is_directed"):
         known: Any = graph
         names = list(known)
         row_of = {name: row for row, name in enumerate(names)}
         ends = np.array([(row_of[source], row_of[target]) for source, target in edges()], np.int64).reshape(-1, 2)
         both = ends if known.is_directed() else np.concatenate((ends, ends[:, ::-1]))
-        return _roads(names, both[:, 0], both[:, 1], np.arange(len(names)))
+        return _make_roads(names, both[:, 0], both[:, 1], np.arange(len(names)))
     raise BadType(f"A pursuit needs a networkx graph or ctx.graph, not {shown(graph)}.")
 
 
-def _roads_of_columns(columns: GraphColumns) -> Roads:
+def _read_roads(columns: GraphColumns) -> Roads:
     """Return the roads of a map."""
     names = columns.node_ids.tolist()
-    return _roads(names, columns.sources, columns.targets, np.arange(len(names)))
+    return _make_roads(names, columns.sources, columns.targets, np.arange(len(names)))
 
 
 def _roads_of_mode(columns: GraphColumns, mode: str | None) -> Roads:
     """Return the roads of agents of a mode on its map; None: agents without a mode."""
     attribute, obeys_turns = (mode, False) if mode is None else split_mode(mode)
     if attribute is None or not obeys_turns:
-        return _roads_of_columns(columns)
-    paths = forbidden_paths(columns).get(attribute, [])
+        return _read_roads(columns)
+    paths = list_forbidden_paths(columns).get(attribute, [])
     routes = TurnRoutes(columns, columns.lengths, find_usable_edges(columns, attribute), paths)
     begins, ends, rows, nodes = routes.list_arcs()
     edges = np.full(len(nodes), -1)
     edges[ends] = columns.edge_ids[rows]
-    return _roads(columns.node_ids.tolist(), begins, ends, nodes)._replace(traffic=Traffic(columns, routes, edges))
+    return _make_roads(columns.node_ids.tolist(), begins, ends, nodes)._replace(traffic=Traffic(columns, routes, edges))
 
 
-def _roads(names: list[Any], begins: IntArray, ends: IntArray, nodes: IntArray) -> Roads:
+def _make_roads(names: list[Any], begins: IntArray, ends: IntArray, nodes: IntArray) -> Roads:
     """Return the roads of a graph with these moves between places, whose nodes are given by row."""
     if not names:
         raise BadValue("The graph has no nodes: a pursuit needs one at least.")
@@ -178,15 +178,17 @@ class PursuitTable:
         self._sizes = [len(one.nodes) for one in self.fleet]
         self._row_of = {label: row for row, label in enumerate(self.roads.labels)}
         self._refuse_large()
-        ranks = [[self._rank(place, number) for place in range(size)] for number, size in enumerate(self._sizes)]
-        self._ranks = [np.array(own, np.int64) for own in ranks]  # of each pursuer: (places,), see `_numbers`
+        ranks = [
+            [self._compute_rank(place, number) for place in range(size)] for number, size in enumerate(self._sizes)
+        ]
+        self._ranks = [np.array(own, np.int64) for own in ranks]  # of each pursuer: (places,), see `_number_formations`
         self.codes = self._find(self.formations())
 
     def formations(self) -> IntArray:
         """Return all formations, (formations, pursuers), as places, in the order of their numbers."""
-        return _formations(self._sizes[0], self.pursuers) if self._are_alike else _sequences(self._sizes)
+        return _list_formations(self._sizes[0], self.pursuers) if self._are_alike else _list_sequences(self._sizes)
 
-    def _rank(self, place: int, number: int) -> int:
+    def _compute_rank(self, place: int, number: int) -> int:
         """Return what a pursuer at a place, the `number`-th, adds to the number of a formation."""
         if self._are_alike:
             return comb(place + number, number + 1)
@@ -234,8 +236,8 @@ class PursuitTable:
             codes[:, rows, on_node[met]] = CAUGHT
         begins = np.repeat(np.arange(places), np.diff(self.roads.offsets))
         positions = core.Positions(
-            _moves(*self._team_moves(formations), len(formations)),
-            _moves(begins, self.roads.ends, places),
+            _group_moves(*self._list_team_moves(formations), len(formations)),
+            _group_moves(begins, self.roads.ends, places),
             codes.reshape(-1).data,
             np.zeros(codes.size, np.int32).data,
             np.zeros(codes.size // 2, np.int32).data,
@@ -245,7 +247,7 @@ class PursuitTable:
             core.find_forced(positions, ESCAPED)
         return codes
 
-    def _team_moves(self, formations: IntArray) -> tuple[IntArray, IntArray]:
+    def _list_team_moves(self, formations: IntArray) -> tuple[IntArray, IntArray]:
         """Return the formations before and after each joint move, each pair once."""
         degrees = [np.diff(one.offsets)[formations[:, number]] for number, one in enumerate(self.fleet)]
         counts = np.multiply.reduce(degrees)
@@ -259,7 +261,7 @@ class PursuitTable:
                 rows, moves = kernels.expand_ranges(roads.offsets[places], roads.offsets[places + 1])
                 before = before[rows]
                 after = np.column_stack((after[rows], roads.ends[moves]))
-            keys.append(np.unique(before * len(formations) + self._numbers(self._sort(after).T)))
+            keys.append(np.unique(before * len(formations) + self._number_formations(self._sort(after).T)))
         return np.divmod(np.concatenate(keys), len(formations))
 
     # -- single positions ---------------------------------------------------------------------------------------
@@ -285,18 +287,18 @@ class PursuitTable:
         node = self.roads.nodes[place]
         is_met = any(one.nodes[own] == node for one, own in zip(self.fleet, places, strict=True))
         if is_met or not self.exits[node]:
-            return int(self.codes[self.first, self._numbers(self._sort(places)), place])
+            return int(self.codes[self.first, self._number_formations(self._sort(places)), place])
         _, [after] = self.best(
             self.first, np.array([places]), np.array([place])
         )  # a game begins here, and has not ended
         return int(after) + int(np.sign(after))
 
-    def _codes_of(self, side: int, places: IntArray, place: IntArray) -> IntArray:
+    def _get_codes(self, side: int, places: IntArray, place: IntArray) -> IntArray:
         """Return the codes of positions: `places` (…, pursuers), `place` (…)."""
-        found: IntArray = self.codes[side, self._numbers(np.moveaxis(self._sort(places), -1, 0)), place]
+        found: IntArray = self.codes[side, self._number_formations(np.moveaxis(self._sort(places), -1, 0)), place]
         return found
 
-    def _numbers(self, places: Iterable[Any]) -> Any:  # Any: integers or arrays
+    def _number_formations(self, places: Iterable[Any]) -> Any:  # Any: integers or arrays
         """Return the numbers of formations.
 
         Args:
@@ -322,7 +324,7 @@ class PursuitTable:
         sign = 1 if side == PURSUERS else -1
         own = places if side == PURSUERS else place[:, None]
         roads = self.fleet if side == PURSUERS else [self.roads]
-        ways = [self._of_roads(one)[0] for one in roads]
+        ways = [self._make_table(one)[0] for one in roads]
         choices = np.indices([one.shape[1] for one in ways]).reshape(len(ways), -1)
         each = [one[own[:, None, i], choices[i]] for i, one in enumerate(ways)]
         ends = np.stack(each, axis=2)  # (games, choices, agents)
@@ -331,28 +333,28 @@ class PursuitTable:
             pursuers, evader = ends, np.broadcast_to(place[:, None], is_move.shape)
         else:
             pursuers, evader = np.broadcast_to(places[:, None, :], (*is_move.shape, places.shape[1])), ends[:, :, 0]
-        codes = self._codes_of(1 - side, np.where(is_move[:, :, None], pursuers, 0), np.where(is_move, evader, 0))
-        worth = np.where(is_move, sign * _worth(codes), -inf)
+        codes = self._get_codes(1 - side, np.where(is_move[:, :, None], pursuers, 0), np.where(is_move, evader, 0))
+        worth = np.where(is_move, sign * _rank_codes(codes), -inf)
         nodes = self.roads.nodes[evader]
-        distances = [self._of_roads(one)[1][pursuers[:, :, i], nodes] for i, one in enumerate(self.fleet)]
+        distances = [self._make_table(one)[1][pursuers[:, :, i], nodes] for i, one in enumerate(self.fleet)]
         far = sign * np.add.reduce(distances)
         is_best = worth == worth.max(axis=1, keepdims=True)
         best = np.where(is_best, far, inf).argmin(axis=1)
         games = np.arange(len(best))
         return ends[games, best], codes[games, best]
 
-    def _of_roads(self, roads: Roads) -> tuple[IntArray, FloatArray]:
-        """Return the moves and the distances on a graph; see `_ways_on` and `_distances_on`."""
-        if id(roads) not in self._known:
-            self._known[id(roads)] = _ways_on(roads), _distances_on(roads)
-        return self._known[id(roads)]
+    def _make_table(self, roads: Roads) -> tuple[IntArray, FloatArray]:
+        """Return the moves and the distances on a graph; see `_list_ways` and `_compute_distances`."""
+        if id(roads) not in self._check_agent:
+            self._check_agent[id(roads)] = _list_ways(roads), _compute_distances(roads)
+        return self._check_agent[id(roads)]
 
     @cached_property
-    def _known(self) -> dict[int, tuple[IntArray, FloatArray]]:
+    def _check_agent(self) -> dict[int, tuple[IntArray, FloatArray]]:
         return {}
 
 
-def _ways_on(roads: Roads) -> IntArray:
+def _list_ways(roads: Roads) -> IntArray:
     """Return the places to which an agent can move from each place, (places, most), its own first, padded with -1."""
     offsets, ends = roads.offsets, roads.ends
     counts = np.diff(offsets)
@@ -363,7 +365,7 @@ def _ways_on(roads: Roads) -> IntArray:
     return found
 
 
-def _distances_on(roads: Roads) -> FloatArray:
+def _compute_distances(roads: Roads) -> FloatArray:
     """Return the number of edges from each place to each node, (places, nodes); without a path the number of places."""
     places = len(roads.nodes)
     reached = np.zeros((places, len(roads.labels)), np.bool_)
@@ -379,24 +381,24 @@ def _distances_on(roads: Roads) -> FloatArray:
         reached = np.logical_or.reduceat(reached[roads.ends], roads.offsets[:-1], axis=0)
 
 
-def _worth(codes: IntArray) -> FloatArray:
+def _rank_codes(codes: IntArray) -> FloatArray:
     """Return numbers that order codes as pursuers do: early captures, late ones, neither, late and early escapes."""
     return np.divide(1.0, codes, out=np.zeros(codes.shape), where=codes != 0)
 
 
-def _turns(code: int) -> int:
+def _count_turns(code: int) -> int:
     """Return the number of turns after which a position ends that is at the start of a turn."""
     return abs(code) // 2
 
 
-def _moves(begins: IntArray, ends: IntArray, places: int) -> core.Moves:
+def _group_moves(begins: IntArray, ends: IntArray, places: int) -> core.Moves:
     """Group moves by the place where they end."""
     offsets, order = kernels.group_rows(ends, places)
     counts = np.bincount(begins, minlength=places)
     return core.Moves(offsets.data, kernels.buffer(begins[order]), counts.data)
 
 
-def _formations(places: int, pursuers: int) -> IntArray:
+def _list_formations(places: int, pursuers: int) -> IntArray:
     """Return all multisets of places, (formations, pursuers), each ascending, ordered by their numbers."""
     found = np.zeros((1, 0), np.int64)
     for number in range(pursuers):
@@ -407,7 +409,7 @@ def _formations(places: int, pursuers: int) -> IntArray:
     return found
 
 
-def _sequences(sizes: Sequence[int]) -> IntArray:
+def _list_sequences(sizes: Sequence[int]) -> IntArray:
     """Return all sequences of a place of each pursuer, (formations, pursuers), ordered by their numbers.
 
     Args:
@@ -450,7 +452,7 @@ class PursuitStrategy:
     def __init__(self, table: PursuitTable, side: int) -> None:
         self._table = table
         self._side = side
-        self._known: tuple[GraphColumns, IntArray] | None = None  # the latest map, and the rows of its nodes
+        self._check_agent: tuple[GraphColumns, IntArray] | None = None  # the latest map, and the rows of its nodes
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({ROLES[self._side]!r}, pursuers={self._table.pursuers})"
@@ -463,7 +465,7 @@ class PursuitStrategy:
 
     def _decide(self, order: tuple[tuple[Hashable, ...], ...], view: ArrayView) -> IntArray:
         """Return the actions of the agents of a view, in games with this order of play."""
-        return self.choose(order, view, self._rows_on(view.streets.columns))
+        return self.choose(order, view, self._find_rows_on_map(view.streets.columns))
 
     def choose(self, order: tuple[tuple[Hashable, ...], ...], view: ArrayView, rows: IntArray) -> IntArray:
         """Return the actions of the agents of a view, in games with an order of play.
@@ -474,7 +476,7 @@ class PursuitStrategy:
             rows: (nodes,) the row in the table of each node of the map.
         """
         roster = view.roster
-        pursuers, evaders = _sides_of(view, self._side)
+        pursuers, evaders = _find_sides(view, self._side)
         own = pursuers if self._side == PURSUERS else evaders
         living = view.living
         nodes = rows[view.of(np.arange(len(roster.names))).node]
@@ -499,10 +501,10 @@ class PursuitStrategy:
         ids = view.streets.columns.node_ids[np.argsort(rows)]
         return view.action_to(ids[nodes[:, view.agents]])
 
-    def _rows_on(self, columns: GraphColumns) -> IntArray:
+    def _find_rows_on_map(self, columns: GraphColumns) -> IntArray:
         """Return the row in the table of each row of the map of a game."""
-        if self._known is not None and self._known[0] is columns:
-            return self._known[1]
+        if self._check_agent is not None and self._check_agent[0] is columns:
+            return self._check_agent[1]
         roads = self._table.roads
         id_of = labels(columns)
         row_of = {id_of.get(label, label): row for row, label in enumerate(roads.labels)}
@@ -513,7 +515,7 @@ class PursuitStrategy:
             keys = np.concatenate((rows[columns.sources] * len(rows) + rows[columns.targets], every))
             own = np.repeat(np.arange(len(rows)), np.diff(roads.offsets)) * len(rows) + roads.ends
             if np.array_equal(np.unique(keys), own):
-                self._known = columns, rows
+                self._check_agent = columns, rows
                 return rows
         raise BadValue(
             f"{self!r} was solved for another map, of {len(row_of)} nodes; that of this game has {len(there)}. "
@@ -567,7 +569,7 @@ def exact_pursuers(ctx: Context, *, exits: Iterable[int] = ()) -> Strategy:
         UnknownName (KeyError): in the first turn, if an exit is not on the map.
         TooLarge: in the first turn, see `pursuit`.
     """
-    return _exact_strategy(ctx, PURSUERS, exits)
+    return _find_exact_strategy(ctx, PURSUERS, exits)
 
 
 def exact_evader(ctx: Context, *, exits: Iterable[int] = ()) -> Strategy:
@@ -580,10 +582,10 @@ def exact_evader(ctx: Context, *, exits: Iterable[int] = ()) -> Strategy:
     Raises:
         BadType, BadValue, UnknownName, TooLarge: see `exact_pursuers`.
     """
-    return _exact_strategy(ctx, EVADER, exits)
+    return _find_exact_strategy(ctx, EVADER, exits)
 
 
-def _exact_strategy(ctx: Context, side: int, exits: Iterable[int]) -> Strategy:
+def _find_exact_strategy(ctx: Context, side: int, exits: Iterable[int]) -> Strategy:
     nodes = tuple(sorted({*as_node_ids(exits, "exits", ctx.graph)}))
     decide = partial(_decide_exactly, side, nodes, tuple(map(tuple, ctx.game.order or ())))
     decide.__name__ = f"exact_{ROLES[side]}"  # type: ignore[attr-defined] # for errors
@@ -594,7 +596,7 @@ def _decide_exactly(
     side: int, exits: tuple[int, ...], order: tuple[tuple[Hashable, ...], ...], view: ArrayView
 ) -> IntArray:
     """Return the actions of the agents of a view; solve the pursuit on a map that is new."""
-    pursuers, evaders = _sides_of(view, side)
+    pursuers, evaders = _find_sides(view, side)
     agents = [*pursuers.tolist(), *evaders.tolist()[:1]]
     modes = tuple(mode_of(view.roster.agents[agent]) for agent in agents)
     maps = _find_maps(view, agents)
@@ -604,7 +606,7 @@ def _decide_exactly(
     key = tuple(map(id, maps)), modes, exits, first
     if key not in tables:
         roads = {mode: _roads_of_mode(one, mode) for mode, one in zip(modes, maps, strict=True)}
-        rows = _exit_rows(roads[modes[-1]], exits)
+        rows = _find_exit_rows(roads[modes[-1]], exits)
         tables[key] = PursuitTable([roads[mode] for mode in modes], rows, first), maps[:-1]
     table, _ = tables[key]
     return PursuitStrategy(table, side).choose(order, view, np.arange(len(table.exits)))
@@ -623,7 +625,7 @@ _TABLES: WeakKeyDictionary[GraphColumns, dict[_Key, tuple[PursuitTable, list[Gra
 """Map of the evader -> ids of maps, modes, exits, first side -> the outcomes, and the maps of the pursuers."""
 
 
-def _sides_of(view: ArrayView, side: int) -> tuple[IntArray, IntArray]:
+def _find_sides(view: ArrayView, side: int) -> tuple[IntArray, IntArray]:
     """Return the numbers of the pursuers and of the evaders, if the agents of a view are on a side."""
     team_of = view.roster.team_of
     is_own = team_of == team_of[view.agents[0]]
@@ -669,7 +671,7 @@ class PursuitSolution(Solution):
         self._reward = reward
         self._sign = 1.0 if team == terms.teams[PURSUERS] else -1.0
         self.teams = terms.teams if team == terms.teams[0] else terms.teams[::-1]
-        self.start: dict[str, Any] = dict(self._best_start() if start is None else start)
+        self.start: dict[str, Any] = dict(self._find_best_start() if start is None else start)
         self.value = self.value_at({})
 
     def __repr__(self) -> str:
@@ -693,9 +695,9 @@ class PursuitSolution(Solution):
             BadValue: the pursuit was solved on a graph, without a scenario.
             TooLarge: see `solve`.
         """
-        return explore(self._setup_of("table"), by_winner=True, merges=True)
+        return explore(self._find_setup("table"), by_winner=True, merges=True)
 
-    def _setup_of(self, name: str) -> GameSetup:
+    def _find_setup(self, name: str) -> GameSetup:
         if self._setup is None:
             raise BadValue(f"A pursuit on a graph has no {name}, because it has no rules: solve a scenario.")
         return self._setup
@@ -705,11 +707,11 @@ class PursuitSolution(Solution):
     def value_at(self, places: Mapping[str, Any], turn: int = 0) -> float:
         """Return the value of a position at the start of a turn for the team; see `Solution.value_at`."""
         played = as_count(turn, "turn", 0)
-        return self._value(self.outcomes.code(*self._rows(places)), played)
+        return self._compute_value(self.outcomes.code(*self._find_rows(places)), played)
 
     def values(self, agent: str, places: Mapping[str, Any] | None = None, turn: int = 0) -> dict[Any, float]:
         """Return the values by the position of an agent, for all nodes; see `Solution.values`."""
-        self._known(agent)
+        self._check_agent(agent)
         return {node: self.value_at({**(places or {}), agent: node}, turn) for node in self.outcomes.roads.labels}
 
     def captures(self, start: Mapping[str, Any] | None = None) -> int | None:
@@ -723,8 +725,8 @@ class PursuitSolution(Solution):
         Raises:
             UnknownName (KeyError): an agent or a node does not exist.
         """
-        code = self.outcomes.code(*self._rows(start or {}))
-        return _turns(code) if code > 0 else None
+        code = self.outcomes.code(*self._find_rows(start or {}))
+        return _count_turns(code) if code > 0 else None
 
     def escapes(self, start: Mapping[str, Any] | None = None) -> int | None:
         """Return the number of turns in which the evader is on an exit under exact play; None: it does not escape.
@@ -735,14 +737,14 @@ class PursuitSolution(Solution):
         Raises:
             UnknownName (KeyError): see `captures`.
         """
-        code = self.outcomes.code(*self._rows(start or {}))
-        return _turns(code) if code < 0 else None
+        code = self.outcomes.code(*self._find_rows(start or {}))
+        return _count_turns(code) if code < 0 else None
 
     def policy(self, team: str, places: Mapping[str, Any] | None = None, turn: int = 0) -> list[Choice]:
         """Return the move of a team in a position; see `Solution.policy`."""
         as_count(turn, "turn", 0)
-        side = self._side_of(team)
-        rows, row = self._rows(places or {})
+        side = self._find_side(team)
+        rows, row = self._find_rows(places or {})
         pursuers = np.array([rows])
         evader = np.array([row])
         if side != self.outcomes.first:
@@ -764,7 +766,7 @@ class PursuitSolution(Solution):
         Raises:
             UnknownName (KeyError): the team does not exist.
         """
-        return PursuitStrategy(self.outcomes, self._side_of(self.team if team is None else team))
+        return PursuitStrategy(self.outcomes, self._find_side(self.team if team is None else team))
 
     def nash_conv(self, strategies: Mapping[str, Any] | None = None) -> float:
         """Return the gain of both teams together from best responses in the scenario; see `Solution.nash_conv`.
@@ -775,55 +777,57 @@ class PursuitSolution(Solution):
             BadValue: the pursuit was solved on a graph, without a scenario.
             TooLarge: see `solve`.
         """
-        setup = self._setup_of("best responses")
+        setup = self._find_setup("best responses")
         teams = self._terms.teams
         given = {team: self.strategy(team) for team in teams} | dict(as_mapping(strategies or {}, "strategies"))
         games = [
             (team, setup._replace(teams=(team,), others={other: given[other]})) for team, other in (teams, teams[::-1])
         ]
-        found = [solved(game, self._reward, self._terms.discount, self.team).value for _, game in games]
+        found = [solve_table(game, self._reward, self._terms.discount, self.team).value for _, game in games]
         return sum(found)
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _value(self, code: int, played: int) -> float:
-        turns = max(1, _turns(code))
+    def _compute_value(self, code: int, played: int) -> float:
+        turns = max(1, _count_turns(code))
         last = self._terms.last_turn
         if code == 0 or (last is not None and turns > last - played):
             return 0.0
         gain = self._terms.gains[0] if code > 0 else -self._terms.gains[1]
         return self._sign * gain * float(self._terms.discount ** (turns - 1)) + 0.0
 
-    def _best_start(self) -> dict[str, Any]:
+    def _find_best_start(self) -> dict[str, Any]:
         """Return the start if the pursuers choose their nodes first, and then the evader."""
         table = self.outcomes
         if table.exits.all():
             raise BadValue("All nodes are exits, so that the evader has none to start from: give fewer exits=.")
         nodes = np.flatnonzero(~table.exits)
-        worth = _worth(table.codes[table.first][:, nodes])
+        worth = _rank_codes(table.codes[table.first][:, nodes])
         formation = int(worth.min(axis=1).argmax())
         places = table.formations()[formation].tolist()
         place = int(nodes[worth[formation].argmin()])
         names = (*self._terms.pursuers, self._terms.evader)
         return {name: table.roads.labels[row] for name, row in zip(names, [*places, place], strict=True)}
 
-    def _rows(self, places: Mapping[str, Any]) -> tuple[list[int], int]:
+    def _find_rows(self, places: Mapping[str, Any]) -> tuple[list[int], int]:
         """Return the rows of the pursuers and of the evader."""
         now = {**self.start, **as_mapping(places, "places")}
         for name, node in now.items():
             if node is None or name not in self.start:
-                raise BadValue(f"places[{shown(self._known(name))}] is None: the pursuit is over without this agent.")
+                raise BadValue(
+                    f"places[{shown(self._check_agent(name))}] is None: the pursuit is over without this agent."
+                )
         row = self.outcomes.row
         return [row(now[name]) for name in self._terms.pursuers], row(now[self._terms.evader])
 
-    def _known(self, agent: str) -> str:
+    def _check_agent(self, agent: str) -> str:
         return as_known(agent, "agent", (*self._terms.pursuers, self._terms.evader))
 
-    def _side_of(self, team: str) -> int:
+    def _find_side(self, team: str) -> int:
         return self._terms.teams.index(as_known(team, "team of the solution", self._terms.teams))
 
 
-@names_keywords
+@explain_call_errors
 def pursuit(
     graph: object,
     *,
@@ -853,13 +857,13 @@ def pursuit(
     """
     number = as_count(pursuers, "pursuers")
     first = ROLES.index(as_choice(moves_first, "moves_first", ROLES))
-    roads = roads_of(graph)
-    outcomes = PursuitTable([roads] * (number + 1), _exit_rows(roads, exits), first)
+    roads = find_roads(graph)
+    outcomes = PursuitTable([roads] * (number + 1), _find_exit_rows(roads, exits), first)
     names = tuple(f"pursuer_{place}" for place in range(number))
     return PursuitSolution(outcomes, PursuitTerms(("pursuers", "evader"), names, "evader"), "pursuers")
 
 
-def _exit_rows(roads: Roads, exits: Iterable[Node]) -> list[int]:
+def _find_exit_rows(roads: Roads, exits: Iterable[Node]) -> list[int]:
     if isinstance(exits, str) or not isinstance(exits, Iterable):
         raise BadType(f"exits must be several nodes, such as [0, 5], not {shown(exits)}.")
     row_of = {label: row for row, label in enumerate(roads.labels)}
@@ -870,7 +874,7 @@ def _exit_rows(roads: Roads, exits: Iterable[Node]) -> list[int]:
     return [row_of[node] for node in wanted]
 
 
-@names_keywords
+@explain_call_errors
 def cop_number(graph: object, *, most: int = 3) -> int | None:
     """Return the cop number of a graph: the fewest pursuers that can force a capture wherever the evader starts.
 
@@ -887,7 +891,7 @@ def cop_number(graph: object, *, most: int = 3) -> int | None:
         BadType, BadValue, TooLarge: see `pursuit`.
     """
     limit = as_count(most, "most")
-    roads = roads_of(graph)
+    roads = find_roads(graph)
     for number in range(1, limit + 1):
         outcomes = PursuitTable([roads] * (number + 1), (), PURSUERS)
         if (outcomes.codes[PURSUERS] > 0).all(axis=1).any():
@@ -898,7 +902,7 @@ def cop_number(graph: object, *, most: int = 3) -> int | None:
 # -- scenarios ----------------------------------------------------------------------------------------------------
 
 
-def recognized(setup: GameSetup, reward: Reward, discount: float) -> PursuitSolution | None:
+def recognize_pursuit(setup: GameSetup, reward: Reward, discount: float) -> PursuitSolution | None:
     """Return the solution of a scenario that is a pursuit in turns with full sight; None: it is another game.
 
     Its rules are `tag(…, then="eliminate")`, then perhaps `reach` for the evader, and `last_team` or `none_left`. One
@@ -917,8 +921,8 @@ def recognized(setup: GameSetup, reward: Reward, discount: float) -> PursuitSolu
         sides = [sorted(one.name for one in ctx.game.agents if one.team == team) for team in rules.teams]
         last = TurnTerms.of(ctx.game, setup.last_turn).last_turn
         terms = PursuitTerms(rules.teams, tuple(sides[0]), sides[1][0], gains, discount, last)
-        roads = roads_of(ctx.graph)
-        outcomes = PursuitTable([roads] * (len(sides[0]) + 1), _exit_rows(roads, rules.exits), rules.first)
+        roads = find_roads(ctx.graph)
+        outcomes = PursuitTable([roads] * (len(sides[0]) + 1), _find_exit_rows(roads, rules.exits), rules.first)
         start = {one.name: one.current_node_id for one in ctx.game.agents}
         return PursuitSolution(outcomes, terms, setup.teams[0], start, setup, reward)
 
@@ -955,11 +959,11 @@ class _PursuitRules(NamedTuple):
             return None
         teams = parts[0].taggers, parts[0].tagged
         arguments = {name: rule.spec.core_form.args for name, rule in named if isinstance(rule.spec.core_form, partial)}
-        exits, bounty, is_won = _exits_of(arguments.get("reach"), teams[EVADER])
-        ends = _ends_by_capture(arguments.get("none_left"), teams, parts[0].score)
+        exits, bounty, is_won = _find_exits(arguments.get("reach"), teams[EVADER])
+        ends = _is_ended_by_capture(arguments.get("none_left"), teams, parts[0].score)
         ends = ends and ("last_team" in names or "none_left" in names)
-        first = _first_of(game, teams)
-        if not (is_won and ends and first is not None and _has_usual_agents(game, teams) and _sees_all(game)):
+        first = _find_first_side(game, teams)
+        if not (is_won and ends and first is not None and _has_usual_agents(game, teams) and _is_fully_observed(game)):
             return None
         return cls(teams, exits, (float(parts[0].score), bounty), first)
 
@@ -971,7 +975,7 @@ def _is_capture(part: Any) -> bool:  # Any: what `tag` was called with
     return is_simple and part.then == "eliminate" and not any(map(callable, (part.taggers, part.tagged)))
 
 
-def _exits_of(reach: tuple[Any, ...] | None, evaders: Hashable) -> tuple[frozenset[int], float, bool]:
+def _find_exits(reach: tuple[Any, ...] | None, evaders: Hashable) -> tuple[frozenset[int], float, bool]:
     """Return the exits, the points for reaching them, and whether the evader alone wins there."""
     if reach is None:
         return frozenset(), 0.0, True
@@ -981,7 +985,7 @@ def _exits_of(reach: tuple[Any, ...] | None, evaders: Hashable) -> tuple[frozens
     return goals[evaders], float(score), winner in (ONE_THAT_SHOWS, evaders)
 
 
-def _ends_by_capture(none_left: tuple[Any, ...] | None, teams: tuple[Any, Any], score: float) -> bool:
+def _is_ended_by_capture(none_left: tuple[Any, ...] | None, teams: tuple[Any, Any], score: float) -> bool:
     """Return whether `none_left` lets the pursuers win when the evader is out, or is not there."""
     if none_left is None:
         return True
@@ -989,7 +993,7 @@ def _ends_by_capture(none_left: tuple[Any, ...] | None, teams: tuple[Any, Any], 
     return team == teams[EVADER] and (winner == teams[PURSUERS] or (winner == ONE_THAT_SHOWS and score > 0))
 
 
-def _first_of(game: Game, teams: tuple[Any, Any]) -> int | None:
+def _find_first_side(game: Game, teams: tuple[Any, Any]) -> int | None:
     """Return the side that moves first; None: the sides do not move one after the other."""
     order = game.settings()["order"] or ()
     parts = [{*part} for part in order]
@@ -1010,13 +1014,13 @@ def _has_usual_agents(game: Game, teams: tuple[Any, Any]) -> bool:
     return is_usual and is_whole and is_slow and sizes[PURSUERS] > 0 and sizes[EVADER] == 1
 
 
-def _sees_all(game: Game) -> bool:
+def _is_fully_observed(game: Game) -> bool:
     """Return whether each agent knows where all others are."""
     if game.settings()["information"] == "full":
         return True
-    return all(any(map(_shows_all, one.sensors.values())) for one in game.agents)
+    return all(any(map(_is_showing_all, one.sensors.values())) for one in game.agents)
 
 
-def _shows_all(sensor: Any) -> bool:  # Any: `in_arrays` is no part of the contract of sensors
+def _is_showing_all(sensor: Any) -> bool:  # Any: `in_arrays` is no part of the contract of sensors
     look = sensor.in_arrays() if sensor.type is SensorType.AGENT else None
     return bool(look == AgentLook(inf, is_plain=True))

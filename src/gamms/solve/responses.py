@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from gamms import planning, rl
-from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping, names_keywords
+from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping, explain_call_errors
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
 from gamms.plugins import needing
 from gamms.rl.turns import gain_lead
 from gamms.scenario import Scenario
 from gamms.solve.mixtures import PoolResponse
-from gamms.solve.pursuit import recognized
+from gamms.solve.pursuit import recognize_pursuit
 from gamms.solve.solution import (
     MAX_STATES,
     Reward,
     Solution,
     SolvedStrategy,
     TableSolution,
-    checked_discount,
+    check_discount,
+    find_rewards,
     looks_at_winners,
-    rewards_of,
-    setup_of,
-    solved,
+    make_setup,
+    solve_table,
     teams_of,
 )
 from gamms.solve.stages import Bound
@@ -81,7 +81,7 @@ class Response:
         return "lower" if self.solution is None else self.solution.bound
 
 
-@names_keywords
+@explain_call_errors
 def solve(
     scenario: Scenario,
     *,
@@ -121,9 +121,9 @@ def solve(
             f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) cannot be solved: solve needs two teams. "
             "Give strategies to all teams but one, and use best_response."
         )
-    setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
-    share = checked_discount(reward, discount)
-    return recognized(setup, reward, share) or solved(setup, reward, share, teams[0])
+    setup = make_setup(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
+    share = check_discount(reward, discount)
+    return recognize_pursuit(setup, reward, share) or solve_table(setup, reward, share, teams[0])
 
 
 def best_response(
@@ -165,7 +165,7 @@ def best_response(
     """
     as_choice(method, "method", METHODS)
     teams = teams_of(scenario, team)
-    others = _by_team(against, teams[1:])
+    others = _group_by_team(against, teams[1:])
     if team in others:
         raise BadValue(f"against contains team {shown(team)}, which responds: give the strategies of the other teams.")
     first = as_int(0 if seed is None else seed, "seed")
@@ -174,11 +174,11 @@ def best_response(
         usual, answer = (_ITERATIONS, _search_response) if method == "search" else (_TRAINED, _learn_response)
         return answer(cut, team, others, reward, first, as_count(usual if budget is None else budget, "budget"))
     most = MAX_STATES if budget is None else budget
-    setup = setup_of(scenario, (team,), others, turns=turns, seed=seed, max_states=most, limit="budget")
-    found = _exact_response_to_pool(setup, reward)
+    setup = make_setup(scenario, (team,), others, turns=turns, seed=seed, max_states=most, limit="budget")
+    found = _find_response_to_pool(setup, reward)
     if found is not None:
         return Response(team, method, found.value, (found.value, found.value), found.strategy(), found)
-    solution = _exact_response(setup, reward, team)
+    solution = _find_exact_response(setup, reward, team)
     interval = (solution.value - solution.error, solution.value + solution.error)
     return Response(team, method, solution.value, interval, solution.strategy(), solution)
 
@@ -209,7 +209,7 @@ class Evaluation:
         return min(*self.by_opponent.values(), *best_response_of_other, float("inf"))
 
 
-@names_keywords
+@explain_call_errors
 def evaluate(
     scenario: Scenario,
     strategy: object,
@@ -254,7 +254,7 @@ def evaluate(
     first = as_int(start, "seed")
     number = as_count(games, "games")
     found = {
-        name: float(_rewards_in_games(cut, team, {team: strategy, teams[1]: other}, "score", first, number).mean())
+        name: float(_play_for_rewards(cut, team, {team: strategy, teams[1]: other}, "score", first, number).mean())
         for name, other in named.items()
     }
     response = None
@@ -265,7 +265,7 @@ def evaluate(
     return Evaluation(team, found, response)
 
 
-@names_keywords
+@explain_call_errors
 def nash_conv(
     scenario: Scenario,
     strategies: Mapping[str, object],
@@ -303,11 +303,11 @@ def nash_conv(
         raise BadValue(f"nash_conv needs the strategies of both teams of a game of two, not {list(given)} of {teams}.")
     options: dict[str, Any] = {"turns": turns, "seed": seed, "max_states": max_states}
     pairs = (teams, teams[::-1])
-    games = [setup_of(scenario, (one,), {two: given[two]}, **options) for one, two in pairs]
-    return sum(_exact_response(game, reward, teams[0]).value for game in games)
+    games = [make_setup(scenario, (one,), {two: given[two]}, **options) for one, two in pairs]
+    return sum(_find_exact_response(game, reward, teams[0]).value for game in games)
 
 
-@names_keywords
+@explain_call_errors
 def exploitability(
     scenario: Scenario,
     strategies: Mapping[str, object],
@@ -356,12 +356,12 @@ def openspiel(
     with needing("A game of OpenSpiel", "solve"):
         from gamms.solve.teams_game import TeamsGame
     teams = teams_of(scenario, team)
-    share = checked_discount(reward, discount)
+    share = check_discount(reward, discount)
     if len(teams) != 2:
         raise BadValue(f"A game of {len(teams)} teams cannot become a game of OpenSpiel: it needs two teams.")
-    setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
+    setup = make_setup(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
     table = explore(setup, by_winner=looks_at_winners(reward))
-    return TeamsGame(table, rewards_of(table, reward, share, teams[0]))
+    return TeamsGame(table, find_rewards(table, reward, share, teams[0]))
 
 
 # -- inside -------------------------------------------------------------------------------------------------------
@@ -373,30 +373,30 @@ def _cut(scenario: Scenario, turns: int | None) -> Scenario:
     return scenario if turns is None else scenario.replace(max_turns=min(as_count(one, "turns") for one in last))
 
 
-def _by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:
+def _group_by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:
     """Return strategies by team or agent."""
     if isinstance(against, Mapping):
         return dict(against)
     return {} if against is None else dict.fromkeys(teams, against)
 
 
-def _exact_response_to_pool(setup: GameSetup, reward: Reward) -> PoolResponse | None:
+def _find_response_to_pool(setup: GameSetup, reward: Reward) -> PoolResponse | None:
     """Return the best response to the only other team if it plays a pool; else None."""
     pools = {name: list_pool_members(strategy) for name, strategy in setup.others.items()}
     other = next(iter(pools), "")
     if len(pools) != 1 or other not in setup.scenario.spec.teams or not pools[other]:
         return None
-    checked_discount(reward, 1.0)
+    check_discount(reward, 1.0)
     return PoolResponse(setup, other, pools[other], reward)
 
 
-def _exact_response(setup: GameSetup, reward: Reward, of: str) -> TableSolution:
+def _find_exact_response(setup: GameSetup, reward: Reward, of: str) -> TableSolution:
     """Return the exact best response of the deciding team; `of` is the team that gets the reward."""
     known: Any = next(iter(setup.others.values())) if len(setup.others) == 1 else None
     is_other = isinstance(known, SolvedStrategy) and known.team not in setup.teams
     if is_other and known.is_of(setup.scenario, setup.last_turn):
         return cast("TableSolution", known.best_response_of_other(reward, of))
-    return solved(setup, reward, 1.0, of)
+    return solve_table(setup, reward, 1.0, of)
 
 
 def _search_response(
@@ -408,11 +408,11 @@ def _search_response(
     if not others:
         raise BadValue("method='search' needs to know how the others play: give against=, a strategy or several.")
     plays = planning.mcts(budget, depth=_DEPTH, opponents=others, seed=seed, discount=1.0)
-    values = _rewards_in_games(scenario, team, {**others, team: plays}, reward, seed + _HELD_OUT, _SEARCHED)
-    return _estimated(team, "search", values, plays)
+    values = _play_for_rewards(scenario, team, {**others, team: plays}, reward, seed + _HELD_OUT, _SEARCHED)
+    return _make_response(team, "search", values, plays)
 
 
-def _estimated(team: str, method: Method, values: FloatArray, strategy: object) -> Response:
+def _make_response(team: str, method: Method, values: FloatArray, strategy: object) -> Response:
     """Return a response whose value is the mean of the rewards in games."""
     mean = float(values.mean())
     half = float(1.96 * values.std(ddof=1) / len(values) ** 0.5)
@@ -427,7 +427,7 @@ def _learn_response(
         raise BadValue(f"method='learn' is for reward='score' or 'turns', not {shown(reward)}: use method='exact'.")
     with needing("A best response that is learned", "train"):
         from sb3_contrib import MaskablePPO
-    gets = gain_lead if reward == "score" else _turn
+    gets = gain_lead if reward == "score" else _make_turn_reward
     env = rl.sb3_env(scenario, num_games=_TRAINED_GAMES, team=team, others=others, reward=gets, seed=seed)
     try:
         model = MaskablePPO("MultiInputPolicy", env, n_steps=64, batch_size=256, seed=seed, device="cpu")
@@ -437,16 +437,16 @@ def _learn_response(
             strategy = rl.policy(Path(folder) / "response.safetensors", other_scenario=True)
     finally:
         env.close()
-    values = _rewards_in_games(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT, _PLAYED)
-    return _estimated(team, "learn", values, strategy)
+    values = _play_for_rewards(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT, _PLAYED)
+    return _make_response(team, "learn", values, strategy)
 
 
-def _turn(turn: rl.Turn) -> FloatArray:
+def _make_turn_reward(turn: rl.Turn) -> FloatArray:
     """Return -1 for each turn, (games, 1)."""
     return np.full((len(turn.after.mask), 1), -1.0)
 
 
-def _rewards_in_games(
+def _play_for_rewards(
     scenario: Scenario, team: str, strategies: Mapping[str, Any], reward: Reward, seed: int, number: int
 ) -> FloatArray:
     """Return a team's rewards in a number of games, (games,)."""

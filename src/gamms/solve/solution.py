@@ -11,11 +11,11 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_known, as_mapping
 from gamms.context import Context
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray, as_node_id
 from gamms.scenario import Scenario
-from gamms.solve.information import sensor_information
+from gamms.solve.information import find_sensor_information
 from gamms.solve.stages import BestResponseValues, Bound, Rewards, ValueIteration
 from gamms.solve.table import Outcomes, StateGroup, Table, Transition, explore
 from gamms.solve.worlds import GameSetup
@@ -88,13 +88,13 @@ class TableStrategy(ABC):
             moved: agents that have moved already in this turn -> their nodes.
         """
         memory = state["memory"]
-        number = self._state_at(nodes, state["turn"], memory.get(_MEMORY))
+        number = self._find_state(nodes, state["turn"], memory.get(_MEMORY))
         memory[_MEMORY] = number
-        action = self._action(ctx, state, number, self._action_seen(number, nodes, moved))
+        action = self._find_joint_action(ctx, state, number, self._find_seen_action(number, nodes, moved))
         return self._table.actions_of(number, self._side, action, nodes)[state["name"]]
 
     @abstractmethod
-    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
+    def _find_joint_action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
         """Return the joint action of the team.
 
         Args:
@@ -104,13 +104,13 @@ class TableStrategy(ABC):
             seen: the joint action of the other team, if it has moved already in this turn.
         """
 
-    def _drawn(self, ctx: Context, purpose: str, turn: int) -> float:
+    def _draw_number(self, ctx: Context, purpose: str, turn: int) -> float:
         """Return a number in [0, 1) that all agents of the team draw in a turn, from the seed of the game."""
-        with phase_of(ctx).suspended(changes_world=False):  # strategies otherwise may not read the seed
+        with get_phase(ctx).suspended(changes_world=False):  # strategies otherwise may not read the seed
             key = kernels.purpose_key(ctx.seed, purpose)
         return kernels.fraction(kernels.draw_bits(key, self._side, turn))
 
-    def _action_seen(self, number: int, nodes: list[int], moved: Mapping[str, int]) -> int | None:
+    def _find_seen_action(self, number: int, nodes: list[int], moved: Mapping[str, int]) -> int | None:
         """Return the joint action of the other team from its agents' nodes before the turn and moves in it."""
         table = self._table
         other = 1 - self._side
@@ -125,19 +125,19 @@ class TableStrategy(ABC):
         agents = ctx.agent.agents
         names = self._table.roster.names
         living = [agents[name] if name in agents and agents[name].alive else None for name in names]
-        moved = self._moved_before(ctx)
+        moved = self._list_moved_before(ctx)
         moves = ctx.game.moves if moved else {}
         started = {name: moves[name].start for name in moved}
         nodes = [-1 if one is None else started.get(one.name, one.current_node_id) for one in living]
         return nodes, {name: agents[name].current_node_id for name in moved}
 
-    def _moved_before(self, ctx: Context) -> list[str]:
+    def _list_moved_before(self, ctx: Context) -> list[str]:
         """Return the living agents that move before this team in a turn."""
         agents = ctx.agent.agents
         names = self._table.earlier[self._side]
         return [name for name in names if name in agents and agents[name].alive]
 
-    def _state_at(self, nodes: list[int], turn: int, before: int | None) -> int:
+    def _find_state(self, nodes: list[int], turn: int, before: int | None) -> int:
         """Return the state with agents on these nodes, -1: out; of several, one that can follow the state `before`."""
         table = self._table
         found = table.states_at(nodes, turn)
@@ -164,16 +164,16 @@ class SolvedStrategy(TableStrategy):
         super().__init__(stages.table, side)
         self._stages = stages
 
-    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
+    def _find_joint_action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
         turn = state["turn"]
-        choice = self._shares_of_actions(turn, number, seen)
-        drawn = self._drawn(ctx, _MEMORY, turn)
+        choice = self._find_action_probabilities(turn, number, seen)
+        drawn = self._draw_number(ctx, _MEMORY, turn)
         action = int(np.searchsorted(np.cumsum(choice), drawn * choice.sum(), side="right"))
         return min(action, int(np.flatnonzero(choice)[-1]))
 
-    def _shares_of_actions(self, turn: int, number: int, seen: int | None) -> FloatArray:
+    def _find_action_probabilities(self, turn: int, number: int, seen: int | None) -> FloatArray:
         """Return the probabilities of the team's joint actions in a state; `seen` is the other team's action."""
-        shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
+        shares = find_action_shares(self._stages, number, self._stages.left(turn, self._side), self._side)
         return shares[:, 0 if seen is None else seen]
 
     def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:
@@ -192,7 +192,7 @@ class SolvedStrategy(TableStrategy):
             BadValue: the strategy counts down turns in a game without a last turn, the game was solved without
                 winners, or agents that a function as the reward tells apart were sorted.
         """
-        stages = self._stages_for(reward)
+        stages = self._make_stages(reward)
         side = 1 - self._side
         table = stages.table
         if stages.counts_down(self._side):
@@ -204,11 +204,11 @@ class SolvedStrategy(TableStrategy):
             raise BadValue(
                 f"{self!r} is from a game that was solved without regard to the winner: solve it with reward='win'."
             )
-        rewards = rewards_of(table, reward, stages.rewards.discount, of)
+        rewards = find_rewards(table, reward, stages.rewards.discount, of)
         answers = BestResponseValues(table, rewards, stages.tolerance, stages, side)
         return TableSolution(table, answers, table.setup.teams[side], reward)
 
-    def _stages_for(self, reward: Reward) -> ValueIteration:
+    def _make_stages(self, reward: Reward) -> ValueIteration:
         """Return the values on a table that has what a reward reads."""
         table = self._stages.table
         if not callable(reward) or not table.is_merged:
@@ -221,7 +221,7 @@ class SolvedStrategy(TableStrategy):
         return self._stages.move_to(explore(table.setup, by_winner=table.by_winner))
 
 
-def shares_of(stages: ValueIteration, number: int, left: int, side: int) -> FloatArray:
+def find_action_shares(stages: ValueIteration, number: int, left: int, side: int) -> FloatArray:
     """Return the probabilities of a team's joint actions in a state, (actions, actions of the other team)."""
     table = stages.table
     rows, columns = table.sizes[number].tolist()
@@ -378,7 +378,7 @@ class TableSolution(Solution):
     @cached_property
     def sees(self) -> dict[str, str]:
         """Read the sensors of the agents in all states; see `Solution`."""
-        return sensor_information(self.table)
+        return find_sensor_information(self.table)
 
     @cached_property
     def bound(self) -> Bound:
@@ -397,54 +397,56 @@ class TableSolution(Solution):
     def value_at(self, places: Mapping[str, int | None], turn: int = 0) -> float:
         """Return the value of a state for the team; see `Solution.value_at`."""
         played = as_count(turn, "turn", 0)
-        return self._value_of(self._number(places, played), played)
+        return self._find_value(self._find_state_number(places, played), played)
 
     def values(self, agent: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> dict[int, float]:
         """Return the values by the position of an agent; see `Solution.values`."""
         played = as_count(turn, "turn", 0)
-        nodes = self.table.nodes[:, self._alike(self._agent(agent))]
+        nodes = self.table.nodes[:, self._find_interchangeable_agents(self._find_agent(agent))]
         found = {}
         for node in np.unique(nodes).tolist():
-            numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), played)
+            numbers = self.table.states_at(self._find_nodes({**(places or {}), agent: node}), played)
             if len(numbers) == 1:
-                found[node] = self._value_of(numbers[0], played)
+                found[node] = self._find_value(numbers[0], played)
         return found
 
     def policy(self, team: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> list[Choice]:
         """Return the joint actions of a team in a state with their probabilities; see `Solution.policy`."""
-        side = self._side_of(team)
+        side = self._find_side(team)
         given = places or {}
-        nodes = self._nodes(given)
-        number = self._number(given, as_count(turn, "turn", 0))
-        own, other = (shares_of(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side))
+        nodes = self._find_nodes(given)
+        number = self._find_state_number(given, as_count(turn, "turn", 0))
+        own, other = (
+            find_action_shares(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side)
+        )
         shares = own[:, int(other[:, 0].argmax())]
         chosen = sorted(enumerate(shares.tolist()), key=lambda item: -item[1])
         played = [(share, action) for action, share in chosen if share > 0.0]
         return [Choice(share, self.table.actions_of(number, side, action, nodes)) for share, action in played]
 
-    def _value_of(self, number: int, turn: int) -> float:
+    def _find_value(self, number: int, turn: int) -> float:
         last = self.table.last_turn
         left = -1 if last is None or self.table.by_turn else max(0, min(len(self._stages.values) - 1, last - turn))
         return self._sign * float(self._stages.values[left][number]) + 0.0
 
-    def _agent(self, name: str) -> int:
+    def _find_agent(self, name: str) -> int:
         names = self.table.roster.names
         return names.index(as_known(name, "agent", names))
 
-    def _alike(self, agent: int) -> list[int]:
+    def _find_interchangeable_agents(self, agent: int) -> list[int]:
         """Return the agents that are sorted together with an agent."""
         known = self.table.sorted_agents
         groups = [] if known is None else [group.tolist() for group in known.groups]
         return next((group for group in groups if agent in group), [agent])
 
-    def _nodes(self, places: Mapping[str, int | None]) -> list[int]:
+    def _find_nodes(self, places: Mapping[str, int | None]) -> list[int]:
         nodes = list(self.table.start_places)
         for name, node in as_mapping(places, "places").items():
-            nodes[self._agent(name)] = -1 if node is None else as_node_id(node, f"places[{shown(name)}]")
+            nodes[self._find_agent(name)] = -1 if node is None else as_node_id(node, f"places[{shown(name)}]")
         return nodes
 
-    def _number(self, places: Mapping[str, int | None], turn: int) -> int:
-        nodes = self._nodes(places)
+    def _find_state_number(self, places: Mapping[str, int | None], turn: int) -> int:
+        nodes = self._find_nodes(places)
         found = self.table.states_at(nodes, turn)
         where = self.table.named(nodes)
         first = None if found else self.table.first_turn(nodes)
@@ -461,7 +463,7 @@ class TableSolution(Solution):
             )
         return found[0]
 
-    def _side_of(self, team: str) -> int:
+    def _find_side(self, team: str) -> int:
         teams = self.table.setup.teams
         return teams.index(as_known(team, "team of the solution", teams))
 
@@ -469,7 +471,7 @@ class TableSolution(Solution):
 
     def strategy(self, team: str | None = None) -> SolvedStrategy:
         """Return the strategy of a team; see `Solution.strategy`."""
-        return SolvedStrategy(self._stages, self._side if team is None else self._side_of(team))
+        return SolvedStrategy(self._stages, self._side if team is None else self._find_side(team))
 
     def nash_conv(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
         """Return the gain of both teams together from best responses; see `Solution.nash_conv`."""
@@ -477,7 +479,7 @@ class TableSolution(Solution):
         given: dict[str, SolvedStrategy] = {team: self.strategy(team) for team in teams}
         given |= as_mapping(strategies or {}, "strategies")
         for team, strategy in given.items():
-            if getattr(strategy, "team", None) != teams[self._side_of(team)]:
+            if getattr(strategy, "team", None) != teams[self._find_side(team)]:
                 raise BadType(
                     f"strategies[{shown(team)}] must be a strategy of this team from a solution, not "
                     f"{shown(strategy)}: gamms.solve.nash_conv takes others."
@@ -489,15 +491,15 @@ class TableSolution(Solution):
 _OPPOSITE: dict[Bound, Bound] = {"lower": "upper", "upper": "lower", "none": "none"}
 
 
-def solved(setup: GameSetup, reward: Reward, discount: float, of: str) -> TableSolution:
+def solve_table(setup: GameSetup, reward: Reward, discount: float, of: str) -> TableSolution:
     """Return the solution of a game with one or two deciding teams; `of` is the team that gets the reward."""
-    share = checked_discount(reward, discount)
+    share = check_discount(reward, discount)
     table = explore(setup, by_winner=looks_at_winners(reward), merges=not callable(reward))
-    stages = ValueIteration(table, rewards_of(table, reward, share, of), TOLERANCE)
+    stages = ValueIteration(table, find_rewards(table, reward, share, of), TOLERANCE)
     return TableSolution(table, stages, setup.teams[0], reward)
 
 
-def checked_discount(reward: Reward, discount: float) -> float:
+def check_discount(reward: Reward, discount: float) -> float:
     """Return the checked discount, and check the reward, before a game is explored.
 
     Raises:
@@ -536,7 +538,7 @@ def teams_of(scenario: Scenario, team: str | None) -> tuple[str, ...]:
     return tuple(sorted(teams, key=lambda one: one != (team or teams[0])))
 
 
-def setup_of(
+def make_setup(
     scenario: Scenario,
     teams: tuple[str, ...],
     others: Mapping[str, Any],
@@ -559,12 +561,12 @@ def read_rewards(table: Table, reward: Reward, discount: float, of: str) -> Rewa
         BadType, BadValue: the reward is impossible.
     """
     sign = 1.0 if of == table.setup.teams[0] else -1.0
-    usual = sign * _rewards(table, table.usual, reward, of)
-    last = None if table.last is None else sign * _rewards(table, table.last, reward, of)
+    usual = sign * _compute_rewards(table, table.usual, reward, of)
+    last = None if table.last is None else sign * _compute_rewards(table, table.last, reward, of)
     return Rewards(usual, last, discount)
 
 
-def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Rewards:
+def find_rewards(table: Table, reward: Reward, discount: float, of: str) -> Rewards:
     """Return the rewards of a table's first team by row, from the reward of team `of`.
 
     Raises:
@@ -595,7 +597,7 @@ def _warn_of_worthless_wins(table: Table, usual: FloatArray, last: FloatArray | 
             )
 
 
-def _rewards(table: Table, outcomes: Outcomes, reward: Reward, of: str) -> FloatArray:
+def _compute_rewards(table: Table, outcomes: Outcomes, reward: Reward, of: str) -> FloatArray:
     teams = table.roster.teams
     mine = table.roster.teams.index(of)
     if callable(reward):

@@ -121,7 +121,7 @@ class ValueIteration:
         found = self._play(shape, left)
         for team in (0, 1) if left > 1 else ():
             if self._can_only_gain[team]:
-                fewest = self._fewest(shape.states, left)
+                fewest = self._find_fewest_turns(shape.states, left)
                 for fewer in np.unique(fewest[fewest < left]).tolist():
                     at = np.flatnonzero(fewest == fewer)
                     found[team][at] = self._play(StateGroup(shape.states[at], shape.rows[at]), fewer)[team]
@@ -139,7 +139,7 @@ class ValueIteration:
             found.values.append(moved)
         return found
 
-    def _fewest(self, states: IntArray, left: int) -> IntArray:
+    def _find_fewest_turns(self, states: IntArray, left: int) -> IntArray:
         """Return the smallest number of turns left that gives states the same values, (states,)."""
         fewest = np.full(len(states), left)
         wanted = self.values[left][states]
@@ -179,10 +179,10 @@ class ValueIteration:
         """Return the values with this many turns left."""
         values = np.zeros(len(self.table))
         for shape in self.table.shapes:
-            values[shape.states] = self._best(self.payoffs(shape, left), shape, left)
+            values[shape.states] = self._compute_best(self.payoffs(shape, left), shape, left)
         return values
 
-    def _best(self, payoffs: FloatArray, shape: StateGroup, left: int) -> FloatArray:  # noqa: ARG002 - for `BestResponseValues`
+    def _compute_best(self, payoffs: FloatArray, shape: StateGroup, left: int) -> FloatArray:  # noqa: ARG002 - for `BestResponseValues`
         """Return the values of the states of a group."""
         low, high = kernels.saddle_points(payoffs)
         if self.table.order:
@@ -207,7 +207,7 @@ class ValueIteration:
                 at = np.flatnonzero(table.level[shape.states] == level)
                 if len(at):
                     part = StateGroup(shape.states[at], shape.rows[at])
-                    values[part.states] = self._best(self.payoffs(part, 0), part, 0)
+                    values[part.states] = self._compute_best(self.payoffs(part, 0), part, 0)
 
     def _sweep_turns(self, last: int) -> None:
         """Compute values backward from the last turn, until they no longer change."""
@@ -233,7 +233,7 @@ class ValueIteration:
             changes.append(change)
             grows = len(changes) > patience and change > 0.99 * changes[-_FEW_SWEEPS]
             if len(changes) > _MOST_SWEEPS or (grows and discount == 1.0):
-                raise BadValue(self._no_value(change))
+                raise BadValue(self._explain_missing_value(change))
             self.error = change * discount / (1.0 - discount) if discount < 1.0 else np.inf
             if (discount < 1.0 and self.error <= tolerance) or change <= tolerance * 1e-3:
                 break
@@ -250,9 +250,9 @@ class ValueIteration:
 
     def _refuse_many(self) -> None:
         if len(self.values) * len(self.table) > _MOST_VALUES:
-            raise BadValue(self._no_value(float(abs(self.values[-1] - self.values[-2]).max())))
+            raise BadValue(self._explain_missing_value(float(abs(self.values[-1] - self.values[-2]).max())))
 
-    def _no_value(self, change: float) -> str:
+    def _explain_missing_value(self, change: float) -> str:
         return (
             f"The values of this game still change by {change:.3g} after {len(self.values) - 1} sweeps: what teams get "
             "may grow without bound. Give the game a time limit, or turns= or discount= (such as 0.95)."
@@ -284,13 +284,13 @@ class BestResponseValues(ValueIteration):
     def _is_settled(self, left: int) -> bool:
         return super()._is_settled(left) and left > len(self._other.values)
 
-    def _best(self, payoffs: FloatArray, shape: StateGroup, left: int) -> FloatArray:
-        expected: FloatArray = self._expected(payoffs, shape, left)
+    def _compute_best(self, payoffs: FloatArray, shape: StateGroup, left: int) -> FloatArray:
+        expected: FloatArray = self._compute_expected(payoffs, shape, left)
         if expected.ndim == 2:
             expected = expected.max(axis=1) if self._team == 0 else expected.min(axis=1)
         return expected
 
-    def _expected(self, payoffs: FloatArray, shape: StateGroup, left: int) -> Any:
+    def _compute_expected(self, payoffs: FloatArray, shape: StateGroup, left: int) -> Any:
         """Return the first team's expected value for each action of the responding team; maximal if it moves second."""
         first, second = self._other.play(shape, min(left, len(self._other.values) - 1))
         if self._team == 0:
@@ -313,7 +313,7 @@ class BestResponseValues(ValueIteration):
             best = payoffs.argmax(axis=1) if self._team == 0 else payoffs.argmin(axis=2)
             np.put_along_axis(own, np.expand_dims(best, axis), 1.0, axis=axis)
         else:
-            expected = self._expected(payoffs, shape, left)
+            expected = self._compute_expected(payoffs, shape, left)
             best = expected.argmax(axis=1) if self._team == 0 else expected.argmin(axis=1)
             own[(games, best) if self._team == 0 else (games, slice(None), best)] = 1.0
         return StrategyShares(own, played.second) if self._team == 0 else StrategyShares(played.first, own)

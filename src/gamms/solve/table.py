@@ -22,7 +22,7 @@ from gamms.solve.worlds import (
     TurnSimulator,
     WordArray,
     concatenate,
-    simulator_of,
+    make_simulator,
 )
 from gamms.text import shown
 
@@ -124,10 +124,10 @@ class Table:
         self.sorted_agents = world.sorted_agents
         self.is_merged = is_merged
         self.by_winner = by_winner
-        self.order = _order_of(world, setup.teams)
+        self.order = _find_order(world, setup.teams)
         self.by_turn = by_turn
         self.by_scores = world.with_scores
-        self.earlier = [_before(world, team) for team in setup.teams]
+        self.earlier = [_list_earlier_agents(world, team) for team in setup.teams]
         states = len(parts.level)
         self.nodes = np.concatenate(parts.nodes)
         self.alive = np.concatenate(parts.alive)
@@ -141,8 +141,8 @@ class Table:
             self.counts[ids] = counts
             self.sizes[ids] = sizes
         self.offsets = np.concatenate(([0], np.cumsum(self.sizes.prod(axis=1))))
-        self.usual = _concatenate_outcomes(parts.usual)
-        self.last = _concatenate_outcomes(parts.last) if parts.last else None
+        self.usual = _join_outcomes(parts.usual)
+        self.last = _join_outcomes(parts.last) if parts.last else None
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -258,7 +258,7 @@ class Table:
             yield Transition(where[source], where[after], gained, winner != GOES_ON, won)
 
 
-def _order_of(world: TurnSimulator, teams: Sequence[Any]) -> int:
+def _find_order(world: TurnSimulator, teams: Sequence[Any]) -> int:
     order = world.terms.order
     if order is None or len(teams) < 2:
         return 0
@@ -266,14 +266,14 @@ def _order_of(world: TurnSimulator, teams: Sequence[Any]) -> int:
     return int(np.sign(parts[0] - parts[1]))
 
 
-def _before(world: TurnSimulator, team: Any) -> list[str]:
+def _list_earlier_agents(world: TurnSimulator, team: Any) -> list[str]:
     order = world.terms.order or []
     own = next((number for number, part in enumerate(order) if team in part), 0)
     teams = list(chain.from_iterable(order[:own]))
     return [world.roster.names[agent] for agent in np.flatnonzero(world.roster.plays_for(teams)).tolist()]
 
 
-def _concatenate_outcomes(parts: "list[Outcomes]") -> Outcomes:
+def _join_outcomes(parts: "list[Outcomes]") -> Outcomes:
     """Return the outcomes of all rows; states are played in the order of their numbers, so that they are in order."""
     return Outcomes(*[np.concatenate(each) for each in zip(*parts, strict=True)])
 
@@ -339,7 +339,7 @@ def explore(setup: GameSetup, *, by_winner: bool, merges: bool = False) -> Table
         TooLarge: there are too many states.
         BadValue: the game has an unsupported feature, such as random draws.
     """
-    world = simulator_of(setup, sorts_agents=merges)
+    world = make_simulator(setup, sorts_agents=merges)
     last = world.terms.last_turn
     by_turn = last is not None and last <= _SHORT
     try:
@@ -377,7 +377,7 @@ class _Explorer:
 
     def explore(self) -> _FoundStates:
         start = self._world.start()
-        self._number(start, np.full(1, GOES_ON), 0)
+        self._number_states(start, np.full(1, GOES_ON), 0)
         turn = 0
         while self._new and (self._last is None or turn < self._last):
             ids = np.concatenate([numbers for numbers, _ in self._new])
@@ -411,15 +411,15 @@ class _Explorer:
         for begin in range(0, len(sources), self._world.rows):
             source = sources[begin : begin + self._world.rows]
             action = actions[begin : begin + self._world.rows]
-            chosen = self._decoded(action, counts[source], sizes[source])
+            chosen = self._decode_actions(action, counts[source], sizes[source])
             played = self._play(frontier, source, chosen, turn)
-            after = self._number(played.states, played.winner, turn + 1)
+            after = self._number_states(played.states, played.winner, turn + 1)
             found.usual.append(Outcomes(after, played.gains, played.winner))
             if self._world.terms.has_last_rule and self._last is not None and not self._by_turn:
                 late = played if turn == self._last - 1 else self._play_last(frontier, source, chosen, self._last - 1)
                 found.last.append(Outcomes(after, late.gains, late.winner))
 
-    def _decoded(self, action: IntArray, counts: IntArray, sizes: IntArray) -> IntArray:
+    def _decode_actions(self, action: IntArray, counts: IntArray, sizes: IntArray) -> IntArray:
         """Return the action of each agent, (rows, agents), from numbers of joint actions."""
         chosen = np.zeros(counts.shape, np.int64)
         for members, joint in zip(self._members, np.divmod(action, sizes[:, 1]), strict=False):
@@ -434,7 +434,7 @@ class _Explorer:
         played = world.play(states, rows, chosen, turn)
         more = 0.0 if world.with_scores else _MORE_SCORE
         shift = Perturbation(
-            seed=1, turns=self._other_turn(turn), scores=more, exchanges=world.sorted_agents is not None
+            seed=1, turns=self._find_turn_shift(turn), scores=more, exchanges=world.sorted_agents is not None
         )
         again = np.tile(np.arange(len(rows)), max(1, _DRAWS // len(rows)))  # each with a seed of its own
         other = world.play(states, rows[again], chosen[again], turn, shift)
@@ -450,7 +450,7 @@ class _Explorer:
         play = self._play if self._by_winner else self._world.play
         return play(states, rows, chosen, turn)
 
-    def _other_turn(self, turn: int) -> int:
+    def _find_turn_shift(self, turn: int) -> int:
         """Return the shift in turns for the repetition, 0 if the turn is part of the state."""
         if self._by_turn or (self._last is not None and turn >= self._last - 1):
             return 0
@@ -483,7 +483,7 @@ class _Explorer:
             "games: scenario.batch(…)."
         )
 
-    def _number(self, states: States, winner: IntArray, turn: int) -> IntArray:
+    def _number_states(self, states: States, winner: IntArray, turn: int) -> IntArray:
         """Return the numbers of states; store new ones."""
         level = self._found.level
         numbers = self._find(states, winner)
@@ -516,12 +516,12 @@ class _Explorer:
         found.nodes.append(nodes)
         found.alive.append(alive)
         if len(found.level) > self._setup.max_states:
-            raise TooLarge(self._too_many())
+            raise TooLarge(self._explain_limit())
         going = new[winner[new] == GOES_ON]
         if len(going):
             self._new.append((numbers[going], states.take(going)))
 
-    def _too_many(self) -> str:
+    def _explain_limit(self) -> str:
         places = np.column_stack((np.concatenate(self._found.nodes), np.concatenate(self._found.alive)))
         joint = {tuple(one) for one in places.tolist()}
         return (
@@ -539,7 +539,7 @@ class _Explorer:
         played, counts, sizes = (np.concatenate(part) for part in (found.played, found.counts, found.sizes))
         place_of = {number: place for place, number in enumerate(played.tolist())}
         ends = np.cumsum(sizes.prod(axis=1)).tolist()
-        usual = _concatenate_outcomes(found.usual)
+        usual = _join_outcomes(found.usual)
         for number, states, turn in self._again:
             if number in place_of and (self._last is None or turn < self._last - 1):
                 place = place_of[number]
@@ -551,7 +551,7 @@ class _Explorer:
         """Play all actions from a state again, and compare the outcomes with those when it was first reached."""
         actions = np.arange(len(first.after))
         of_rows = np.zeros(len(actions), np.int64)
-        chosen = self._decoded(actions, np.tile(counts, (len(actions), 1)), np.tile(sizes, (len(actions), 1)))
+        chosen = self._decode_actions(actions, np.tile(counts, (len(actions), 1)), np.tile(sizes, (len(actions), 1)))
         later = self._world.play(states, of_rows, chosen, turn)
         reached = self._find(later.states, later.winner)
         if (reached != first.after).any() or (abs(later.gains - first.gains) > TOLERANCE).any():

@@ -11,7 +11,7 @@ import pyspiel
 
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
-from gamms.solve.information import observing
+from gamms.solve.information import open_observer
 from gamms.solve.stages import Rewards
 from gamms.solve.table import Table
 
@@ -42,7 +42,7 @@ class _SharedModel:
             own = tuple(seen[agent] for agent in table.members(player).tolist())
             return numbers[player].setdefault(own, len(numbers[player]))
 
-        with observing(table) as observer:
+        with open_observer(table) as observer:
             if self.first is not None and observer.may_stop_moves:
                 raise BadValue(
                     "If conflicts or rules can stop moves, the observation of the team that moves second is undefined: "

@@ -18,7 +18,7 @@ from gamms.errors import BadValue, TooLarge
 from gamms.game import Game
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.batch import Batch, find_winners, load_columns, step_with
-from gamms.game.block.columns import AgentTable, mode_of, roster_of
+from gamms.game.block.columns import AgentTable, make_roster, mode_of
 from gamms.game.block.state import Columns
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.hidden_state import HiddenState
@@ -258,7 +258,7 @@ class GameSetup(NamedTuple):
     limit: str = "max_states"
 
 
-def simulator_of(setup: GameSetup, *, sorts_agents: bool) -> TurnSimulator:
+def make_simulator(setup: GameSetup, *, sorts_agents: bool) -> TurnSimulator:
     """Return the simulator for the turns of a game.
 
     Args:
@@ -275,7 +275,7 @@ def simulator_of(setup: GameSetup, *, sorts_agents: bool) -> TurnSimulator:
         _refuse(game)
         in_columns = _fits_columns(ctx)
         groups = _find_interchangeable(ctx, setup) if in_columns and sorts_agents else []
-        number = min(_MOST_ROWS, _FEWEST_ROWS + _positions(ctx, setup, groups))
+        number = min(_MOST_ROWS, _FEWEST_ROWS + _count_positions(ctx, setup, groups))
         if not in_columns:
             return ContextSimulator(ctx, setup)
         batch = game.batch(number + 1, seeds=range(setup.seed, setup.seed + number + 1))
@@ -295,12 +295,12 @@ def _fits_columns(ctx: Context) -> bool:
     """
     game: Game = ctx.game
     return not (
-        first_called(game, roster_of(game))
+        first_called(game, make_roster(game))
         or any(one.phase == "before" or one.spec.is_array_function for one in game.rules)
         or game.settings()["channels"]
         or game.scores
         or len(game.agents) < len(ctx.agent.agents)
-        or roster_of(game).obey_turns
+        or make_roster(game).obey_turns
     )
 
 
@@ -336,7 +336,7 @@ def _find_interchangeable(ctx: Context, setup: GameSetup) -> list[IntArray]:
     return [np.array(group) for group in groups.values() if len(group) > 1]
 
 
-def _positions(ctx: Context, setup: GameSetup, groups: Sequence[IntArray]) -> int:
+def _count_positions(ctx: Context, setup: GameSetup, groups: Sequence[IntArray]) -> int:
     """Return the number of joint positions that agents may reach, with groups sorted; refuse too many."""
     game = ctx.game
     graph = ctx.graph.columns()
@@ -345,7 +345,7 @@ def _positions(ctx: Context, setup: GameSetup, groups: Sequence[IntArray]) -> in
     for agent in AgentTable.of(game.agents).agents:
         steps = len(graph.node_ids) if last is None else last * ceil(agent.speed or 1)
         steps = steps if game.settings()["legal"] == "edges" else len(graph.node_ids)
-        places.append(_within(graph, int(np.flatnonzero(graph.node_ids == agent.current_node_id)[0]), steps))
+        places.append(_find_nodes_within(graph, int(np.flatnonzero(graph.node_ids == agent.current_node_id)[0]), steps))
     reached = [int(place.sum()) for place in places]
     joint = prod(reached)
     for group in groups:
@@ -364,7 +364,7 @@ def _positions(ctx: Context, setup: GameSetup, groups: Sequence[IntArray]) -> in
     return joint
 
 
-def _within(graph: GraphColumns, row: int, steps: int) -> BoolArray:
+def _find_nodes_within(graph: GraphColumns, row: int, steps: int) -> BoolArray:
     """Return a mask (nodes,) of the nodes within this many edges of a node."""
     seen = np.zeros(len(graph.node_ids), np.bool_)
     frontier = np.array([row])
@@ -595,7 +595,7 @@ class ContextSimulator:
     def start(self) -> States:
         """Return the state in which the game begins."""
         self._game.restore(self._start)
-        return self._read_states([self._now()])
+        return self._read_states([self._capture_state()])
 
     def places(self, states: States) -> tuple[IntArray, BoolArray]:
         """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
@@ -632,8 +632,8 @@ class ContextSimulator:
             self._actions = dict(zip(names, chosen, strict=True))
             game.step()
             gains.append([game.scores[team] - points for team, points in zip(teams, before, strict=True)])
-            winners.append(self._winner())
-            moments.append(self._now())
+            winners.append(self._find_winner())
+            moments.append(self._capture_state())
         return TurnResults(self._read_states(moments), np.array(gains, np.float64), np.array(winners))
 
     def _restore(self, snapshot: Snapshot, turn: int, shift: Perturbation) -> None:
@@ -647,7 +647,7 @@ class ContextSimulator:
             if shift.scores:
                 game.scores[team] += shift.scores * (place + 1)
 
-    def _winner(self) -> int:
+    def _find_winner(self) -> int:
         game = self._game
         if game.over is None:
             is_late = self.terms.last_turn is not None and game.turn >= self.terms.last_turn
@@ -655,7 +655,7 @@ class ContextSimulator:
         won = game.over["winner"]
         return self.roster.teams.index(won) if won is not None and won in self.roster.teams else NO_WINNER
 
-    def _now(self) -> "_CapturedState":
+    def _capture_state(self) -> "_CapturedState":
         """Return the current state of the game."""
         game = self._game
         snapshot = game.snapshot()

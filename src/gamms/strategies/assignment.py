@@ -6,32 +6,32 @@ from math import inf
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_context, as_count, shown_as_called
+from gamms.arguments import as_context, as_count, show_as_call
 from gamms.context import Context
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.game.movement.routes import RoutesFromNodes
 from gamms.ir.graph import FloatArray
 from gamms.plain import ID, TEXT, at, dict_of, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
-    enemies_in_sight,
-    graph_for,
+    find_enemies_in_sight,
+    get_graph,
+    get_node,
+    get_required,
+    get_shared_memory,
     graph_of_mode,
     move_to_agent,
-    node_of,
     offer_steps,
-    required,
-    shared_memory,
 )
 from gamms.strategies.travel import random_walk
 from gamms.typing.game import State, Strategy
-from gamms.typing.routes import made_in_moment, made_last
+from gamms.typing.routes import get_cached_in_moment, made_last
 
 _REPORTS = dict_of(TEXT, tuple_of(whole(), ID))  # agent -> the turn of a report, and the node
 _BOARD = at(("assign",), record({}, {"mates": _REPORTS, "enemies": _REPORTS}))
 
 
-@shown_as_called
+@show_as_call
 def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random_walk) -> Strategy:
     """Go to the enemy that is assigned to the agent, by minimizing the total distance between the team and the enemies.
 
@@ -52,13 +52,13 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
     fallback = as_otherwise(otherwise, "assign")
 
     def strategy(state: State) -> None:
-        here = node_of(state, "assign")
-        seen = enemies_in_sight(ctx, state, "assign")
-        mates, enemies = _reported(ctx, state, turns)
+        here = get_node(state, "assign")
+        seen = find_enemies_in_sight(ctx, state, "assign")
+        mates, enemies = _recall_agents(ctx, state, turns)
         _report(state, here, seen)
-        mine = _matching(ctx, state["team"], mates, enemies).get(state["name"]) if enemies and mates else None
+        mine = _match_enemies(ctx, state["team"], mates, enemies).get(state["name"]) if enemies and mates else None
         if mine is None:
-            target = graph_for(ctx, state).routes.nearest(here, seen.values())
+            target = get_graph(ctx, state).routes.nearest(here, seen.values())
         else:
             target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
         move_to_agent(ctx, state, target, seen, fallback, "assign")
@@ -73,16 +73,16 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
 
 def _report(state: State, here: int, seen: dict[str, int]) -> None:
     """Share the position of the agent and the visible enemies with the team."""
-    board = shared_memory(state, "assign")
-    turn = required(state, "turn", "assign")
-    board.setdefault("mates", {})[required(state, "name", "assign")] = (turn, here)
+    board = get_shared_memory(state, "assign")
+    turn = get_required(state, "turn", "assign")
+    board.setdefault("mates", {})[get_required(state, "name", "assign")] = (turn, here)
     board.setdefault("enemies", {}).update((name, (turn, node)) for name, node in seen.items())
 
 
-def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int], dict[str, int]]:
+def _recall_agents(ctx: Context, state: State, patience: int) -> tuple[dict[str, int], dict[str, int]]:
     """Return where living teammates were in the last turn, and where living enemies were last seen, by name."""
-    board = shared_memory(state, "assign")
-    now = required(state, "turn", "assign")
+    board = get_shared_memory(state, "assign")
+    now = get_required(state, "turn", "assign")
     agents = ctx.agent.agents
     reports = [dict(board.get(part, {})) for part in ("mates", "enemies")]
 
@@ -93,12 +93,12 @@ def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int]
             found.append({name: node for name, node in known if name in agents and agents[name].alive})
         return found[0], found[1]
 
-    return made_in_moment(
-        ctx.graph.routes, phase_of(ctx), ("assign reports", state["team"]), make, (now, patience, reports)
+    return get_cached_in_moment(
+        ctx.graph.routes, get_phase(ctx), ("assign reports", state["team"]), make, (now, patience, reports)
     )
 
 
-def _distances(ctx: Context, mates: dict[str, int], targets: list[int]) -> FloatArray:
+def _find_distances(ctx: Context, mates: dict[str, int], targets: list[int]) -> FloatArray:
     """Return the distances (mates, targets), each along the edges that the agent may use."""
     modes = [getattr(ctx.agent.get_agent(name), "mode", None) for name in mates]
     nodes = list(mates.values())
@@ -114,13 +114,13 @@ def _distances(ctx: Context, mates: dict[str, int], targets: list[int]) -> Float
     return far
 
 
-def _matching(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
+def _match_enemies(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
     """Return the reachable enemy of each agent, by the matching of least total distance."""
     routes = ctx.graph.routes
     rounds = -(-len(mates) // len(enemies))
 
     def make() -> dict[str, str]:
-        costs = np.tile(_distances(ctx, mates, list(enemies.values())), rounds)
+        costs = np.tile(_find_distances(ctx, mates, list(enemies.values())), rounds)
         names = list(enemies) * rounds
         pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
         return {mate: names[column] for mate, column, row in pairs if row[column] < inf}

@@ -6,13 +6,13 @@ from math import inf
 import numpy as np
 
 from gamms import belief, kernels
-from gamms.arguments import as_context, as_items, as_range, shown_as_called
+from gamms.arguments import as_context, as_items, as_range, show_as_call
 from gamms.belief.evidence import fits_memory
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.core.belief import likeliest
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.game.movement.routes import RoutesFromNodes
 from gamms.game.strategy_specs import CoreStep
 from gamms.ir.agents import are_mates
@@ -20,24 +20,32 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
-    enemies_in_sight,
-    graph_for,
+    check_nodes,
+    find_enemies_in_sight,
+    find_mates_in_sight,
+    get_graph,
+    get_node,
     graph_of_mode,
-    known_nodes,
-    legal_on_map,
-    mates_in_sight,
+    list_legal_on_map,
     move_on,
     move_to,
     move_to_agent,
-    node_of,
     offer_steps,
     step_towards,
 )
-from gamms.strategies.paces import Pace, by_pace, in_turns, pace_of, turns_for, turns_from, turns_to
+from gamms.strategies.paces import (
+    Pace,
+    convert_to_turns,
+    count_turns_from,
+    count_turns_to,
+    find_pace,
+    group_by_pace,
+    in_turns,
+)
 from gamms.strategies.travel import random_walk, stay
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
-from gamms.typing.routes import made_in_moment, made_last
+from gamms.typing.routes import get_cached_in_moment, made_last
 
 _FEW = 8  # number of enemies from which the nearest is found by a search
 _NEAR_TURNS = 8.0  # turns within which an agent first searches for a meeting point
@@ -45,7 +53,7 @@ _NEAR_TURNS = 8.0  # turns within which an agent first searches for a meeting po
 Paces = dict[Pace, dict[str, int]]  # nodes of visible agents by name, grouped by pace
 
 
-@shown_as_called
+@show_as_call
 def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
     """Move toward the nearest visible enemy by road distance; ties go to the first name.
 
@@ -57,16 +65,16 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
     fallback = as_otherwise(otherwise, "chase")
 
     def strategy(state: State) -> None:
-        here = node_of(state, "chase")
-        enemies = enemies_in_sight(ctx, state, "chase")
-        nearest = graph_for(ctx, state).routes.nearest(here, enemies.values())
+        here = get_node(state, "chase")
+        enemies = find_enemies_in_sight(ctx, state, "chase")
+        nearest = get_graph(ctx, state).routes.nearest(here, enemies.values())
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
     offer_steps(strategy, CoreStep("chase"), fallback)
     return strategy
 
 
-@shown_as_called
+@show_as_call
 def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
     """Go to the legal node, maybe the agent's own, that is farthest by road from the nearest visible enemy.
 
@@ -80,11 +88,11 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
     fallback = as_otherwise(otherwise, "flee")
 
     def strategy(state: State) -> None:
-        node_of(state, "flee")
-        threats = set(enemies_in_sight(ctx, state, "flee").values())
+        get_node(state, "flee")
+        threats = set(find_enemies_in_sight(ctx, state, "flee").values())
         if threats:
-            legal = legal_on_map(ctx, state)
-            routes = graph_for(ctx, state).routes
+            legal = list_legal_on_map(ctx, state)
+            routes = get_graph(ctx, state).routes
             distances = np.array(routes.distances_from_nearest(threats, legal), np.float64)
             ids = np.array(legal, np.int64)
             state["action"] = legal[core.farthest(kernels.buffer(distances), kernels.buffer(ids), len(legal))]
@@ -95,7 +103,7 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
     return strategy
 
 
-@shown_as_called
+@show_as_call
 def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
     """Stay near a node, the post, and go after visible enemies that come near it; it always sets an action.
 
@@ -116,14 +124,14 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
     reach = as_range(radius, "radius of guard")
 
     def strategy(state: State) -> None:
-        here = node_of(state, "guard")
-        graph = graph_for(ctx, state)
+        here = get_node(state, "guard")
+        graph = get_graph(ctx, state)
 
         def is_near(place: int) -> bool:
             far: float = graph.distance(place, post)
             return far <= reach
 
-        enemies = {name: at for name, at in enemies_in_sight(ctx, state, "guard").items() if is_near(at)}
+        enemies = {name: at for name, at in find_enemies_in_sight(ctx, state, "guard").items() if is_near(at)}
         target = graph.routes.nearest(here, enemies.values()) if is_near(here) else None
         if target is None:
             move_to(ctx, state, post, stay, "guard")
@@ -134,7 +142,7 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
     return strategy
 
 
-@shown_as_called
+@show_as_call
 def intercept(
     ctx: Context, goals: Iterable[NodeId] | None = None, otherwise: Strategy | None = random_walk
 ) -> Strategy:
@@ -158,23 +166,23 @@ def intercept(
         UnknownName (KeyError), BadType, BadValue: a goal is not on the map, or there are no goals.
     """
     as_context(ctx, "intercept")
-    ends = None if goals is None else known_nodes(ctx, goals, "intercept", "goals")
+    ends = None if goals is None else check_nodes(ctx, goals, "intercept", "goals")
     fallback = as_otherwise(otherwise, "intercept")
 
     def strategy(state: State) -> None:
-        node_of(state, "intercept")
-        enemies = enemies_in_sight(ctx, state, "intercept")
+        get_node(state, "intercept")
+        enemies = find_enemies_in_sight(ctx, state, "intercept")
         if enemies and ends is None:
-            state["action"] = _confining_node(ctx, state, enemies)
+            state["action"] = _find_confining_node(ctx, state, enemies)
         else:
-            meeting = _meeting_node(ctx, state, enemies, ends or ()) if enemies else None
+            meeting = _find_meeting_node(ctx, state, enemies, ends or ()) if enemies else None
             move_to(ctx, state, meeting, fallback, "intercept")
 
     offer_steps(strategy, None, fallback)
     return strategy
 
 
-@shown_as_called
+@show_as_call
 def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
     """Go to the exit that the agent reaches with the greatest lead over any visible enemy, and stay there.
 
@@ -191,21 +199,21 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         UnknownName (KeyError), BadType, BadValue: an exit is not on the map, or there are no exits.
     """
     as_context(ctx, "safest_exit")
-    ends = known_nodes(ctx, exits, "safest_exit", "exits")
+    ends = check_nodes(ctx, exits, "safest_exit", "exits")
     fallback = as_otherwise(otherwise, "safest_exit")
 
     def strategy(state: State) -> None:
-        here = node_of(state, "safest_exit")
-        enemies = enemies_in_sight(ctx, state, "safest_exit")
-        paces = by_pace(ctx, enemies)
+        here = get_node(state, "safest_exit")
+        enemies = find_enemies_in_sight(ctx, state, "safest_exit")
+        paces = group_by_pace(ctx, enemies)
         first, reached = made_last(
             ctx.graph.routes,
             ("safest_exit", state["team"], ends),
             paces,
-            lambda: (_first_there(ctx, paces, ends), _in_reach(ctx, paces)),
+            lambda: (_find_first_arrivals(ctx, paces, ends), _find_nodes_in_reach(ctx, paces)),
         )
-        weight, speed, _ = pace_of(ctx, state.get("name"))
-        graph = graph_for(ctx, state)
+        weight, speed, _ = find_pace(ctx, state.get("name"))
+        graph = get_graph(ctx, state)
 
         def lead(node: int) -> tuple[float, float, int]:
             own = {end: in_turns(move_on(graph, node).distance(node, end, weight), speed) for end in ends}
@@ -216,14 +224,14 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         elif lead(here)[1] == -inf:
             fallback(state)
         else:
-            legal = legal_on_map(ctx, state)
+            legal = list_legal_on_map(ctx, state)
             state["action"] = max([node for node in legal if node not in reached] or legal, key=lead)
 
     offer_steps(strategy, None, fallback)
     return strategy
 
 
-@shown_as_called
+@show_as_call
 def follow_belief(
     ctx: Context,
     targets: Iterable[str] | None = None,
@@ -251,13 +259,13 @@ def follow_belief(
     fallback = as_otherwise(otherwise, "follow_belief")
 
     def strategy(state: State) -> None:
-        here = node_of(state, "follow_belief")
+        here = get_node(state, "follow_belief")
         known = belief.observe(ctx, state)
-        names = _living_enemies(ctx, state) if wanted is None else wanted
+        names = _list_living_enemies(ctx, state) if wanted is None else wanted
         chances = known.probabilities(names, model).sum(axis=0)
-        weight, speed, _ = pace_of(ctx, state["name"])
-        far = graph_for(ctx, state).distance_matrix([here], ctx.graph.columns().node_ids, weight)
-        turns = turns_for(far, speed)[0]
+        weight, speed, _ = find_pace(ctx, state["name"])
+        far = get_graph(ctx, state).distance_matrix([here], ctx.graph.columns().node_ids, weight)
+        turns = convert_to_turns(far, speed)[0]
         row = likeliest(kernels.buffer(chances), kernels.buffer(turns), 0, len(turns))
         node = None if row < 0 else int(ctx.graph.columns().node_ids[row])
         move_to(ctx, state, node, fallback, "follow_belief")
@@ -270,43 +278,43 @@ def follow_belief(
 # -------------------------------------------------------------------------------------------------
 
 
-def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tuple[int, ...]) -> int | None:
+def _find_meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tuple[int, ...]) -> int | None:
     """Return the node on the likely path of an enemy that the agent reaches in time, and first among these."""
-    paces = by_pace(ctx, enemies)
+    paces = group_by_pace(ctx, enemies)
     nodes, of, arrivals = made_last(
-        ctx.graph.routes, ("intercept", state["team"], goals), paces, lambda: _likely_paths(ctx, paces, goals)
+        ctx.graph.routes, ("intercept", state["team"], goals), paces, lambda: _find_likely_paths(ctx, paces, goals)
     )
     here = state["curr_pos"]
     # The nearest such node is best, so most agents need to search only nearby nodes.
-    near = _turns_to_near(ctx, state, here, nodes)[of]
+    near = _count_turns(ctx, state, here, nodes)[of]
     late = np.maximum(0.0, near - arrivals)
     best = np.lexsort((of, near, late))[0]
     if late[best] > 0.0 or kernels.widened(near[best]) >= _NEAR_TURNS:
-        weight, speed, _ = pace_of(ctx, state.get("name"))
-        own = turns_for(graph_for(ctx, state).distance_matrix([here], nodes, weight), speed)[0][of]
+        weight, speed, _ = find_pace(ctx, state.get("name"))
+        own = convert_to_turns(get_graph(ctx, state).distance_matrix([here], nodes, weight), speed)[0][of]
         late = np.maximum(0.0, own - arrivals)
         best = np.lexsort((of, own, late))[0]
     return int(nodes[of[best]]) if late[best] < inf else None
 
 
-def _turns_to_near(ctx: Context, state: State, source: int, nodes: IntArray) -> FloatArray:
+def _count_turns(ctx: Context, state: State, source: int, nodes: IntArray) -> FloatArray:
     """Return the turns that an agent needs to nodes, ascending, but infinite for nodes that are far."""
-    weight, speed, _ = pace_of(ctx, state.get("name"))
+    weight, speed, _ = find_pace(ctx, state.get("name"))
     found = np.full(len(nodes), inf)
     if len(nodes) > 1 and 0.0 < speed < inf:
-        near = graph_for(ctx, state).distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
+        near = get_graph(ctx, state).distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
         ids = np.fromiter(near, np.int64, len(near))
         far = np.fromiter(near.values(), np.float64, len(near))
         at = np.minimum(np.searchsorted(nodes, ids), len(nodes) - 1)
         is_asked = nodes[at] == ids
-        found[at[is_asked]] = turns_for(far[is_asked], speed)
+        found[at[is_asked]] = convert_to_turns(far[is_asked], speed)
     return found
 
 
-def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[IntArray, IntArray, FloatArray]:
+def _find_likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[IntArray, IntArray, FloatArray]:
     """Return ids of nodes, ascending; then for each node on an enemy's path its index there, and the arrival time."""
     options = list[tuple[int, float]]()
-    for (weight, speed, mode), at in _places(paces):
+    for (weight, speed, mode), at in _list_places(paces):
         graph = graph_of_mode(ctx, mode)
         far, goal = min((in_turns(graph.distance(at, goal, weight), speed), goal) for goal in goals)
         if isinstance(graph, RoutesFromNodes):
@@ -320,34 +328,34 @@ def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[Int
     return nodes, of, np.array([arrival for _, arrival in options])
 
 
-def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
+def _find_confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
     """Return the legal node nearest to the nearest enemy; ties are broken by the smallest Voronoi cell."""
-    weight, speed, _ = pace_of(ctx, state.get("name"))
-    graph = graph_for(ctx, state)
-    name = _first_to_reach(ctx, state["curr_pos"], enemies)
+    weight, speed, _ = find_pace(ctx, state.get("name"))
+    graph = get_graph(ctx, state)
+    name = _find_first_enemy(ctx, state["curr_pos"], enemies)
     far = {
         node: in_turns(move_on(graph, node).distance(node, enemies[name], weight), speed)
-        for node in sorted(legal_on_map(ctx, state))
+        for node in sorted(list_legal_on_map(ctx, state))
     }
     nearest = [node for node, turns in far.items() if turns == min(far.values())]
     if len(nearest) == 1:
         return nearest[0]
     nodes = ctx.graph.columns().node_ids
     each = [move_on(graph, node).distance_matrix([node], nodes, weight)[0] for node in nearest]
-    own = 1.0 + turns_for(np.array(each), speed)
+    own = 1.0 + convert_to_turns(np.array(each), speed)
     ids = nodes.tolist()
-    theirs = turns_from(ctx, name, [enemies[name]])[0]
-    for (weight, speed, mode), group in by_pace(ctx, mates_in_sight(ctx, state)).items():
+    theirs = count_turns_from(ctx, name, [enemies[name]])[0]
+    for (weight, speed, mode), group in group_by_pace(ctx, find_mates_in_sight(ctx, state)).items():
         near = graph_of_mode(ctx, mode).distances([*group.values()], weight=weight)
-        own = np.minimum(own, turns_for(np.array([near.get(id, inf) for id in ids]), speed))
+        own = np.minimum(own, convert_to_turns(np.array([near.get(id, inf) for id in ids]), speed))
     sizes = (theirs < own).sum(axis=1).tolist()
     return min(zip(sizes, nearest, strict=True))[1]
 
 
-def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
+def _find_first_enemy(ctx: Context, node: int, enemies: dict[str, int]) -> str:
     """Return the name of the enemy that needs the fewest turns from a node to its own node; ties go to the first."""
     names = list[str]()
-    for (weight, speed, mode), group in by_pace(ctx, enemies).items():
+    for (weight, speed, mode), group in group_by_pace(ctx, enemies).items():
         graph = graph_of_mode(ctx, mode)
         is_searched = len(group) > _FEW and 0.0 < speed < inf
         nearest = graph.routes.nearest(node, group.values(), weight) if is_searched else None
@@ -357,12 +365,12 @@ def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
             within = kernels.widened(graph.distance(node, nearest, weight))
             near = graph.distances(node, weight=weight, cutoff=within)
             names += [name for name, at in group.items() if at in near]
-    return min(sorted(names), key=lambda name: turns_to(ctx, name, node, enemies[name]))
+    return min(sorted(names), key=lambda name: count_turns_to(ctx, name, node, enemies[name]))
 
 
-def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:
+def _find_first_arrivals(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:
     """Return how many turns the fastest of some agents needs to reach each node of `ends`."""
-    places = [(graph_of_mode(ctx, pace.mode), pace, at) for pace, at in _places(paces)]
+    places = [(graph_of_mode(ctx, pace.mode), pace, at) for pace, at in _list_places(paces)]
 
     def turns(end: int) -> list[float]:
         return [in_turns(graph.distance(at, end, pace.weight), pace.speed) for graph, pace, at in places]
@@ -370,7 +378,7 @@ def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, f
     return {end: min(turns(end), default=inf) for end in ends}
 
 
-def _in_reach(ctx: Context, paces: Paces) -> set[int]:
+def _find_nodes_in_reach(ctx: Context, paces: Paces) -> set[int]:
     """Return the nodes that at least one of some agents can reach in this turn."""
     near = [
         graph_of_mode(ctx, mode).distances([*group.values()], weight=weight, cutoff=speed)
@@ -379,7 +387,7 @@ def _in_reach(ctx: Context, paces: Paces) -> set[int]:
     return set[int]().union(*near)
 
 
-def _places(paces: Paces) -> list[tuple[Pace, int]]:
+def _list_places(paces: Paces) -> list[tuple[Pace, int]]:
     """Return the distinct pairs of pace and node of agents."""
     return [(pace, at) for pace, group in paces.items() for at in sorted(set(group.values()))]
 
@@ -387,7 +395,7 @@ def _places(paces: Paces) -> list[tuple[Pace, int]]:
 # -- targets of searches ---------------------------------------------------------------------------------------------
 
 
-def _living_enemies(ctx: Context, state: State) -> list[str]:
+def _list_living_enemies(ctx: Context, state: State) -> list[str]:
     """Return the names of the living enemies on the ground, sorted."""
     team = state["team"]
     me = state["name"]
@@ -401,4 +409,6 @@ def _living_enemies(ctx: Context, state: State) -> list[str]:
             and not are_mates(team, getattr(one, "team", None))
         ]
 
-    return [name for name in made_in_moment(ctx.graph.routes, phase_of(ctx), ("enemies", team), make) if name != me]
+    return [
+        name for name in get_cached_in_moment(ctx.graph.routes, get_phase(ctx), ("enemies", team), make) if name != me
+    ]

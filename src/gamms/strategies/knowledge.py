@@ -16,7 +16,7 @@ from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
 from gamms.game.movement.routes import RoutesFromNodes, RoutesWithTurns
 from gamms.game.movement.travel import find_usable_graph, graph_of
-from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
+from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, get_strategy_spec
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import as_node_id, split_mode
 from gamms.plain import Shape
@@ -45,7 +45,7 @@ _WAYS_OUT = {
 }
 
 
-def required(state: State | AerialState, key: str, caller: str) -> Any:
+def get_required(state: State | AerialState, key: str, caller: str) -> Any:
     """Return the value of a key that `ctx.game` sets in every state.
 
     Raises:
@@ -56,18 +56,18 @@ def required(state: State | AerialState, key: str, caller: str) -> Any:
     return state[key]  # type: ignore[call-overload] # the keys of `_WAYS_OUT`
 
 
-def drawn_fraction(state: State | AerialState, caller: str) -> float:
+def draw_fraction(state: State | AerialState, caller: str) -> float:
     """Draw a number in [0, 1) from `state["draw"]`, or from `state["rng"]` in a custom loop."""
     if "draw" in state:
         return float(state["draw"].random())
-    return float(required(state, "rng", caller).random())
+    return float(get_required(state, "rng", caller).random())
 
 
-def drawn_below(state: State, n: int, caller: str) -> int:
+def draw_below(state: State, n: int, caller: str) -> int:
     """Draw an integer from 0 to `n - 1` from `state["draw"]`, or from `state["rng"]` in a custom loop."""
     if "draw" in state:
         return int(state["draw"].below(n))
-    return int(required(state, "rng", caller).integers(n))
+    return int(get_required(state, "rng", caller).integers(n))
 
 
 def is_aerial(state: State | AerialState) -> "TypeIs[AerialState]":
@@ -75,7 +75,7 @@ def is_aerial(state: State | AerialState) -> "TypeIs[AerialState]":
     return isinstance(state["curr_pos"], tuple)
 
 
-def node_of(state: State, caller: str) -> int:
+def get_node(state: State, caller: str) -> int:
     """Return the node of an agent on the ground.
 
     Raises:
@@ -88,18 +88,18 @@ def node_of(state: State, caller: str) -> int:
     return state["curr_pos"]
 
 
-def legal_nodes(state: State, caller: str) -> Sequence[int]:
+def list_legal_nodes(state: State, caller: str) -> Sequence[int]:
     """Return the legal nodes of a ground agent, its own first; without `state["legal"]` from a NEIGHBOR sensor."""
     if "legal" not in state:
         for kind, data in state["sensor"].values():
             if kind is SensorType.NEIGHBOR:
                 near: Sequence[int] = data
                 return near
-    legal: Sequence[int] = required(state, "legal", caller)
+    legal: Sequence[int] = get_required(state, "legal", caller)
     return legal
 
 
-def graph_for(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
+def get_graph(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
     """Return the graph of the edges that an agent may use by its mode; without a mode or a name, the whole graph.
 
     If the agent obeys turn restrictions, it is `RoutesWithTurns`.
@@ -123,15 +123,15 @@ def graph_of_mode(ctx: IContext, mode: str | None) -> Any:  # Any: see `graph_of
 
 
 def move_on(graph: object, node: int) -> Any:  # Any: see `graph_of`
-    """Return the graph of an agent, see `graph_for`, after it has moved to a node."""
+    """Return the graph of an agent, see `get_graph`, after it has moved to a node."""
     return graph.move_on(node) if isinstance(graph, RoutesWithTurns) else graph
 
 
-def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
+def list_legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
     """Return the legal nodes of an agent on the ground, its own first; by the map if `state["legal"]` is missing."""
     legal: Sequence[int] | None = state.get("legal")
     if legal is None:
-        legal = graph_for(ctx, state).neighborhoods[state["curr_pos"]]
+        legal = get_graph(ctx, state).neighborhoods[state["curr_pos"]]
     return legal
 
 
@@ -155,30 +155,30 @@ def goes_far(ctx: IContext, state: State) -> bool:
     return has_speed(ctx, state) and cast("Context", ctx).game.legal == "edges"
 
 
-def enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]:
+def find_enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]:
     """Return the nodes of the enemies that the agent's sensors show, by name, sorted by name."""
-    team = required(state, "team", caller)
-    if caller not in (warned := _warned.setdefault(ctx, set())) and not _shows_agents(state):
+    team = get_required(state, "team", caller)
+    if caller not in (warned := _warned.setdefault(ctx, set())) and not _is_showing_agents(state):
         warned.add(caller)  # once in a context
         kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
         who = f"agent {state['name']!r}" if "name" in state else "an agent"
         ctx.logger.warning(
             f"{caller}: {who} carries no sensor that shows agents, so it sees no enemies. Give it {kinds}."
         )
-    return {name: node for name, node, other in _in_sight(ctx, state) if not are_mates(team, other)}
+    return {name: node for name, node, other in _list_agents_in_sight(ctx, state) if not are_mates(team, other)}
 
 
-def mates_in_sight(ctx: IContext, state: State) -> dict[str, int]:
+def find_mates_in_sight(ctx: IContext, state: State) -> dict[str, int]:
     """Return the nodes of the teammates that the agent's sensors show, by name, sorted by name."""
     team = state["team"]
-    return {name: node for name, node, other in _in_sight(ctx, state) if are_mates(team, other)}
+    return {name: node for name, node, other in _list_agents_in_sight(ctx, state) if are_mates(team, other)}
 
 
-def _shows_agents(state: State) -> bool:
+def _is_showing_agents(state: State) -> bool:
     return any(kind in _SHOWING_AGENTS for kind, _ in state["sensor"].values())
 
 
-def _in_sight(ctx: IContext, state: State) -> list[tuple[str, int, Hashable]]:
+def _list_agents_in_sight(ctx: IContext, state: State) -> list[tuple[str, int, Hashable]]:
     """Return (name, node, team) of the agents that the sensors show, sorted by name."""
     seen: dict[str, int] = {}
     for kind, data in state["sensor"].values():
@@ -224,7 +224,7 @@ def as_strategy(value: F, name: str) -> F:
     return value
 
 
-def known_nodes(ctx: IContext, values: Iterable[NodeId], caller: str, kind: str) -> tuple[int, ...]:
+def check_nodes(ctx: IContext, values: Iterable[NodeId], caller: str, kind: str) -> tuple[int, ...]:
     """Check that values are node ids of the map, at least one.
 
     Raises:
@@ -237,10 +237,10 @@ def known_nodes(ctx: IContext, values: Iterable[NodeId], caller: str, kind: str)
     return nodes
 
 
-def shared_memory(state: State, key: str) -> dict[Any, Any]:
+def get_shared_memory(state: State, key: str) -> dict[Any, Any]:
     """Return the writable dict under a key of the team's memory, or of the agent's own if it shares none."""
     is_shared = state.get("team") is not None and "team_memory" in state
-    memory: dict[Any, Any] = state["team_memory"] if is_shared else required(state, "memory", key)
+    memory: dict[Any, Any] = state["team_memory"] if is_shared else get_required(state, "memory", key)
     found: dict[Any, Any] = memory.setdefault(key, {})
     return found
 
@@ -275,7 +275,7 @@ def move_to_agent(
     if its is None or its[0] != target:
         move_to(ctx, state, target, fallback, caller)
         return
-    graph = graph_for(ctx, state)
+    graph = get_graph(ctx, state)
     lengths = ctx.graph.graph
     edge = state["edge"]
     source, end, street = its
@@ -329,13 +329,13 @@ def step_towards(
     Raises:
         BadType: the agent flies.
     """
-    here = node_of(state, caller)
+    here = get_node(state, caller)
     is_paced = has_speed(ctx, state)
     ends: tuple[int, ...] = ()
     if is_paced and state.get("xy") is not None:
         ends = (here,) if state["edge"] is None else (here, state["edge"][1])
-    legal = legal_on_map(ctx, state)
-    graph = graph_for(ctx, state)
+    legal = list_legal_on_map(ctx, state)
+    graph = get_graph(ctx, state)
     if isinstance(graph, RoutesWithTurns):
         return aims.step_with_turns(
             graph, legal, target, has_speed=is_paced, by_metres=bool(ends), is_allowed=is_allowed
@@ -372,7 +372,7 @@ def offer_steps(
         memory: the shape of what it stores in `state["memory"]`; None: nothing.
         team_memory: the shape of what it stores in `state["team_memory"]`; None: nothing.
     """
-    called = [StrategySpec(core_steps=(one,)) if isinstance(one, CoreStep) else strategy_spec_of(one) for one in steps]
+    called = [StrategySpec(core_steps=(one,)) if isinstance(one, CoreStep) else get_strategy_spec(one) for one in steps]
     several = [one.core_steps for one in called]
     memories = [*((memory,) if memory else ()), *(shape for one in called for shape in one.memory)]
     shared = [*((team_memory,) if team_memory else ()), *(shape for one in called for shape in one.team_memory)]

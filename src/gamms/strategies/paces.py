@@ -28,13 +28,13 @@ class Pace(NamedTuple):
 LITTLE = 1e-9  # a speed for agents that do not move: they need no time to their own node, and nearly forever to others
 
 
-def pace_of(ctx: Context, name: str | None) -> Pace:
+def find_pace(ctx: Context, name: str | None) -> Pace:
     """Return how far an agent gets in a turn; without a name, one along any edge."""
     agent = None if name is None else ctx.agent.get_agent(name)
-    return _pace(ctx, getattr(agent, "speed", None), getattr(agent, "mode", None))
+    return _make_pace(ctx, getattr(agent, "speed", None), getattr(agent, "mode", None))
 
 
-def _pace(ctx: Context, speed: float | None, mode: str | None) -> Pace:
+def _make_pace(ctx: Context, speed: float | None, mode: str | None) -> Pace:
     if speed is None or ctx.current_game is None:
         return Pace(None, 1.0, mode)
     if ctx.game.speed_unit == "edges":
@@ -43,7 +43,7 @@ def _pace(ctx: Context, speed: float | None, mode: str | None) -> Pace:
     return Pace("length", speed * seconds, mode)
 
 
-def by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]:
+def group_by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]:
     """Return visible agents with their nodes, grouped by pace."""
     paces = dict[tuple[float | None, str | None], Pace]()
     found = dict[Pace, dict[str, int]]()
@@ -51,7 +51,7 @@ def by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]
         agent = ctx.agent.get_agent(name)
         own = getattr(agent, "speed", None), getattr(agent, "mode", None)
         if own not in paces:
-            paces[own] = _pace(ctx, *own)
+            paces[own] = _make_pace(ctx, *own)
         found.setdefault(paces[own], {})[name] = node
     return found
 
@@ -63,22 +63,22 @@ def in_turns(far: float, speed: float) -> float:
     return inf if far else 0.0
 
 
-def turns_for(far: FloatArray, speed: FloatArray | float) -> FloatArray:
+def convert_to_turns(far: FloatArray, speed: FloatArray | float) -> FloatArray:
     """Return the numbers of turns for distances; large for agents that do not move."""
     found: FloatArray = np.divide(far, np.maximum(speed, LITTLE), out=np.full(far.shape, inf), where=far < inf)
     return found
 
 
-def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
+def count_turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
     """Return the number of turns that an agent needs between two nodes; infinite if there is no path."""
-    weight, speed, mode = pace_of(ctx, name)
+    weight, speed, mode = find_pace(ctx, name)
     return in_turns(graph_of_mode(ctx, mode).distance(source, target, weight), speed)
 
 
-def turns_from(
+def count_turns_from(
     ctx: Context, name: str | None, sources: Sequence[int], targets: Sequence[int] | IntArray | None = None
 ) -> FloatArray:
     """Return the turns that an agent needs to nodes (sources, targets); None: all nodes of `ctx.graph.columns()`."""
-    weight, speed, mode = pace_of(ctx, name)
+    weight, speed, mode = find_pace(ctx, name)
     ends = ctx.graph.columns().node_ids if targets is None else targets
-    return turns_for(graph_of_mode(ctx, mode).distance_matrix(sources, ends, weight), speed)
+    return convert_to_turns(graph_of_mode(ctx, mode).distance_matrix(sources, ends, weight), speed)

@@ -9,15 +9,15 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms.arguments import as_context, as_float, as_items, as_mapping, as_name
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.declarations import array_strategy
-from gamms.game.array_functions.view import ArrayView, pool_shares_in
-from gamms.game.strategy_specs import CoreStep, PoolSpec, declare, name_strategy, strategy_spec_of
-from gamms.strategies.knowledge import as_strategy, offer_steps, required
+from gamms.game.array_functions.view import ArrayView, get_pool_shares
+from gamms.game.strategy_specs import CoreStep, PoolSpec, declare, get_strategy_spec, name_strategy
+from gamms.strategies.knowledge import as_strategy, get_required, offer_steps
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.actions import strategy_in
+from gamms.typing.actions import make_strategy
 from gamms.typing.context import HostContext
 from gamms.typing.game import State
 
@@ -76,7 +76,7 @@ def _list_members(members: object, weights: Iterable[float] | None) -> list[Pool
         given = [(name_strategy(one) if callable(one) else str(number), one) for number, one in enumerate(items)]
     if not given:
         raise BadValue("A pool needs at least one member, such as pool([chase, flee]).")
-    shares = _shares_of(weights, len(given))
+    shares = _compute_shares(weights, len(given))
     found: list[PoolMember] = []
     for (name, one), share in zip(given, shares, strict=True):
         if not callable(one):
@@ -86,7 +86,7 @@ def _list_members(members: object, weights: Iterable[float] | None) -> list[Pool
             )
         inner: list[PoolMember] = getattr(one, _MEMBERS, [PoolMember(name, one, 1.0)])
         found += [member._replace(share=member.share * share) for member in inner]
-    return _with_numbers(found)
+    return _number_members(found)
 
 
 def list_pool_members(strategy: object) -> list[PoolMember]:
@@ -95,7 +95,7 @@ def list_pool_members(strategy: object) -> list[PoolMember]:
     return [member for member in members if member.share > 0.0]
 
 
-def _with_numbers(members: list[PoolMember]) -> list[PoolMember]:
+def _number_members(members: list[PoolMember]) -> list[PoolMember]:
     """Return members with different names: equal ones get numbers."""
     names: list[str] = []
     for member in members:
@@ -104,7 +104,7 @@ def _with_numbers(members: list[PoolMember]) -> list[PoolMember]:
     return [member._replace(name=name) for member, name in zip(members, names, strict=True)]
 
 
-def _shares_of(weights: Iterable[float] | None, number: int) -> list[float]:
+def _compute_shares(weights: Iterable[float] | None, number: int) -> list[float]:
     """Return the probability of each member."""
     given = [1.0] * number if weights is None else [*as_items(weights, "weights", "numbers")]
     numbers = [as_float(one, "Each of weights") for one in given]
@@ -115,7 +115,7 @@ def _shares_of(weights: Iterable[float] | None, number: int) -> list[float]:
     return [one / sum(numbers) for one in numbers]
 
 
-def _bounds_of(members: Sequence[PoolMember]) -> tuple[float, ...]:
+def _compute_bounds(members: Sequence[PoolMember]) -> tuple[float, ...]:
     """Return the end of the part of [0, 1) in which each member is drawn; that of the last one drawn is 1."""
     sums = [*accumulate(member.share for member in members)]
     return tuple([1.0 if one >= sums[-1] else one / sums[-1] for one in sums])
@@ -124,8 +124,8 @@ def _bounds_of(members: Sequence[PoolMember]) -> tuple[float, ...]:
 def _make_pool(ctx: IContext, *, members: Sequence[PoolMember]) -> Callable[[Any], None]:
     """Return the strategy of a pool in a context."""
     as_context(ctx, "A pool")
-    spec = PoolSpec(tuple([one.name for one in members]), _bounds_of(members))
-    options = [as_strategy(strategy_in(ctx, one.strategy), "Each member of a pool") for one in members]
+    spec = PoolSpec(tuple([one.name for one in members]), _compute_bounds(members))
+    options = [as_strategy(make_strategy(ctx, one.strategy), "Each member of a pool") for one in members]
     strategy = _make_strategy(ctx, options, spec, f"pool([{', '.join(spec.names)}])")
     made = [one._replace(strategy=option) for one, option in zip(members, options, strict=True)]
     setattr(strategy, _MEMBERS, made)
@@ -136,23 +136,23 @@ def _make_strategy(
     ctx: IContext, options: list[Callable[[Any], None]], spec: PoolSpec, name: str
 ) -> Callable[[Any], None]:
     """Return the strategy of a pool with these members."""
-    specs = [strategy_spec_of(one) for one in options]
+    specs = [get_strategy_spec(one) for one in options]
     forms = tuple([one.array_form for one in specs if one.array_form is not None and not one.is_called_each])
     if len(forms) == len(options):
         form: Any = partial(_play_members, forms=forms, bounds=spec.bounds)
         form.__name__ = name
         strategy = array_strategy(form)(ctx)
-        declare(strategy, replace(strategy_spec_of(strategy), pool=spec))
+        declare(strategy, replace(get_strategy_spec(strategy), pool=spec))
         return strategy
 
     def play_pool(state: State) -> None:
-        with phase_of(ctx).suspended(changes_world=False):
+        with get_phase(ctx).suspended(changes_world=False):
             seed = cast("HostContext", ctx).seed
-        options[spec.draw(seed, required(state, "team", "pool"))](state)
+        options[spec.draw(seed, get_required(state, "team", "pool"))](state)
 
     play_pool.__name__ = play_pool.__qualname__ = name
     offer_steps(play_pool, *_list_steps(options, spec.bounds))
-    declare(play_pool, replace(strategy_spec_of(play_pool), pool=spec))
+    declare(play_pool, replace(get_strategy_spec(play_pool), pool=spec))
     return play_pool
 
 
@@ -160,7 +160,7 @@ def _list_steps(
     options: list[Callable[[Any], None]], bounds: tuple[float, ...]
 ) -> list[CoreStep | Callable[[Any], None] | None]:
     """Return the steps of a pool, as `offer_steps` takes them: for each member a choice, its steps, and a jump."""
-    several = [strategy_spec_of(one).core_steps for one in options]
+    several = [get_strategy_spec(one).core_steps for one in options]
     if None in several:
         return [None, *options]
     sizes = [len(steps or ()) for steps in several]
@@ -174,7 +174,7 @@ def _list_steps(
 
 def _play_members(view: ArrayView, *, forms: tuple[Callable[[ArrayView], Any], ...], bounds: tuple[float, ...]) -> Any:
     """Return the actions of agents, each decided by the array strategy that its team has drawn in its game."""
-    drawn = np.searchsorted(bounds, pool_shares_in(view), side="right")
+    drawn = np.searchsorted(bounds, get_pool_shares(view), side="right")
     actions = np.zeros((*view.node.shape, 3) if view.flies else view.node.shape, float if view.flies else np.int64)
     for number, form in enumerate(forms):
         is_asked = drawn == number

@@ -14,16 +14,16 @@ from gamms.game.strategy_specs import CoreStep
 from gamms.plain import ID, NUMBER, list_of, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
-    graph_for,
+    check_nodes,
+    get_graph,
+    get_node,
+    get_required,
     has_speed,
-    known_nodes,
-    legal_on_map,
+    list_legal_on_map,
     move_to,
-    node_of,
     offer_steps,
-    required,
 )
-from gamms.strategies.paces import pace_of
+from gamms.strategies.paces import find_pace
 from gamms.typing.game import NodeId, State, Strategy
 from gamms.typing.graph_engine import IGraph
 
@@ -45,24 +45,24 @@ def route(
 ) -> Strategy:
     """Return a strategy that goes from one stop to the next, and remembers the next stop."""
     as_context(ctx, caller)
-    stops = StopList(known_nodes(ctx, nodes, caller, "nodes"), repeat=repeat)
+    stops = StopList(check_nodes(ctx, nodes, caller, "nodes"), repeat=repeat)
     key = f"{caller} {list(stops.nodes)}"
     way_key = f"{key} way"
     fallback = as_otherwise(otherwise, caller)
 
     def strategy(state: State) -> None:
-        memory = required(state, "memory", caller)
-        here = node_of(state, caller)
+        memory = get_required(state, "memory", caller)
+        here = get_node(state, caller)
         if key not in memory and is_nearest_first:
-            nearest = graph_for(ctx, state).routes.nearest(here, stops.nodes)
+            nearest = get_graph(ctx, state).routes.nearest(here, stops.nodes)
             memory[key] = 0 if nearest is None else stops.nodes.index(nearest)
         at = _stop_after(memory.pop(way_key, None), state, memory.get(key, 0))
         at = stops.next(at, here)
         memory[key] = at
         target = stops.nodes[at] if at < len(stops.nodes) else None
         way = None
-        if target in legal_on_map(ctx, state) and _goes_beyond(ctx, state):
-            way = _path_of_turn(ctx, state, stops, at)
+        if target in list_legal_on_map(ctx, state) and _may_pass_stop(ctx, state):
+            way = _find_path_of_turn(ctx, state, stops, at)
         if way is None:
             move_to(ctx, state, target, fallback, caller)
             return
@@ -81,14 +81,14 @@ def route(
 # -- the path of one turn -------------------------------------------------------------------------------------------
 
 
-def _goes_beyond(ctx: Context, state: State) -> bool:
+def _may_pass_stop(ctx: Context, state: State) -> bool:
     """Return whether an agent may pass a stop within a turn without deciding there; where turns count, it stops."""
-    if ctx.current_game is None or not has_speed(ctx, state) or isinstance(graph_for(ctx, state), RoutesWithTurns):
+    if ctx.current_game is None or not has_speed(ctx, state) or isinstance(get_graph(ctx, state), RoutesWithTurns):
         return False
     return ctx.game.legal == "edges" and ctx.game.decide == "turn"
 
 
-def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> TurnPath | None:
+def _find_path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> TurnPath | None:
     """Return the path through the stops from index `at`, up to the first node out of reach in this turn.
 
     Args:
@@ -100,7 +100,7 @@ def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> Tur
     Returns:
         None if no path leads to the next stop.
     """
-    unit, speed, mode = pace_of(ctx, state["name"])
+    unit, speed, mode = find_pace(ctx, state["name"])
     graph = graph_of(ctx, mode)
     reach = speed + 1.0 if unit is None else speed  # the agent may have covered part of an edge before
     last = state["curr_pos"]
@@ -116,7 +116,7 @@ def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> Tur
             weight = ctx.game.weight
         elif len(steps) == 1 or graph.distance(last, stops.nodes[at], None) <= max(1.0, speed - far):
             weight = None  # to a legal node an agent takes the fewest edges
-        path = _path(graph, last, stops.nodes[at], weight)
+        path = _find_path(graph, last, stops.nodes[at], weight)
         for node in path:
             far += graph.distance(last, node, unit)
             at = stops.next(at, node)
@@ -132,7 +132,7 @@ def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> Tur
 
 def _end_of_edge(ctx: Context, state: State, target: int) -> tuple[int, float]:
     """Return the end of the agent's edge that leads to a node, and the distance to this end."""
-    graph = graph_for(ctx, state)
+    graph = get_graph(ctx, state)
     weight = ctx.game.weight
     source, end, edge = state["edge"]  # type: ignore[misc] # the agent is on one
     length = graph.get_edge(edge).length
@@ -144,7 +144,7 @@ def _end_of_edge(ctx: Context, state: State, target: int) -> tuple[int, float]:
     return (source, state["offset_m"]) if behind < ahead else (end, length - state["offset_m"])
 
 
-def _path(graph: IGraph, source: int, target: int, weight: str | None) -> list[int]:
+def _find_path(graph: IGraph, source: int, target: int, weight: str | None) -> list[int]:
     """Return the nodes after `source` on the shortest path; empty if there is no path."""
     try:
         found: list[int] = graph.shortest_path(source, target, weight)[1:]
@@ -178,7 +178,7 @@ class StopList:
 
     def __init__(self, nodes: tuple[int, ...], *, repeat: bool) -> None:
         self.nodes = nodes
-        self.following = tuple(_following(nodes, at, repeat=repeat) for at in range(len(nodes)))
+        self.following = tuple(_find_following(nodes, at, repeat=repeat) for at in range(len(nodes)))
         self._ids = memoryview(array("q", nodes))
         self._next = memoryview(array("q", self.following))
 
@@ -187,7 +187,7 @@ class StopList:
         return core.next_stop(self._ids, self._next, 0, len(self.nodes), at, here)
 
 
-def _following(nodes: tuple[int, ...], begin: int, *, repeat: bool) -> int:
+def _find_following(nodes: tuple[int, ...], begin: int, *, repeat: bool) -> int:
     at = begin
     for _ in nodes:  # at most once around: all stops may be the same node
         if at == len(nodes) or nodes[at] != nodes[begin]:

@@ -4,28 +4,28 @@ from collections.abc import Hashable, Iterable
 
 import numpy as np
 
-from gamms.arguments import as_context, as_flag, shown_as_called
+from gamms.arguments import as_context, as_flag, show_as_call
 from gamms.context import Context
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import ID, NODE, at, optional, set_of
 from gamms.strategies.knowledge import (
     as_otherwise,
-    graph_for,
-    known_nodes,
+    check_nodes,
+    get_graph,
+    get_node,
+    get_required,
+    get_shared_memory,
     move_to,
-    node_of,
     nodes_in_view,
     offer_steps,
-    required,
-    shared_memory,
 )
 from gamms.strategies.travel import stay
 from gamms.typing.game import NodeId, State, Strategy
-from gamms.typing.routes import made_in_moment, made_last
+from gamms.typing.routes import get_cached_in_moment, made_last
 
 
-@shown_as_called
+@show_as_call
 def sweep(
     ctx: Context,
     nodes: Iterable[NodeId] | None = None,
@@ -51,23 +51,23 @@ def sweep(
         UnknownName (KeyError), BadType, BadValue: a node is not on the map, or there are no nodes.
     """
     as_context(ctx, "sweep")
-    chosen = None if nodes is None else known_nodes(ctx, nodes, "sweep", "nodes")
+    chosen = None if nodes is None else check_nodes(ctx, nodes, "sweep", "nodes")
     sees = as_flag(by_sight, "by_sight of sweep")
     again = as_flag(repeat, "repeat of sweep")
     fallback = as_otherwise(otherwise, "sweep")
 
     def strategy(state: State) -> None:
-        here = node_of(state, "sweep")
-        memory = required(state, "memory", "sweep")
-        board = shared_memory(state, "sweep")
+        here = get_node(state, "sweep")
+        memory = get_required(state, "memory", "sweep")
+        board = get_shared_memory(state, "sweep")
         visited = board.setdefault("visited", set())
         visited |= {here, *(nodes_in_view(ctx, state) if sees else ())}
-        if again and visited.issuperset(_parts(ctx, None, chosen, 1)[0]):
+        if again and visited.issuperset(_divide_nodes(ctx, None, chosen, 1)[0]):
             visited.clear()
             visited.add(here)
         target = memory.get("sweep target")
         if target is None or target in visited:
-            target = _next_to_visit(ctx, state, chosen, visited)
+            target = _find_next_to_visit(ctx, state, chosen, visited)
             memory["sweep target"] = target
         move_to(ctx, state, target, fallback, "sweep")
 
@@ -79,21 +79,21 @@ _TARGET = at(("sweep target",), optional(NODE))
 _VISITED = at(("sweep", "visited"), set_of(ID))
 
 
-def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, visited: set[int]) -> int | None:
+def _find_next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, visited: set[int]) -> int | None:
     """Return the nearest unvisited node of the agent's part, else of the whole map; ties go to the lowest id."""
-    name = required(state, "name", "sweep")
+    name = get_required(state, "name", "sweep")
     here = state["curr_pos"]
-    team = required(state, "team", "sweep")
-    members = {} if team is None else _living_members(ctx, team)
-    own = _parts(ctx, team, chosen, len(members) or 1)[members[name] if members else 0]
-    routes = graph_for(ctx, state).routes
+    team = get_required(state, "team", "sweep")
+    members = {} if team is None else _list_living_members(ctx, team)
+    own = _divide_nodes(ctx, team, chosen, len(members) or 1)[members[name] if members else 0]
+    routes = get_graph(ctx, state).routes
     nearest: int | None = routes.nearest(here, sorted(own - visited))
     if nearest is None:
-        nearest = routes.nearest(here, sorted(_parts(ctx, None, chosen, 1)[0] - visited))
+        nearest = routes.nearest(here, sorted(_divide_nodes(ctx, None, chosen, 1)[0] - visited))
     return nearest
 
 
-def _living_members(ctx: Context, team: Hashable) -> dict[str, int]:
+def _list_living_members(ctx: Context, team: Hashable) -> dict[str, int]:
     """Return a read-only mapping name -> index of the living agents of a team, ordered by name."""
 
     def make() -> dict[str, int]:
@@ -101,23 +101,25 @@ def _living_members(ctx: Context, team: Hashable) -> dict[str, int]:
         names = sorted(one.name for one in agents if one.team == team and one.alive)
         return {name: place for place, name in enumerate(names)}
 
-    return made_in_moment(ctx.graph.routes, phase_of(ctx), ("members", team), make)
+    return get_cached_in_moment(ctx.graph.routes, get_phase(ctx), ("members", team), make)
 
 
-def _parts(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, number: int) -> list[set[int]]:
+def _divide_nodes(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, number: int) -> list[set[int]]:
     """Divide nodes into parts of equal size by repeated cuts across the longer side."""
 
     def make() -> list[set[int]]:
         ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
-        return [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
+        return [set(part.tolist()) for part in _bisect_nodes(np.array(ids), ctx.graph.graph.positions(ids), number)]
 
     return made_last(ctx.graph.routes, ("sweep", team, chosen), number, make)
 
 
-def _bisected(ids: IntArray, xy: FloatArray, number: int) -> list[IntArray]:
+def _bisect_nodes(ids: IntArray, xy: FloatArray, number: int) -> list[IntArray]:
     if number <= 1:
         return [ids]
     axis = int(np.argmax(np.ptp(xy, axis=0))) if len(ids) else 0
     order = np.lexsort((ids, xy[:, axis]))
     first, second = np.split(order, [len(ids) * (number // 2) // number])
-    return _bisected(ids[first], xy[first], number // 2) + _bisected(ids[second], xy[second], number - number // 2)
+    return _bisect_nodes(ids[first], xy[first], number // 2) + _bisect_nodes(
+        ids[second], xy[second], number - number // 2
+    )

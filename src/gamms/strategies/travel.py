@@ -4,30 +4,30 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import cos, inf, pi, sin
 from typing import Any, TypeVar, overload
 
-from gamms.arguments import as_context, as_count, as_float, shown_as_called, signature_of
+from gamms.arguments import as_context, as_count, as_float, find_signature, show_as_call
 from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
-from gamms.game.strategy_specs import CoreStep, strategy_spec_of
+from gamms.game.strategy_specs import CoreStep, get_strategy_spec
 from gamms.ir.graph import as_node_id
 from gamms.plain import ANYTHING, NODE, at, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
     as_strategy,
+    check_nodes,
     choose_weight,
-    drawn_below,
-    drawn_fraction,
+    draw_below,
+    draw_fraction,
+    get_graph,
+    get_node,
+    get_required,
     goes_far,
-    graph_for,
     is_aerial,
-    known_nodes,
-    legal_nodes,
-    legal_on_map,
+    list_legal_nodes,
+    list_legal_on_map,
     move_to,
-    node_of,
     offer_steps,
-    required,
 )
 from gamms.strategies.stops import route
 from gamms.text import shown
@@ -37,16 +37,16 @@ from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strate
 F = TypeVar("F", bound=Callable[..., None])
 
 
-def _called_with_a_state(strategy: F) -> F:
+def _check_call(strategy: F) -> F:
     """Return the strategy with a check that explains a call without a state."""
     # NOTE: a default argument, because a wrapper would be called for every agent and turn (benchmarks: turns).
     function: Any = strategy
-    function.__signature__ = signature_of(strategy)  # without the default
+    function.__signature__ = find_signature(strategy)  # without the default
     function.__defaults__ = (None,)
     return strategy
 
 
-@_called_with_a_state
+@_check_call
 def stay(state: State | AerialState) -> None:
     """Stay, also on an edge; it always sets an action."""
     try:
@@ -55,10 +55,10 @@ def stay(state: State | AerialState) -> None:
         else:
             state["action"] = state["curr_pos"] if state.get("edge") is None else None
     except TypeError:
-        raise _no_state(state, "stay") from None
+        raise _make_call_error(state, "stay") from None
 
 
-@_called_with_a_state
+@_check_call
 def random_walk(state: State | AerialState) -> None:
     """Go to a legal node, maybe the agent's own, with equal probabilities; fly in a random horizontal direction.
 
@@ -72,20 +72,20 @@ def random_walk(state: State | AerialState) -> None:
         draw = state.get("draw")
         legal = state.get("legal")
     except AttributeError:
-        raise _no_state(state, "random_walk") from None
+        raise _make_call_error(state, "random_walk") from None
     if draw is not None and legal and state.get("edge") is None:  # the usual case first: it is called most often
         state["action"] = legal[draw.below(len(legal))]
     elif is_aerial(state):
-        angle = 2.0 * pi * drawn_fraction(state, "random_walk")
+        angle = 2.0 * pi * draw_fraction(state, "random_walk")
         state["action"] = (cos(angle), sin(angle), 0.0)
     elif (edge := state.get("edge")) is not None:
         state["action"] = edge[1]
     else:
-        legal = state["legal"] if "legal" in state else legal_nodes(state, "random_walk")
-        state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
+        legal = state["legal"] if "legal" in state else list_legal_nodes(state, "random_walk")
+        state["action"] = legal[draw_below(state, len(legal), "random_walk")]
 
 
-def _no_state(given: object, name: str) -> BadType:
+def _make_call_error(given: object, name: str) -> BadType:
     """Return the error for a strategy that was called where its name was meant."""
     return BadType(
         f"{name} is a strategy, which games call with a state, not with {shown(given)}. Write "
@@ -97,7 +97,7 @@ offer_steps(stay, CoreStep("stay"))
 offer_steps(random_walk, CoreStep("walk"))
 
 
-@shown_as_called
+@show_as_call
 def goto(
     ctx: IContext, target: NodeId | Callable[[State], NodeId | None], otherwise: Strategy | None = stay
 ) -> Strategy:
@@ -124,7 +124,7 @@ def goto(
     return strategy
 
 
-@shown_as_called
+@show_as_call
 def follow_path(
     ctx: Context, nodes: Iterable[NodeId], repeat: bool = False, otherwise: Strategy | None = stay
 ) -> Strategy:
@@ -146,7 +146,7 @@ def follow_path(
     return route(ctx, nodes, otherwise, "follow_path", repeat=repeat)
 
 
-@shown_as_called
+@show_as_call
 def patrol(ctx: Context, nodes: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
     """Visit nodes in a cycle, beginning with the nearest by road; ties go to the first node of the list.
 
@@ -165,7 +165,7 @@ def patrol(ctx: Context, nodes: Iterable[NodeId], otherwise: Strategy | None = s
     return route(ctx, nodes, otherwise, "patrol", repeat=True, is_nearest_first=True)
 
 
-@shown_as_called
+@show_as_call
 def random_waypoints(
     ctx: Context, nodes: Iterable[NodeId] | None = None, pause: int = 0, otherwise: Strategy | None = stay
 ) -> Strategy:
@@ -187,17 +187,17 @@ def random_waypoints(
             0.
     """
     as_context(ctx, "random_waypoints")
-    chosen = None if nodes is None else known_nodes(ctx, nodes, "random_waypoints", "nodes")
+    chosen = None if nodes is None else check_nodes(ctx, nodes, "random_waypoints", "nodes")
     turns = as_count(pause, "pause of random_waypoints", 0)
     fallback = as_otherwise(otherwise, "random_waypoints")
 
     def strategy(state: State) -> None:
-        here = node_of(state, "random_waypoints")
-        memory = required(state, "memory", "random_waypoints")
+        here = get_node(state, "random_waypoints")
+        memory = get_required(state, "memory", "random_waypoints")
         target, left = memory.get("random_waypoints", (None, 0))
         is_there = target == here
         weight = choose_weight(ctx, state)
-        far = inf if target is None or is_there else graph_for(ctx, state).distance(here, target, weight)
+        far = inf if target is None or is_there else get_graph(ctx, state).distance(here, target, weight)
         left = core.turns_left(is_there, left, far)
         if left < 0:
             options = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
@@ -214,15 +214,15 @@ def random_waypoints(
 def _draw_waypoint(ctx: Context, state: State, options: Sequence[int]) -> int:
     """Draw a node; if the agent cannot reach it, draw one of those that it can reach, if there are any."""
     here = state["curr_pos"]
-    graph = graph_for(ctx, state)
+    graph = get_graph(ctx, state)
     weight = choose_weight(ctx, state)
-    drawn = options[drawn_below(state, len(options), "random_waypoints")]
-    is_near = not goes_far(ctx, state) and drawn in legal_on_map(ctx, state)
+    drawn = options[draw_below(state, len(options), "random_waypoints")]
+    is_near = not goes_far(ctx, state) and drawn in list_legal_on_map(ctx, state)
     if is_near or graph.distance(here, drawn, weight) < inf:
         return drawn
     near = graph.distances(source=here, weight=weight)
     within = [node for node in options if node in near]
-    return within[drawn_below(state, len(within), "random_waypoints")] if within else drawn
+    return within[draw_below(state, len(within), "random_waypoints")] if within else drawn
 
 
 # -- combinations -------------------------------------------------------------------------------------------------
@@ -232,7 +232,7 @@ def _draw_waypoint(ctx: Context, state: State, options: Sequence[int]) -> int:
 def first(*strategies: Strategy) -> Strategy: ...
 @overload
 def first(*strategies: AerialStrategy) -> AerialStrategy: ...
-@shown_as_called
+@show_as_call
 def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
     """Call strategies in order until one sets an action.
 
@@ -260,7 +260,7 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
 def mix(p: float, a: Strategy, b: Strategy) -> Strategy: ...
 @overload
 def mix(p: float, a: AerialStrategy, b: AerialStrategy) -> AerialStrategy: ...
-@shown_as_called
+@show_as_call
 def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callable[[Any], None]:
     """Call `a` with probability `p`, else `b`; one number is drawn from `state["draw"]` in every turn.
 
@@ -273,9 +273,9 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     options = as_strategy(b, "b of mix"), as_strategy(a, "a of mix")
 
     def strategy(state: State) -> None:
-        options[core.is_drawn(drawn_fraction(state, "mix"), chance)](state)
+        options[core.is_drawn(draw_fraction(state, "mix"), chance)](state)
 
-    first, second = (strategy_spec_of(one).core_steps for one in (a, b))
+    first, second = (get_strategy_spec(one).core_steps for one in (a, b))
     if first is not None and second is not None:
         begin = CoreStep("mix", number=len(first) + 1, chance=chance)
         skip = CoreStep("skip", number=len(second))
@@ -289,7 +289,7 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
 def human(read: Callable[[State], Any]) -> Strategy: ...
 @overload
 def human(read: Callable[[AerialState], Any]) -> AerialStrategy: ...
-@shown_as_called
+@show_as_call
 def human(read: Callable[[Any], Any]) -> Callable[[Any], None]:
     """Ask a person to decide, through any user interface.
 
@@ -309,7 +309,7 @@ def human(read: Callable[[Any], Any]) -> Callable[[Any], None]:
     return strategy
 
 
-@shown_as_called
+@show_as_call
 def unblock(strategy: Strategy, after: int = 2) -> Strategy:
     """Play a strategy, and give way for some turns after other agents have blocked it for some turns.
 
@@ -331,20 +331,20 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
     patience = as_count(after, "after of unblock")
 
     def unblock(state: State) -> None:
-        here = node_of(state, "unblock")
-        memory = required(state, "memory", "unblock")
+        here = get_node(state, "unblock")
+        memory = get_required(state, "memory", "unblock")
         known = memory.get("unblock", _NOT_BLOCKED)
-        is_blocked = "in conflict" in (required(state, "blocked", "unblock") or "")
-        known = _patience_left(state, known, patience, is_blocked=is_blocked)
+        is_blocked = "in conflict" in (get_required(state, "blocked", "unblock") or "")
+        known = _count_patience(state, known, patience, is_blocked=is_blocked)
         memory["unblock"] = known
         if known["yield"]:
-            legal = legal_nodes(state, "unblock")
+            legal = list_legal_nodes(state, "unblock")
             options = [node for node in legal if node not in (here, known["ahead"])] or list(legal)
-            state["action"] = options[drawn_below(state, len(options), "unblock")]
+            state["action"] = options[draw_below(state, len(options), "unblock")]
             memory["unblock"] = {**known, "ahead": here}
         else:
             goes_on(state)
-            memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
+            memory["unblock"] = {**known, "ahead": _find_first_node(state.get("action"))}
 
     offer_steps(unblock, None, goes_on, memory=at(("unblock",), _COUNTERS))
     return unblock
@@ -360,20 +360,20 @@ _COUNTERS = record(
 )
 
 
-def _patience_left(state: State, known: dict[str, Any], patience: int, *, is_blocked: bool) -> dict[str, Any]:
+def _count_patience(state: State, known: dict[str, Any], patience: int, *, is_blocked: bool) -> dict[str, Any]:
     """Return the counters of an agent after another turn; draws a number if it was blocked for long."""
     blocked = known["blocked"] + 1 if is_blocked else 0
     calm = 0 if is_blocked else known["calm"] + 1
     often = 0 if calm > 2 ** known["often"] else known["often"]
     left = max(0, known["yield"] - 1)
-    if blocked >= patience and drawn_fraction(state, "unblock") < 0.5:
+    if blocked >= patience and draw_fraction(state, "unblock") < 0.5:
         often = min(often + 1, _MOST_OFTEN)
-        turns = 1 + drawn_below(state, 2 ** (often - 1), "unblock")
+        turns = 1 + draw_below(state, 2 ** (often - 1), "unblock")
         return {"blocked": 0, "calm": 0, "often": often, "yield": turns, "ahead": known["ahead"]}
     return {"blocked": blocked, "calm": calm, "often": often, "yield": left, "ahead": known["ahead"]}
 
 
-def _first_node(action: object) -> int | None:
+def _find_first_node(action: object) -> int | None:
     """Return the first node of an action; None for no action."""
     wanted = action.get("node_id") if isinstance(action, Mapping) else action
     if isinstance(wanted, Sequence):

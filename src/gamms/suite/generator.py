@@ -83,21 +83,21 @@ class _TaskMap:
         columns = Scenario(map=MAPS[map], teams={"one": {"count": 1}}).columns()
         self._ids = columns.node_ids
         self._xy = columns.xy
-        self.bases = self._bases(map)
-        self.towers = [self._node("tower", number) for number in range(2)]
+        self.bases = self._draw_bases(map)
+        self.towers = [self._draw_node("tower", number) for number in range(2)]
         self.turns = (_TURNS_OF_HUNTS if kind in ("pursuit", "evasion") else _TURNS)[map]
 
-    def _node(self, *names: object) -> int:
+    def _draw_node(self, *names: object) -> int:
         """Draw a node by the SHA-256 of the seed and names."""
         text = "/".join(map(str, (self._seed, *names)))
         return int(self._ids[int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") % len(self._ids)])
 
-    def _bases(self, map: str) -> tuple[int, int]:
+    def _draw_bases(self, map: str) -> tuple[int, int]:
         """Draw two nodes with a distance in the range of the kind."""
         xy_of = dict(zip(self._ids.tolist(), self._xy.tolist(), strict=True))
         diagonal = float(np.hypot(*np.ptp(self._xy, axis=0)))
         least, most = (share * diagonal for share in _APART.get((self._kind, map), _ELSE_APART))
-        pairs = ((self._node("red", trial), self._node("blue", trial)) for trial in range(_TRIES))
+        pairs = ((self._draw_node("red", trial), self._draw_node("blue", trial)) for trial in range(_TRIES))
         return next(pair for pair in pairs if least <= np.hypot(*np.subtract(*(xy_of[node] for node in pair))) <= most)
 
     def scenario(
@@ -132,7 +132,7 @@ class _TaskMap:
         return {"rule": "tag", "with": {**given, **more}}
 
 
-def _named(function: str, **given: Plain) -> Values:
+def _name_function(function: str, **given: Plain) -> Values:
     return (
         {"function": f"gamms.strategies:{function}", "with": given}
         if given
@@ -140,33 +140,49 @@ def _named(function: str, **given: Plain) -> Values:
     )
 
 
-def _pursuit(ground: _TaskMap, team: str = "red") -> GeneratedTask:
+def _make_pursuit(ground: _TaskMap, team: str = "red") -> GeneratedTask:
     limit = {"rule": "time_limit", "with": {"turns": ground.turns, "winner": "blue"}}
     rules: list[Plain] = [ground.tag("red", "blue"), "last_team", limit]
-    made = ground.scenario((_named("assign"), _named("flee")), (4, 2), rules, {"team": team})
+    made = ground.scenario((_name_function("assign"), _name_function("flee")), (4, 2), rules, {"team": team})
     if team == "red":
-        opponents = {"flee": _named("flee"), "waypoints": _named("random_waypoints"), "walk": _named("random_walk")}
+        opponents = {
+            "flee": _name_function("flee"),
+            "waypoints": _name_function("random_waypoints"),
+            "walk": _name_function("random_walk"),
+        }
         return GeneratedTask(made, "red", "blue", opponents)
-    opponents = {"assign": _named("assign"), "intercept": _named("intercept"), "chase": _named("chase")}
+    opponents = {
+        "assign": _name_function("assign"),
+        "intercept": _name_function("intercept"),
+        "chase": _name_function("chase"),
+    }
     return GeneratedTask(made, "blue", "red", opponents)
 
 
-def _breach(ground: _TaskMap, team: str = "red") -> GeneratedTask:
+def _make_breach(ground: _TaskMap, team: str = "red") -> GeneratedTask:
     goal = ground.bases[1]
     limit = {"rule": "time_limit", "with": {"turns": ground.turns, "winner": "blue"}}
     reach = {"rule": "reach", "with": {"team": "red", "nodes": goal}}
     rules: list[Plain] = [ground.tag("blue", "red"), reach, "last_team", limit]
     radius = _SIGHT_M[ground.map]
-    strategies = _named("safest_exit", exits=[goal]), _named("guard", node=goal, radius=radius)
+    strategies = _name_function("safest_exit", exits=[goal]), _name_function("guard", node=goal, radius=radius)
     made = ground.scenario(strategies, (3, 2), rules, {"team": team, "goal": goal})
     if team == "red":
-        guards = {"guard": strategies[1], "intercept": _named("intercept", goals=[goal]), "chase": _named("chase")}
+        guards = {
+            "guard": strategies[1],
+            "intercept": _name_function("intercept", goals=[goal]),
+            "chase": _name_function("chase"),
+        }
         return GeneratedTask(made, "red", "blue", guards)
-    runners = {"exit": strategies[0], "straight": _named("goto", target=goal), "waypoints": _named("random_waypoints")}
+    runners = {
+        "exit": strategies[0],
+        "straight": _name_function("goto", target=goal),
+        "waypoints": _name_function("random_waypoints"),
+    }
     return GeneratedTask(made, "blue", "red", runners)
 
 
-def _flags(ground: _TaskMap) -> GeneratedTask:
+def _make_flags(ground: _TaskMap) -> GeneratedTask:
     bases = dict(zip(("red", "blue"), ground.bases, strict=True))
     nodes = {"function": "gamms.rules.territory:by_distance", "with": {"bases": bases}}
     rules: list[Plain] = [
@@ -181,11 +197,11 @@ def _flags(ground: _TaskMap) -> GeneratedTask:
 
 
 _DRAWN: dict[str, Callable[[_TaskMap], GeneratedTask]] = {  # name -> the function that draws a scenario of this kind
-    "pursuit": _pursuit,
-    "evasion": lambda ground: _pursuit(ground, "blue"),
-    "breach": _breach,
-    "defence": lambda ground: _breach(ground, "blue"),
-    "flags": _flags,
+    "pursuit": _make_pursuit,
+    "evasion": lambda ground: _make_pursuit(ground, "blue"),
+    "breach": _make_breach,
+    "defence": lambda ground: _make_breach(ground, "blue"),
+    "flags": _make_flags,
 }
 
 KINDS = tuple(_DRAWN)

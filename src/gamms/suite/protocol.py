@@ -65,15 +65,15 @@ def tasks(version: int = VERSION) -> list[Task]:
         BadValue: the version does not exist.
         BadFile: the file of the version is damaged.
     """
-    file = task_file(version)
+    file = find_task_file(version)
     found = [Task(**one) for one in json.loads(file.read_text(encoding="utf-8"))]
     for task in found:
-        if task.name != with_digest(task).name:
+        if task.name != add_digest(task).name:
             raise BadFile(f"{str(file)!r} is damaged: task {task.name!r} is not what its name says.")
     return found
 
 
-def task_file(version: int, suffix: str = "") -> Path:
+def find_task_file(version: int, suffix: str = "") -> Path:
     """Return the file of a version of the suite.
 
     Raises:
@@ -115,13 +115,13 @@ def district(name: str) -> "nx.DiGraph[int]":
         return ctx.graph.to_networkx()
 
 
-def scenario_of(task: Task, strategy: Plain = None, **code: Any) -> Scenario:
+def make_scenario(task: Task, strategy: Plain = None, **code: Any) -> Scenario:
     """Return the scenario of a task with a strategy for the team; `code` locates its code: folder, allow."""
     scenario = Scenario(**task.scenario, **code)
     return scenario if strategy is None else scenario.replace(**{f"teams.{task.team}.strategy": strategy})
 
 
-def with_digest(task: Task) -> Task:
+def add_digest(task: Task) -> Task:
     """Return a task with the name that its content determines."""
     kind, map = task.name.split("-")[:2]
     content = json.dumps(task[1:] if task.maps else task[1:_FIELDS_1], sort_keys=True)

@@ -11,8 +11,8 @@ from gamms.arguments import as_known, as_path
 from gamms.experiment import Rows, Table
 from gamms.experiment import run as run_experiment
 from gamms.experiment.running import executor_for
-from gamms.folders import without_link
-from gamms.suite.protocol import VERSION, Task, scenario_of, task_file, tasks
+from gamms.folders import remove_link
+from gamms.suite.protocol import VERSION, Task, find_task_file, make_scenario, tasks
 
 
 class Results(NamedTuple):
@@ -60,7 +60,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         BadValue: the version does not exist.
         ScenarioError: the strategy does not exist.
     """
-    chosen = _chosen(only, version)
+    chosen = _select_tasks(only, version)
     into = None if out is None else as_path(out, "out")
     by_seed = None if seeds is None else list(seeds)
     executor, is_own = executor_for(None, workers)
@@ -74,7 +74,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
             if callable(strategy):
                 vary[f"strategies.{task.team}"] = [strategy]
             found = run_experiment(
-                scenario_of(task, reference, folder=folder, allow=allow),
+                make_scenario(task, reference, folder=folder, allow=allow),
                 task.seeds if by_seed is None else by_seed,
                 vary,
                 workers=workers,
@@ -83,11 +83,11 @@ def run(  # noqa: PLR0913 - each option is independent of the others
                 progress=progress,
             )
             rows[task.name] = found
-            made.append(_measured(task, found, into))
+            made.append(_measure_task(task, found, into))
     return Results(Table.of(made), rows)
 
 
-def _chosen(only: Sequence[str] | None, version: int) -> list[Task]:
+def _select_tasks(only: Sequence[str] | None, version: int) -> list[Task]:
     every = tasks(version)
     wanted = [task.name for task in every] if only is None else list(only)
     known = [*dict.fromkeys(task.name.partition("-")[0] for task in every), *(task.name for task in every)]
@@ -96,7 +96,7 @@ def _chosen(only: Sequence[str] | None, version: int) -> list[Task]:
     return [task for task in every if task.name in wanted or task.name.partition("-")[0] in wanted]
 
 
-def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
+def _measure_task(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
     """Return the table row of a task, and record the first game against the worst opponent."""
     drawn = f"opponent.{task.opponent}"  # the member of a pool
     key = drawn if all(row.get(drawn) is not None for row in rows) else f"strategies.{task.opponent}"
@@ -109,7 +109,7 @@ def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
     row = {"task": task.name, **{column: overall[column][0] for column in columns}}
     row |= {"worst": against["mean"][worst], "worst_opponent": name, "replay": first["id"]}
     if out is not None and first["error"] is None:
-        file = without_link(out / f"{task.name}.ggr")
+        file = remove_link(out / f"{task.name}.ggr")
         rows.play(first["id"], record=file)
         row["replay"] = str(file)
     return {column: value.item() if hasattr(value, "item") else value for column, value in row.items()}
@@ -123,11 +123,11 @@ def references(version: int = VERSION) -> Table:
     Raises:
         BadValue: the version does not exist.
     """
-    rows: list[dict[str, Any]] = json.loads(task_file(version, "_references").read_text(encoding="utf-8"))
+    rows: list[dict[str, Any]] = json.loads(find_task_file(version, "_references").read_text(encoding="utf-8"))
     return Table.of(rows)
 
 
-def measured_references(
+def measure_references(
     workers: int | None = None,
     only: Sequence[str] | None = None,
     seeds: Iterable[int] | None = None,
@@ -135,7 +135,7 @@ def measured_references(
 ) -> list[dict[str, Any]]:
     """Play all baselines on the tasks like `run`; return the rows of `references`."""
     by_seed = None if seeds is None else list(seeds)
-    chosen = _chosen(only, version)
+    chosen = _select_tasks(only, version)
     made = []
     for name in dict.fromkeys(name for task in chosen for name in task.baselines):
         own = [task.name for task in chosen if name in task.baselines]

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 from gamms.ir.draw import DrawCommands
 from gamms.testing.contracts import expect
 from gamms.visual.backends import Backend
-from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.backends.pillow_backend import decode_pixels
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
 
@@ -147,17 +147,17 @@ def check_backend(backend: Backend) -> None:
     for case in _CASES:
         commands = Commands()
         case.draw(commands)
-        picture = _picture(backend, commands.freeze())
+        picture = _render_picture(backend, commands.freeze())
         if picture.startswith(_PNG):
-            _look_at_pixels(case, picture)
+            _check_pixels(case, picture)
         elif picture.lstrip().startswith(_SVG):
-            _look_at_elements(case, picture)
+            _check_elements(case, picture)
     _check_layers(backend)
     _check_words(backend)
     _check_distance(backend)
 
 
-def _picture(backend: Backend, commands: DrawCommands) -> bytes:
+def _render_picture(backend: Backend, commands: DrawCommands) -> bytes:
     def draw() -> object:
         return backend(commands, _CAMERA, title="", background=_PAPER, dpi=96.0)
 
@@ -168,8 +168,8 @@ def _picture(backend: Backend, commands: DrawCommands) -> bytes:
     return picture
 
 
-def _look_at_pixels(case: _PictureCase, picture: bytes) -> None:
-    pixels = pixels_of(picture)
+def _check_pixels(case: _PictureCase, picture: bytes) -> None:
+    pixels = decode_pixels(picture)
     expect("a picture has the size of its camera", pixels.shape == (100, 200, 3), pixels.shape)
     for expected, places in ((case.color, case.painted), (_PAPER[:3], case.free)):
         for x, y in places:
@@ -178,7 +178,7 @@ def _look_at_pixels(case: _PictureCase, picture: bytes) -> None:
             expect(f"{case.promise}; pixel ({x}, {y}) should be {expected}", is_right, seen.tolist())
 
 
-def _look_at_elements(case: _PictureCase, picture: bytes) -> None:
+def _check_elements(case: _PictureCase, picture: bytes) -> None:
     root = ET.fromstring(picture)  # noqa: S314 - made a moment ago, by the backend
     tags = [element.tag.rpartition("}")[2] for element in root.iter()]
     wanted = 1 + (case.tag == "rect")  # the paper is a rectangle, too
@@ -190,10 +190,10 @@ def _check_layers(backend: Backend) -> None:
     for layer, color in ((20, _RED), (10, _BLUE)):
         commands.layer = layer
         commands.add_circles([(100, 50)], 20, color)
-    picture = _picture(backend, commands.freeze())
+    picture = _render_picture(backend, commands.freeze())
     promise = "higher layers are painted over lower ones"
     if picture.startswith(_PNG):
-        seen = pixels_of(picture)[50, 100].tolist()
+        seen = decode_pixels(picture)[50, 100].tolist()
         expect(promise, max(abs(a - b) for a, b in zip(seen, _RED, strict=True)) <= _TOLERANCE, seen)
     elif picture.lstrip().startswith(_SVG):
         red, blue = (picture.find("#{:02x}{:02x}{:02x}".format(*color).encode()) for color in (_RED, _BLUE))
@@ -204,8 +204,8 @@ def _check_words(backend: Backend) -> None:
     nothing = Commands().freeze()
     words = Commands()
     words.add_text("A <b> & ©", 20, 60, (0, 0, 0), 30)
-    blank = _picture(backend, nothing)
-    expect("text is shown", _picture(backend, words.freeze()) != blank, "an empty picture")
+    blank = _render_picture(backend, nothing)
+    expect("text is shown", _render_picture(backend, words.freeze()) != blank, "an empty picture")
 
 
 def _check_distance(backend: Backend) -> None:
@@ -216,6 +216,6 @@ def _check_distance(backend: Backend) -> None:
         commands.add_polygon([(x, y), (x + 10, y), (x, y + 10)], _RED)
         commands.add_rectangle(x, y, 10, 10, _RED)
         commands.add_text("far", x, y, _RED, 12)
-    picture = _picture(backend, commands.freeze())
+    picture = _render_picture(backend, commands.freeze())
     if picture.startswith(_PNG):
-        expect("what is far away is not seen", bool((pixels_of(picture) == 255).all()), "something")
+        expect("what is far away is not seen", bool((decode_pixels(picture) == 255).all()), "something")

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.arguments import as_function_of, names_keywords, signature_of
+from gamms.arguments import as_function_of, explain_call_errors, find_signature
 from gamms.context import Context
 from gamms.game import IllegalMutation, Result
 from gamms.game.hidden_state import HiddenState
-from gamms.plain import why_not_plain
+from gamms.plain import describe_flaw
 from gamms.readonly import ReadOnly
 from gamms.typing import AerialStrategy, AsyncStrategy, IAgent, Rule, State, Strategy
 
@@ -47,7 +47,7 @@ _Actions = list[tuple[int, object]]  # turn and action
 _Change = Callable[[dict[str, Any]], None]  # of the state of an agent
 
 
-@names_keywords
+@explain_call_errors
 def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30) -> None:
     """Play games with a rule repeatedly, and compare them.
 
@@ -72,12 +72,12 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
     play.check_repeatable()
     hidden = HiddenState(rule)
     first = play.once()
-    with _naming(hidden, _RULES_REMEMBER):
-        for promise in (_restarts, _is_forgotten, _shares, _ignores_order, _restores):
+    with _report_hidden_state(hidden, _RULES_REMEMBER):
+        for promise in (_check_restart, _is_forgotten, _check_sharing, _check_order, _check_restore):
             promise(play, first)
 
 
-@names_keywords
+@explain_call_errors
 def check_strategy(
     strategy: _AnyStrategy | None,
     make_ctx: Callable[[], Context],
@@ -113,25 +113,25 @@ def check_strategy(
         watched = _WatchedStrategy(ctx, agent, strategy)
         hidden = HiddenState(watched.strategy)
         first = watched.actions(turns)
-        with _naming(hidden, _STRATEGIES_REMEMBER):
+        with _report_hidden_state(hidden, _STRATEGIES_REMEMBER):
             ctx.game.reset()
-            _same_actions("when the game is reset and played again", first, watched.actions(turns))
+            _check_same_actions("when the game is reset and played again", first, watched.actions(turns))
             ctx.game.reset()
             watched.actions(turns // 2)
             half = ctx.game.snapshot()
             rest = watched.actions(turns - turns // 2)
             ctx.game.restore(half)
-            _same_actions("when the game is restored and played on", rest, watched.actions(turns - turns // 2))
+            _check_same_actions("when the game is restored and played on", rest, watched.actions(turns - turns // 2))
             with play.opened() as new:
                 again = _WatchedStrategy(new, agent, strategy).actions(turns)
-                _same_actions("in a new game of the same seed", first, again)
+                _check_same_actions("in a new game of the same seed", first, again)
     if knowledge:
         with play.opened() as ctx:
             _KnowledgeAudit(ctx, agent, strategy).check(turns)
 
 
 @contextmanager
-def _naming(hidden: HiddenState, way_out: str) -> Iterator[None]:
+def _report_hidden_state(hidden: HiddenState, way_out: str) -> Iterator[None]:
     """Name a changed hidden variable, in addition to another error or as the only one."""
     changed = hidden.changed(way_out)
     try:
@@ -166,7 +166,7 @@ class _RepeatableGame:
                 raise AssertionError("make_ctx must make a new context at every call; this one has ended already.")
             if not ctx.is_seeded:
                 raise AssertionError("make_ctx must give its context a seed: gamms.create_context(seed=…).")
-            ctx.game.collect(_WHERE, _place_of, per="agent")
+            ctx.game.collect(_WHERE, _find_place, per="agent")
             if with_rule and self._rule is not None:
                 ctx.game.add(self._rule)
             yield ctx
@@ -174,7 +174,7 @@ class _RepeatableGame:
     def once(self, *, with_rule: bool = True, **keywords: int) -> _Game:
         """Play a new game and return its result."""
         with self.opened(with_rule=with_rule, **keywords) as ctx:
-            return _played(ctx, self.turns)
+            return _play_on(ctx, self.turns)
 
     def check_repeatable(self) -> None:
         """Check that `make_ctx` makes the same game twice."""
@@ -183,24 +183,24 @@ class _RepeatableGame:
         if one != other:
             raise AssertionError(
                 "make_ctx must always make the same game, and two that it made went differently: "
-                f"{_first_difference(one, other)} Do its strategies draw from state['rng']?"
+                f"{_find_first_difference(one, other)} Do its strategies draw from state['rng']?"
             )
 
 
-def _played(ctx: Context, turns: int) -> _Game:
+def _play_on(ctx: Context, turns: int) -> _Game:
     """Play on, and return the result without its timings."""
-    return _plain(ctx.game.run(turns))
+    return _make_comparable(ctx.game.run(turns))
 
 
-def _plain(result: Result) -> _Game:
+def _make_comparable(result: Result) -> _Game:
     found = result.to_dict()
     del found["timings"]
     return found
 
 
-def _first_difference(one: _Game, other: _Game) -> str:
+def _find_first_difference(one: _Game, other: _Game) -> str:
     """Return a sentence about the first difference between two games."""
-    seen = [_by_turn(game["collected"][_WHERE]) for game in (one, other)]
+    seen = [_group_by_turn(game["collected"][_WHERE]) for game in (one, other)]
     for turn in sorted(seen[0].keys() & seen[1].keys()):
         for agent in sorted(seen[0][turn].keys() | seen[1][turn].keys()):
             before, now = (places[turn].get(agent, "gone") for places in seen)
@@ -208,22 +208,22 @@ def _first_difference(one: _Game, other: _Game) -> str:
                 return f"after turn {turn}, agent {agent!r} is at {now}, and was at {before}."
     for key in one:
         if one[key] != other[key]:
-            return f"its {key} is {_short(other[key])}, and was {_short(one[key])}."
+            return f"its {key} is {_shorten(other[key])}, and was {_shorten(one[key])}."
     return ""
 
 
-def _place_of(agent: IAgent) -> object:
+def _find_place(agent: IAgent) -> object:
     return getattr(agent, "position", agent.current_node_id)
 
 
-def _by_turn(table: Mapping[str, Any]) -> dict[int, dict[str, object]]:
+def _group_by_turn(table: Mapping[str, Any]) -> dict[int, dict[str, object]]:
     places: dict[int, dict[str, object]] = {}
     for turn, agent, place in zip(table["turn"], table["agent"], table["value"], strict=True):
         places.setdefault(turn, {})[agent] = place
     return places
 
 
-def _short(value: object) -> str:
+def _shorten(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 120 else text[:117] + "..."
 
@@ -231,15 +231,15 @@ def _short(value: object) -> str:
 # -- rules ------------------------------------------------------------------------------------------------------
 
 
-def _restarts(play: _RepeatableGame, first: _Game) -> None:
+def _check_restart(play: _RepeatableGame, first: _Game) -> None:
     with play.opened() as ctx:
         ctx.game.run(play.turns)
-        flaw = why_not_plain(dict(ctx.game.data))
+        flaw = describe_flaw(dict(ctx.game.data))
         if flaw:
             raise AssertionError(f"ctx.game.data holds plain values only; ctx.game.data{flaw}. Keep names of agents.")
         ctx.game.reset()
-        again = _played(ctx, play.turns)
-    _same_game(
+        again = _play_on(ctx, play.turns)
+    _check_same_game(
         "a game that is reset and played again",
         again,
         first,
@@ -247,14 +247,14 @@ def _restarts(play: _RepeatableGame, first: _Game) -> None:
     )
 
 
-def _restores(play: _RepeatableGame, first: _Game) -> None:
+def _check_restore(play: _RepeatableGame, first: _Game) -> None:
     with play.opened() as ctx:
         ctx.game.run(play.turns // 2)
         half = ctx.game.snapshot()
         ctx.game.run(play.turns - play.turns // 2)
         ctx.game.restore(half)
-        again = _played(ctx, play.turns - play.turns // 2)
-    _same_game(
+        again = _play_on(ctx, play.turns - play.turns // 2)
+    _check_same_game(
         "a game that is restored from a snapshot and played on",
         again,
         first,
@@ -263,7 +263,7 @@ def _restores(play: _RepeatableGame, first: _Game) -> None:
 
 
 def _is_forgotten(play: _RepeatableGame, first: _Game) -> None:
-    _same_game(
+    _check_same_game(
         "a new game with the same rule",
         play.once(),
         first,
@@ -271,24 +271,24 @@ def _is_forgotten(play: _RepeatableGame, first: _Game) -> None:
     )
 
 
-def _shares(play: _RepeatableGame, first: _Game) -> None:
+def _check_sharing(play: _RepeatableGame, first: _Game) -> None:
     with play.opened() as one, play.opened() as other:
         for _ in range(play.turns):
             one.game.run(1)
             other.game.run(1)
-        _same_game(
+        _check_same_game(
             "a game that takes turns with another one of the same rule",
-            _played(one, 0),
+            _play_on(one, 0),
             first,
             "The rule mixes games up: keep what it remembers in the ctx.game.data of the context it is called with.",
         )
 
 
-def _ignores_order(play: _RepeatableGame, first: _Game) -> None:
-    if "shuffled" not in signature_of(play.make_ctx).parameters:
+def _check_order(play: _RepeatableGame, first: _Game) -> None:
+    if "shuffled" not in find_signature(play.make_ctx).parameters:
         return
     for seed in _ORDERS:
-        _same_game(
+        _check_same_game(
             f"the game with the agents created in another order (shuffled={seed})",
             play.once(shuffled=seed),
             first,
@@ -296,9 +296,9 @@ def _ignores_order(play: _RepeatableGame, first: _Game) -> None:
         )
 
 
-def _same_game(what: str, seen: _Game, promised: _Game, advice: str) -> None:
+def _check_same_game(what: str, seen: _Game, promised: _Game, advice: str) -> None:
     if seen != promised:
-        raise AssertionError(f"{what} went differently: {_first_difference(promised, seen)} {advice}")
+        raise AssertionError(f"{what} went differently: {_find_first_difference(promised, seen)} {advice}")
 
 
 # -- strategies -------------------------------------------------------------------------------------------------
@@ -363,17 +363,17 @@ class _WatchedStrategy:
         copies = {key: deepcopy(value) for key, value in state.items() if key not in (*_OWN, "facts")}
         turn = f"in turn {state['turn']} the strategy of agent {self._agent.name!r}"
         known = repr((_describe(state), dict(self._ctx.game.scores), dict(self._ctx.game.facts)))
-        with _raising(turn):
+        with _convert_errors(turn):
             answer: object = self.strategy(given)
 
         def note() -> None:
             for key in dict.fromkeys([*before, *state]):
                 _refuse_writing(turn, key, before, state, copies)
-            action = _copied(state.get("action"))
+            action = _copy_action(state.get("action"))
             self._decisions.append(_Decision(state.get("turn", -1), action, known, _describe(state)))
 
         async def note_later(answer: Awaitable[None]) -> None:
-            with _raising(turn):
+            with _convert_errors(turn):
                 await answer
             note()
 
@@ -384,7 +384,7 @@ class _WatchedStrategy:
 
 
 @contextmanager
-def _raising(turn: str) -> Iterator[None]:
+def _convert_errors(turn: str) -> Iterator[None]:
     """Turn errors of a strategy into errors of the check."""
     try:
         yield
@@ -409,12 +409,12 @@ def _refuse_writing(turn: str, key: str, before: _Game, state: _Game, copies: _G
         raise AssertionError(f"{turn} changed state[{key!r}] to {state[key]!r}; only state['action'] is its to set.")
 
 
-def _copied(action: object) -> object:
+def _copy_action(action: object) -> object:
     """Return a copy of an action for comparisons: arrays become lists."""
     return action.tolist() if hasattr(action, "tolist") else deepcopy(action)
 
 
-def _same_actions(when: str, first: _Actions, again: _Actions) -> None:
+def _check_same_actions(when: str, first: _Actions, again: _Actions) -> None:
     for (turn, action), (_, other) in zip(first, again, strict=False):
         if action != other:
             raise AssertionError(
@@ -542,8 +542,8 @@ def _tell_leak(kind: str, one: _Decision, twin: _Decision) -> str:
     changed = [key for key, value in twin.written.items() if value != one.written.get(key)]
     if changed:
         key = changed[0]
-        had = _short(one.written.get(key))
-        did = f"wrote {_short(twin.written[key])} into state[{key!r}], where it had written {had}"
+        had = _shorten(one.written.get(key))
+        did = f"wrote {_shorten(twin.written[key])} into state[{key!r}], where it had written {had}"
     return (
         f"in turn {one.turn}, the strategy {did}, when only {kind} were changed and its state was the same. It "
         "knows more than its agent: decide by the state alone, and share by state['team_memory'] or messages. If it is "

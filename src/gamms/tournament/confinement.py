@@ -72,7 +72,7 @@ _STACK_BYTES = 1 << 23
 _SIGNALS = 1 << 10  # pending signals of the process
 
 
-def landlock_version() -> int:
+def find_landlock_version() -> int:
     """Return the version of Landlock on this system; 0: not available."""
     if sys.platform != "linux":
         return 0
@@ -86,16 +86,16 @@ def confine(limits: ProcessLimits, readable: Iterable[str], writable: str, landl
         limits: the resources that it may use.
         readable: files and folders that it may read, and run programs from.
         writable: the folder that it may also write.
-        landlock: the version of Landlock to rely on, as returned by `landlock_version`.
+        landlock: the version of Landlock to rely on, as returned by `find_landlock_version`.
     """
     missing = _set_limits(limits)
     if sys.platform != "linux":
         return [*missing, f"{_FILES} (needs Linux)", f"{_CALLS} (needs Linux)", f"{_MEMORY} (needs Linux)"]
     _drop_privileges()
-    bound = landlock if _bound_files(readable, writable, landlock) else 0
+    bound = landlock if _restrict_files(readable, writable, landlock) else 0
     if bound < 1:
         missing.append(f"{_FILES} (needs Linux 5.13 with Landlock)")
-    if not _bound_calls():
+    if not _restrict_calls():
         missing.append(f"{_CALLS}, {_MEMORY} (needs Linux with seccomp on {' or '.join(MACHINES)})")
         missing += [f"{what} (needs {needed})" for version, what, needed in _BY_VERSION if bound < version]
     return missing
@@ -147,7 +147,7 @@ def _drop_privileges() -> None:
     libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
 
 
-def _bound_files(readable: Iterable[str], writable: str, version: int) -> bool:
+def _restrict_files(readable: Iterable[str], writable: str, version: int) -> bool:
     """Restrict file access to these paths by Landlock; return whether the system can do that."""
     if version < 1:
         return False
@@ -191,7 +191,7 @@ def _allow(call: Callable[..., int], rules: int, path: str, allowed: int) -> Non
     os.close(opened)
 
 
-def _bound_calls() -> bool:
+def _restrict_calls() -> bool:
     """Install the filter of system calls; return whether the system can do that."""
     if platform.machine() not in MACHINES:
         return False
@@ -229,7 +229,7 @@ class ControlGroups:
             "pids.max": threads,
         }
         wanted = {"memory", "pids"}
-        for parent in list(_parent_groups()):
+        for parent in list(_find_parent_groups()):
             group = parent / f"{_GROUP_PREFIX}{os.getpid()}"
             with suppress(OSError):
                 group.mkdir()
@@ -256,14 +256,14 @@ class ControlGroups:
 
 def remove_empty_groups() -> None:
     """Remove the groups of launchers that have ended."""
-    for parent in _parent_groups():
+    for parent in _find_parent_groups():
         for group in parent.glob(f"{_GROUP_PREFIX}*"):
             if not Path("/proc", group.name.removeprefix(_GROUP_PREFIX)).exists():
                 with suppress(OSError):
                     group.rmdir()
 
 
-def _parent_groups() -> Iterator[Path]:
+def _find_parent_groups() -> Iterator[Path]:
     """Yield the groups in which this process may be able to make groups: its own, and in version 2 its parent."""
     try:
         memberships = Path("/proc/self/cgroup").read_text().splitlines()

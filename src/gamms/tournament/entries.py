@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from gamms.arguments import as_items, as_mapping, as_name
 from gamms.errors import BadType, BadValue
-from gamms.folders import bytes_of, home_folder, write_whole
+from gamms.folders import find_home_folder, read_bytes, write_whole
 from gamms.scenario.code import chosen
 from gamms.tournament.scratch import remove_folder
 
@@ -54,7 +54,7 @@ class Entry(NamedTuple):
     published: str
 
 
-def found_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private: Iterable[Path]) -> list[Entry]:
+def find_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private: Iterable[Path]) -> list[Entry]:
     """Return the entries, sorted by name.
 
     An entry may read the folder of its file, unless the folder also holds another entry or a file of the game; in
@@ -71,10 +71,10 @@ def found_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private
         BadType, BadValue: there are fewer than two entries, a specification is not valid, or a program does not exist.
         ScenarioError (ValueError): a file, module or function does not exist.
     """
-    texts = {as_name(name, "an entry"): _words_of(name, one) for name, one in as_mapping(given, "entries").items()}
+    texts = {as_name(name, "an entry"): _split_words(name, one) for name, one in as_mapping(given, "entries").items()}
     if len(texts) < 2:
         raise BadValue(f"A tournament needs two entries at least, not {len(texts)}.")
-    files = {name: [_file_in(text, base) for text in some] for name, some in texts.items()}
+    files = {name: [_find_file(text, base) for text in some] for name, some in texts.items()}
     for name, (text, *_) in texts.items():
         if isinstance(given[name], str):  # errors name the file, not its copy
             file = files[name][0]
@@ -83,10 +83,10 @@ def found_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private
     entries = []
     for number, name in enumerate(sorted(texts)):
         others = chain.from_iterable(some for other, some in files.items() if other != name)
-        closed = [out, *private, *(file for file in others if file is not None), home_folder()]
+        closed = [out, *private, *(file for file in others if file is not None), find_home_folder()]
         copies = out / SCRATCH / secrets.token_hex()
-        places = [None if file is None else _readable_paths(file, closed, copies) for file in files[name]]
-        make = _python_entry if isinstance(given[name], str) else _program
+        places = [None if file is None else _prepare_readable_paths(file, closed, copies) for file in files[name]]
+        make = _make_python_entry if isinstance(given[name], str) else _make_program_entry
         entry = make(name, texts[name], places)
         if copies.exists():
             entry = entry._replace(copy=str(copies.absolute()), published=f"entries/{number:02d}")
@@ -104,7 +104,7 @@ def publish(entries: Iterable[Entry], out: Path) -> None:
             Path(entry.copy).rename(place)
 
 
-def _words_of(name: str, given: object) -> list[str]:
+def _split_words(name: str, given: object) -> list[str]:
     if isinstance(given, str):
         if given.endswith(".py"):
             raise BadValue(f"The entry {name!r} needs the name of a function in {given!r}: '{given}:plan'.")
@@ -116,7 +116,7 @@ def _words_of(name: str, given: object) -> list[str]:
     return words
 
 
-def _file_in(text: str, base: Path) -> Path | None:
+def _find_file(text: str, base: Path) -> Path | None:
     """Return the file that a text names, `file.py:function` included; None if it names no file."""
     left = text.rpartition(":")[0] or text
     for one in (text, left):
@@ -126,7 +126,7 @@ def _file_in(text: str, base: Path) -> Path | None:
     return None
 
 
-def _readable_paths(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path]:
+def _prepare_readable_paths(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path]:
     """Return the path of an entry's file, and the path that the entry may read; copy the file where needed.
 
     A file is copied if its folder has closed paths or too many files.
@@ -135,45 +135,47 @@ def _readable_paths(file: Path, closed: Sequence[Path], copies: Path) -> tuple[P
     if file.is_relative_to(sys.prefix) or file.is_relative_to("/usr"):
         return file, file
     is_own = not any(one.resolve().is_relative_to(folder) for one in closed)
-    if is_own and len(_files_of(folder)) < _MOST_FILES:
+    if is_own and len(_list_files(folder)) < _MOST_FILES:
         return file, folder
     copies.mkdir(parents=True, exist_ok=True)
     copy = copies / file.name
-    write_whole(copy, bytes_of(file.resolve(), _MOST_BYTES))
+    write_whole(copy, read_bytes(file.resolve(), _MOST_BYTES))
     copy.chmod(stat.S_IMODE(file.stat().st_mode) | stat.S_IRUSR)  # it may be a program
     return copy.absolute(), copies.absolute()
 
 
-def _python_entry(name: str, texts: list[str], places: _Places) -> Entry:
+def _make_python_entry(name: str, texts: list[str], places: _Places) -> Entry:
     file, _, function = texts[0].rpartition(":")
     place = places[0]
     reference = f"{place[0]}:{function}" if place else texts[0]
     found, _ = chosen(reference, f"the entry {name!r}")
-    readable = str(place[1]) if place else _package(found.module)
+    readable = str(place[1]) if place else _find_package(found.module)
     digest = _digest([f"{file.rpartition('/')[2]}:{function}"], [readable])
     return Entry(name, reference, (), (readable,), digest, "", "")
 
 
-def _program(name: str, texts: list[str], places: _Places) -> Entry:
+def _make_program_entry(name: str, texts: list[str], places: _Places) -> Entry:
     words = [str(place[0]) if place else text for text, place in zip(texts, places, strict=True)]
     found = shutil.which(words[0])
     if found is None:
         raise BadValue(f"The entry {name!r} starts {words[0]!r}, and there is no such program.")
     program = Path(found).absolute()
     own = sorted({str(place[1]) for place in places if place})
-    libraries = {str(one) for one in chain.from_iterable(_beside(way) for way in (program, program.resolve()))}
+    libraries = {
+        str(one) for one in chain.from_iterable(_list_folders_beside(way) for way in (program, program.resolve()))
+    }
     digest = _digest([place[0].name if place else text for text, place in zip(texts, places, strict=True)], own)
     return Entry(name, "", (str(program), *words[1:]), (*own, *sorted(libraries)), digest, "", "")
 
 
-def _beside(program: Path) -> Iterator[Path]:
+def _list_folders_beside(program: Path) -> Iterator[Path]:
     """Yield the folder of a program, and the folders of its libraries if it lies in a folder `bin`."""
     yield program.parent
     for name in _LIBRARIES if program.parent.name == "bin" else ():
         yield program.parent.parent / name
 
 
-def _package(module: str) -> str:
+def _find_package(module: str) -> str:
     """Return the folder or file of an installed package."""
     from importlib.util import find_spec
 
@@ -184,7 +186,7 @@ def _package(module: str) -> str:
     return str(origin.parent if origin.name == "__init__.py" else origin)
 
 
-def _files_of(folder: Path) -> list[Path]:
+def _list_files(folder: Path) -> list[Path]:
     found: list[Path] = []
     for parent, folders, names in os.walk(folder):
         folders[:] = sorted(one for one in folders if one not in _IGNORED_FOLDERS)
@@ -201,8 +203,8 @@ def _digest(texts: Iterable[str], readable: Iterable[str]) -> str:
     for text in texts:
         whole.update(f"{text}\n".encode())
     for place in map(Path, readable):
-        for file in _files_of(place) if place.is_dir() else [place.resolve()]:
-            content = os.fsencode(file.readlink()) if file.is_symlink() else bytes_of(file, _MOST_BYTES)
+        for file in _list_files(place) if place.is_dir() else [place.resolve()]:
+            content = os.fsencode(file.readlink()) if file.is_symlink() else read_bytes(file, _MOST_BYTES)
             left -= len(content)
             if left < 0:
                 raise BadValue(
@@ -213,7 +215,7 @@ def _digest(texts: Iterable[str], readable: Iterable[str]) -> str:
     return whole.hexdigest()
 
 
-def python_folders() -> list[str]:
+def list_python_folders() -> list[str]:
     """Return the folders of Python and GAMMS, which every Python entry may read."""
     import gamms
 

@@ -7,13 +7,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
-from gamms.bridge.lines import line_of
+from gamms.bridge.lines import encode_line
 from gamms.context import Context
-from gamms.plain import as_json, plain_subset, to_plain
+from gamms.plain import as_json, select_plain, to_plain
 from gamms.scenario import Scenario
-from gamms.scenario.code import private_package
-from gamms.text import printable, printable_line, shown, without_address
-from gamms.tournament.host import framed
+from gamms.scenario.code import name_private_package
+from gamms.text import make_printable, make_printable_line, remove_addresses, shown
+from gamms.tournament.host import frame_question
 from gamms.tournament.players import Answer, EntryFault, EntryProcess, Fault, Launcher
 from gamms.typing.agent_engine import AgentType
 from gamms.typing.sensor_engine import SensorType
@@ -77,7 +77,7 @@ class Row(TypedDict):
     details: dict[str, str]
 
 
-def own_seed(seed: int, team: str) -> int:
+def make_entry_seed(seed: int, team: str) -> int:
     """Return the seed for an entry's own draws; the seed of the game cannot be derived from it."""
     return int.from_bytes(hashlib.sha256(f"tournament/{seed}/{team}".encode()).digest()[:7], "big")
 
@@ -99,7 +99,7 @@ class _EntrySide:
         self._asked = 0
         self.fault: Fault | None = None
         try:
-            player.begin(self._message("start", start))
+            player.begin(self._encode_message("start", start))
         except EntryFault as error:
             self.fault = error.fault
 
@@ -115,12 +115,12 @@ class _EntrySide:
 
     def _answer(self, states: dict[str, dict[str, Any]]) -> Answer:
         self._asked += 1
-        agents = {name: _data_of(state) for name, state in states.items()}
+        agents = {name: _get_data(state) for name, state in states.items()}
         shares = any("team_memory" in state for state in states.values())
         question: dict[str, Any] = {"question": self._asked, "agents": agents, "shares_memory": shares}
         if not self._is_python:
             question = {"question": self._asked, "agents": {name: _as_json(one) for name, one in agents.items()}}
-        return self._player.ask(self._message("turn", question), self._asked)
+        return self._player.ask(self._encode_message("turn", question), self._asked)
 
     def _take(self, states: dict[str, dict[str, Any]], answer: Answer) -> None:
         for name in (*answer.actions, *answer.outbox):
@@ -133,8 +133,8 @@ class _EntrySide:
         for name, action in answer.actions.items():
             states[name]["action"] = action
 
-    def _message(self, kind: str, fields: Mapping[str, Any]) -> bytes:
-        return framed({"type": kind, **fields}) if self._is_python else line_of(kind, fields) + b"\n"
+    def _encode_message(self, kind: str, fields: Mapping[str, Any]) -> bytes:
+        return frame_question({"type": kind, **fields}) if self._is_python else encode_line(kind, fields) + b"\n"
 
     def find_illegal(self) -> None:
         """Record an illegal action of the team's agents as a fault."""
@@ -210,14 +210,14 @@ def play(
         turns=result.turns,
         scores={team: float(result.scores.get(team, 0)) for team in fixture.entries},
         faults={team: fault.kind for team, fault in faults.items()},
-        details={team: _readable(players[team], fault.detail)[:MOST_SAID] for team, fault in faults.items()},
+        details={team: _make_readable(players[team], fault.detail)[:MOST_SAID] for team, fault in faults.items()},
     )
     return row, {
-        team: _readable(player, player.log.decode(errors="replace")).encode() for team, player in players.items()
+        team: _make_readable(player, player.log.decode(errors="replace")).encode() for team, player in players.items()
     }
 
 
-def trial(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launcher) -> str | None:
+def try_entry(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launcher) -> str | None:
     """Ask an entry once, in a game in which the other side stays; return why it cannot play, or None if it can.
 
     Args:
@@ -242,33 +242,36 @@ def trial(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launc
         fault = side.fault
     if fault is None:
         return None
-    reason = f"{fault.kind}: {_readable(player, fault.detail)}"
+    reason = f"{fault.kind}: {_make_readable(player, fault.detail)}"
     if fault.kind == "exit":
-        lines = _readable(player, player.log.decode(errors="replace")).splitlines()
+        lines = _make_readable(player, player.log.decode(errors="replace")).splitlines()
         telling = [line for line in lines if _TELLING.search(line)] or lines
         reason += f" ({telling[-1].strip()})" if telling else ""
-    return printable_line(reason)[:MOST_SAID]
+    return make_printable_line(reason)[:MOST_SAID]
 
 
-def _readable(player: EntryProcess, text: str) -> str:
+def _make_readable(player: EntryProcess, text: str) -> str:
     """Return a text about an entry, printable, and without folders and addresses that change from run to run."""
     entry = player.launcher.entry
     text = text.replace(player.scratch, "~")
     if entry.copy:
-        text = text.replace(entry.copy, entry.published).replace(f"{private_package(Path(entry.copy))}.", "")
-    return without_address(printable(text))
+        text = text.replace(entry.copy, entry.published).replace(f"{name_private_package(Path(entry.copy))}.", "")
+    return remove_addresses(make_printable(text))
 
 
 def _start(ctx: Context, team: str, fixture: Fixture, launcher: Launcher) -> dict[str, Any]:
     """Return the start message of an entry: its team, all agents by name and team, its own seed."""
     start = {
         "team": team,
-        "seed": own_seed(fixture.seed, team),
+        "seed": make_entry_seed(fixture.seed, team),
         "max_turns": ctx.game.max_turns,
         "move_seconds": launcher.allowed.move_s,
     }
     if not launcher.entry.command:
-        return {**start, "agents": {agent.name: _keywords(agent, team, ctx) for agent in ctx.agent.agents.values()}}
+        return {
+            **start,
+            "agents": {agent.name: _make_keywords(agent, team, ctx) for agent in ctx.agent.agents.values()},
+        }
     graph = ctx.graph.columns()
     ids = graph.node_ids
     ends = zip(graph.edge_ids.tolist(), ids[graph.sources].tolist(), ids[graph.targets].tolist(), strict=True)
@@ -282,7 +285,7 @@ def _start(ctx: Context, team: str, fixture: Fixture, launcher: Launcher) -> dic
     }
 
 
-def _keywords(agent: Any, team: str, ctx: Context) -> dict[str, Any]:  # Any: an agent, with attributes of its own
+def _make_keywords(agent: Any, team: str, ctx: Context) -> dict[str, Any]:  # Any: an agent, with attributes of its own
     """Return the arguments that create an agent in an entry's context; opponents start on the map's first node."""
     own = agent.team == team
     node = agent.current_node_id if own else int(ctx.graph.columns().node_ids[0])
@@ -296,10 +299,10 @@ def _keywords(agent: Any, team: str, ctx: Context) -> dict[str, Any]:  # Any: an
     return keywords
 
 
-def _data_of(state: Mapping[str, Any]) -> dict[str, Any]:
+def _get_data(state: Mapping[str, Any]) -> dict[str, Any]:
     """Return the data in a state, which is all that an entry receives."""
     sent = {key: value for key, value in state.items() if key not in _OWN}
-    sent["facts"] = plain_subset(state["facts"])
+    sent["facts"] = select_plain(state["facts"])
     sent["sensor"] = {
         name: (kind, to_plain(data) if kind is SensorType.CUSTOM else data)
         for name, (kind, data) in state["sensor"].items()

@@ -23,11 +23,11 @@ from gamms.context import Context, create_context
 from gamms.core.copies import copied
 from gamms.errors import BadType
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
-from gamms.game.team_memory import merged_memory
+from gamms.game.team_memory import merge_memory
 from gamms.ir.game_state import GameState
 from gamms.plain import as_json, to_plain
-from gamms.readonly import frozen
-from gamms.scenario.code import chosen, first_of, function_of, made
+from gamms.readonly import freeze
+from gamms.scenario.code import chosen, find_first_parameter, import_function, made
 from gamms.text import reason, shown
 from gamms.typing.sensor_engine import ISensor, SensorType
 
@@ -36,7 +36,7 @@ _HEAD = 4  # bytes before each question: its length
 _FAILED = 71
 
 
-def host_of(reference: str, packages: list[str], map: str, settings: dict[str, Any]) -> Play:
+def make_host(reference: str, packages: list[str], map: str, settings: dict[str, Any]) -> Play:
     """Load the map; return a function of two file descriptors (questions, answers) that plays the entry."""
     import_module("gamms.strategies")  # here once, instead of in each child
     ctx = create_context(logger_config={"level": "ERROR"}, game=settings)
@@ -54,7 +54,7 @@ def host_of(reference: str, packages: list[str], map: str, settings: dict[str, A
 
 
 def _play(reference: str, ctx: Context, asked: int, answered: int) -> None:
-    questions = _questions(asked)
+    questions = _read_questions(asked)
     try:
         team = _HostedTeam(ctx, reference, next(questions))
         _write(answered, {"type": "ready"})
@@ -73,7 +73,7 @@ def _fail(answered: int, kind: str, message: str) -> NoReturn:
     os._exit(_FAILED)
 
 
-def _questions(asked: int) -> Iterator[dict[str, Any]]:
+def _read_questions(asked: int) -> Iterator[dict[str, Any]]:
     with os.fdopen(asked, "rb") as file:
         while head := file.read(_HEAD):
             yield pickle.loads(file.read(int.from_bytes(head, "big")))  # noqa: S301 - of the master
@@ -85,7 +85,7 @@ def _write(answered: int, answer: dict[str, Any]) -> None:
         data = data[os.write(answered, data) :]
 
 
-def framed(question: dict[str, Any]) -> bytes:
+def frame_question(question: dict[str, Any]) -> bytes:
     """Return the bytes of a question to a Python entry: its length, then its pickle."""
     data = pickle.dumps(question, pickle.HIGHEST_PROTOCOL)
     return len(data).to_bytes(_HEAD, "big") + data
@@ -159,12 +159,12 @@ class _HostedTeam:
         for name, keywords in start["agents"].items():
             ctx.agent.create_agent(name, **keywords)
         found, folder = chosen(reference, "the entry")
-        function = function_of(found, folder)
+        function = import_function(found, folder)
         self._plan: Callable[[Any], Any] | None = None
         own = [name for name, keywords in start["agents"].items() if keywords["team"] == self._team]
-        kind = "plan" if first_of(function) == "states" else "strategy"
+        kind = "plan" if find_first_parameter(function) == "states" else "strategy"
         one = made(function, {}, ctx, "the entry", kind)
-        if first_of(one) == "states":
+        if find_first_parameter(one) == "states":
             self._plan = one
             kind = "plan"
         self._players = {}
@@ -184,7 +184,7 @@ class _HostedTeam:
             self._clock.turn = sent["turn"]
             self._ctx.game.internals.state.turn = sent["turn"]
             state = {**sent, "name": name, "team": self._team, "draw": player.draw, "rng": player.rng}
-            state |= {"memory": player.memory, "facts": frozen(sent["facts"])}
+            state |= {"memory": player.memory, "facts": freeze(sent["facts"])}
             if question["shares_memory"]:
                 state["team_memory"] = copied(self._memory)
             if isinstance(sent["curr_pos"], int):
@@ -193,7 +193,7 @@ class _HostedTeam:
             states[name] = state
         self._decide(states)
         copies = [_as_dict(state["team_memory"]) for state in states.values() if "team_memory" in state]
-        self._memory = merged_memory(self._memory, copies)
+        self._memory = merge_memory(self._memory, copies)
         return {
             "type": "turn",
             "question": question["question"],

@@ -77,9 +77,9 @@ def main(descriptor: int, master: int, setup: LauncherSetup) -> None:
     control = socket.socket(fileno=descriptor)
     play: Callable[[int, int], None] | None = None
     if setup.reference:
-        from gamms.tournament.host import host_of
+        from gamms.tournament.host import make_host
 
-        play = host_of(setup.reference, setup.packages, setup.map, setup.settings)
+        play = make_host(setup.reference, setup.packages, setup.map, setup.settings)
     gc.collect()
     gc.freeze()  # so that garbage collection in children does not touch the shared pages
     memory = setup.limits[0] + setup.limits[0] // 8  # with the memory that the kernel itself takes for the process

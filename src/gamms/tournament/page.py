@@ -9,7 +9,7 @@ from gamms.experiment.statistics import FEW_SEEDS
 from gamms.folders import write_whole
 from gamms.tournament.games import Row
 from gamms.tournament.players import FAULTS
-from gamms.tournament.table import Rating, Table, points_of
+from gamms.tournament.table import Rating, Table, count_points
 
 PAGE = "index.html"
 _MOST_FAULTS = 1_000  # games that are listed with their fault
@@ -30,12 +30,12 @@ _OPENING = '<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport
 def write_page(table: Table, folder: Path, title: str) -> None:
     """Write the page of a tournament into its folder."""
     sections = [
-        _standings(table),
-        _payoffs(table),
-        _mixture(table),
-        _cycles(table),
-        _faults(table, folder),
-        _games(table, folder),
+        _write_standings(table),
+        _write_payoffs(table),
+        _write_mixture(table),
+        _write_cycles(table),
+        _write_faults(table, folder),
+        _write_games(table, folder),
     ]
     head = f"{_OPENING}<title>{escape(title)}</title><style>{_STYLE}</style>"
     policy = "<meta http-equiv=Content-Security-Policy content=\"default-src 'none'; style-src 'unsafe-inline'\">"
@@ -45,7 +45,7 @@ def write_page(table: Table, folder: Path, title: str) -> None:
     write_whole(folder / PAGE, f"{head}{policy}<body>{body}</body></html>\n".encode())
 
 
-def _rows(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+def _write_rows(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     """Return an HTML table; cells that are empty or begin with a digit or a sign are aligned to the right."""
     head = "".join(f"<th>{escape(one)}</th>" for one in header)
     body = "".join(
@@ -56,36 +56,36 @@ def _rows(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return f"<div class=s><table><tr>{head}</tr>{body}</table></div>"
 
 
-def _standings(table: Table) -> str:
-    ratings = {one.entry: _rating(one) for one in table.ratings()}
+def _write_standings(table: Table) -> str:
+    ratings = {one.entry: _write_rating(one) for one in table.ratings()}
     rows = []
     for rank, one in enumerate(table.standings(), 1):
         faults = ", ".join(f"{count} {kind}" for kind, count in one.faults.items())
         numbers = (f"{one.points:g}", one.games, one.wins, one.draws, one.losses)
-        rows.append([str(rank), _text(one.entry), *map(str, numbers), ratings[one.entry], _text(faults)])
+        rows.append([str(rank), _write_cell(one.entry), *map(str, numbers), ratings[one.entry], _write_cell(faults)])
     header = ("", "entry", "points", "games", "won", "drawn", "lost", "rating", "lost by faults")
     note = (
         "A win counts 1 point, a draw 1/2. Ratings are those of the Bradley-Terry model in Elo points, with 95 % "
         "bootstrap intervals over the seeds; the mean of all entries is 0."
     )
-    return f"<h2>Standings</h2>{_rows(header, rows)}<p><small>{note}{_few(table)}</small></p>"
+    return f"<h2>Standings</h2>{_write_rows(header, rows)}<p><small>{note}{_explain_sample_size(table)}</small></p>"
 
 
-def _rating(one: Rating) -> str:
-    return f"{one.elo:+.0f} <small>{_between(f'{one.low:+.0f}', f'{one.high:+.0f}')}</small>"
+def _write_rating(one: Rating) -> str:
+    return f"{one.elo:+.0f} <small>{_write_interval(f'{one.low:+.0f}', f'{one.high:+.0f}')}</small>"
 
 
-def _between(low: str, high: str) -> str:
+def _write_interval(low: str, high: str) -> str:
     """Return an interval in words; a dash if there is no interval, because all values were equal."""
     return "-" if "nan" in low else f"{low} to {high}"
 
 
-def _few(table: Table) -> str:
+def _explain_sample_size(table: Table) -> str:
     seeds = len({row["seed"] for row in table.rows})
     return f" Bootstrap intervals of fewer than {FEW_SEEDS} seeds are too narrow." if seeds < FEW_SEEDS else ""
 
 
-def _payoffs(table: Table) -> str:
+def _write_payoffs(table: Table) -> str:
     try:
         payoffs = table.payoffs()
     except MissingExtra as error:
@@ -101,19 +101,21 @@ def _payoffs(table: Table) -> str:
                 continue
             points = one.points
             score = one.score
-            interval = _between(f"{score.low:+.2f}", f"{score.high:+.2f}")
+            interval = _write_interval(f"{score.low:+.2f}", f"{score.high:+.2f}")
             title = f"score {score.value:+.2f} ({interval}), {one.games} games, {one.seeds} seeds"
             between = f"<small>{points.low:.2f}-{points.high:.2f}</small>"
-            cells.append(f"{points.value:.2f} <span title={_quoted(title)}>{between}</span>")
+            cells.append(f"{points.value:.2f} <span title={_quote_text(title)}>{between}</span>")
         rows.append(cells)
     note = (
         "Points per game of the entry on the left against the one above, with 95 % score intervals over the seeds. The "
         "differences of scores beside them have 95 % bootstrap intervals over the seeds."
     )
-    return f"<h2>Pay-offs</h2>{_rows(['', *names], rows)}<p><small>{note}{_few(table)}</small></p>"
+    return (
+        f"<h2>Pay-offs</h2>{_write_rows(['', *names], rows)}<p><small>{note}{_explain_sample_size(table)}</small></p>"
+    )
 
 
-def _mixture(table: Table) -> str:
+def _write_mixture(table: Table) -> str:
     try:
         mixture = table.nash_mixture()
     except MissingExtra:
@@ -124,13 +126,11 @@ def _mixture(table: Table) -> str:
         ((share, name) for name, share in mixture.items() if share > 1e-9), key=lambda one: (-one[0], one[1])
     )
     note = "A Nash equilibrium of the symmetrised pay-offs: no choice of an entry does better against this mixture."
-    return (
-        f"<h2>Nash mixture</h2>{_rows(('entry', 'probability'), [[_text(name), f'{one:.3f}'] for one, name in chosen])}"
-        f"<p><small>{note}</small></p>"
-    )
+    rows = [[_write_cell(name), f"{one:.3f}"] for one, name in chosen]
+    return f"<h2>Nash mixture</h2>{_write_rows(('entry', 'probability'), rows)}<p><small>{note}</small></p>"
 
 
-def _cycles(table: Table) -> str:
+def _write_cycles(table: Table) -> str:
     try:
         cycles = table.cycles()
     except MissingExtra:
@@ -138,60 +138,60 @@ def _cycles(table: Table) -> str:
     if not cycles:
         return "<h2>Cycles</h2><p>There are no three entries of which each beats the next.</p>"
     rows = [
-        [_text(" beats ".join([*one.entries, one.entries[0]])), "yes" if one.is_certain else "no"] for one in cycles
+        [_write_cell(" beats ".join([*one.entries, one.entries[0]])), "yes" if one.is_certain else "no"]
+        for one in cycles
     ]
-    return f"<h2>Cycles</h2>{_rows(('each beats the next', 'all intervals above 1/2'), rows)}"
+    return f"<h2>Cycles</h2>{_write_rows(('each beats the next', 'all intervals above 1/2'), rows)}"
 
 
-def _faults(table: Table, folder: Path) -> str:
+def _write_faults(table: Table, folder: Path) -> str:
     rows: list[list[str]] = []
     for row in table.rows:
         for number, team in enumerate(row["entries"]):
             if team in row["faults"] and len(rows) < _MOST_FAULTS:
                 log = Path("logs", f"{row['id']}.{number}.txt")
-                link = f"<a href={_quoted(log.as_posix())}>log</a>" if (folder / log).exists() else "-"
+                link = f"<a href={_quote_text(log.as_posix())}>log</a>" if (folder / log).exists() else "-"
                 kind = row["faults"][team]
                 detail = row["details"][team]
                 other = next(name for side, name in row["entries"].items() if side != team)
-                rows.append([*map(_text, (row["entries"][team], kind, detail, other)), str(row["seed"]), link])
+                rows.append([*map(_write_cell, (row["entries"][team], kind, detail, other)), str(row["seed"]), link])
     if not rows:
         return "<h2>Faults</h2><p>There were none.</p>"
     meanings = "".join(f"<li><b>{kind}</b>: {escape(meaning)}</li>" for kind, meaning in FAULTS.items())
     header = ("entry", "fault", "what", "against", "seed", "")
-    return (
-        f"<h2>Faults</h2><details><summary>What they mean</summary><ul>{meanings}</ul></details>{_rows(header, rows)}"
-    )
+    explanation = f"<details><summary>What they mean</summary><ul>{meanings}</ul></details>"
+    return f"<h2>Faults</h2>{explanation}{_write_rows(header, rows)}"
 
 
-def _games(table: Table, folder: Path) -> str:
+def _write_games(table: Table, folder: Path) -> str:
     pairs: dict[tuple[str, str], list[str]] = {}
     for row in table.rows:
         first, second = row["entries"].values()
-        pairs.setdefault((first, second), []).append(_game(row, first, folder))
+        pairs.setdefault((first, second), []).append(_write_game(row, first, folder))
     teams = list(table.rows[0]["entries"]) if table.rows else ["", ""]
-    rows = [[_text(first), _text(second), " ".join(some)] for (first, second), some in pairs.items()]
+    rows = [[_write_cell(first), _write_cell(second), " ".join(some)] for (first, second), some in pairs.items()]
     note = (
         "Won, drawn and lost games of the entry that plays the first team, in the order of the seeds. Each is a "
         "recording, of which <code>gamms render games/ID.ggr game.html</code> makes a page that replays it."
     )
-    return f"<h2>Games</h2><p><small>{note}</small></p>{_rows([*teams, 'games'], rows)}"
+    return f"<h2>Games</h2><p><small>{note}</small></p>{_write_rows([*teams, 'games'], rows)}"
 
 
-def _game(row: Row, first: str, folder: Path) -> str:
-    points = points_of(row)[first]
+def _write_game(row: Row, first: str, folder: Path) -> str:
+    points = count_points(row)[first]
     letter = "d" if points else "l"
     if points == 1.0:
         letter = "w"
     title = f"seed {row['seed']}: {row['reason']}, {row['turns']} turns"
     file = Path("games", f"{row['id']}.ggr")
-    link = f" href={_quoted(file.as_posix())}" if (folder / file).exists() else ""
-    return f"<a class={letter} title={_quoted(title)}{link}>{letter.upper()}</a>"
+    link = f" href={_quote_text(file.as_posix())}" if (folder / file).exists() else ""
+    return f"<a class={letter} title={_quote_text(title)}{link}>{letter.upper()}</a>"
 
 
-def _text(text: str) -> str:
+def _write_cell(text: str) -> str:
     """Return a left-aligned table cell."""
     return f"<span>{escape(text)}</span>"
 
 
-def _quoted(text: str) -> str:
+def _quote_text(text: str) -> str:
     return f'"{escape(text)}"'

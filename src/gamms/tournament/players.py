@@ -18,8 +18,8 @@ from typing import Any, NamedTuple, Self
 import msgspec
 
 from gamms.errors import GammsError
-from gamms.tournament.confinement import ProcessLimits, landlock_version, remove_empty_groups
-from gamms.tournament.entries import Entry, python_folders
+from gamms.tournament.confinement import ProcessLimits, find_landlock_version, remove_empty_groups
+from gamms.tournament.entries import Entry, list_python_folders
 from gamms.tournament.launcher import LauncherSetup
 from gamms.tournament.scratch import ScratchLimitExceeded, check_folder, remove_folder
 
@@ -144,7 +144,7 @@ class Launcher:
         self.scratch = scratch
         ours, theirs = socket.socketpair()
         is_python = not entry.command
-        python = python_folders() if is_python else []
+        python = list_python_folders() if is_python else []
         limits = ProcessLimits(allowed.memory_bytes, allowed.cpu_s)
         of_package = is_python and ".py:" not in entry.reference
         setup = LauncherSetup(
@@ -154,7 +154,7 @@ class Launcher:
             packages=[str(Path(one).parent) for one in entry.readable] if of_package else [],
             limits=list(limits),
             threads=_MOST_THREADS,
-            landlock=landlock_version(),
+            landlock=find_landlock_version(),
             map=str(map),
             settings=dict(settings),
         )
@@ -241,7 +241,7 @@ class EntryProcess:
         Raises:
             EntryFault: the entry does not get ready.
         """
-        with self._running():
+        with self._run_process():
             answer = self._answer(message, self._allowed.move_s * _START_MOVES)
         if not isinstance(answer, _ReadyMessage):
             raise EntryFault("start", "it has not said that it is ready")
@@ -252,7 +252,7 @@ class EntryProcess:
         Raises:
             EntryFault: the entry does not answer, or breaks a limit.
         """
-        with self._running():
+        with self._run_process():
             self._read("out", MOST_LINE)  # a waiting line is a fault: the question is not even sent
             answer = self._answer(message, self._allowed.move_s)
         if not isinstance(answer, Answer) or answer.question != question:
@@ -260,7 +260,7 @@ class EntryProcess:
         return answer
 
     @contextmanager
-    def _running(self) -> Iterator[None]:
+    def _run_process(self) -> Iterator[None]:
         """Run the process only within the `with` block, so that it takes no time from its opponent."""
         os.kill(self._id, signal.SIGCONT)
         try:
@@ -288,11 +288,11 @@ class EntryProcess:
 
     def _answer(self, message: bytes, seconds: float) -> object:
         try:
-            return _parsed(self._line(message, seconds))
+            return _parse_line(self._exchange_line(message, seconds))
         except BrokenPipeError:
-            raise self._fault_at_end("input") from None
+            raise self._make_end_fault("input") from None
 
-    def _line(self, message: bytes, seconds: float) -> bytes:
+    def _exchange_line(self, message: bytes, seconds: float) -> bytes:
         """Send bytes and return the line that comes back."""
         until = monotonic() + seconds
         unsent = memoryview(message)
@@ -309,8 +309,8 @@ class EntryProcess:
             if self._pipes.get("log") in readable:
                 self._read("log", MOST_LOG)
             if self._pipes["out"] in readable and not self._read("out", MOST_LINE):
-                raise self._fault_at_end("output")
-            self._look()
+                raise self._make_end_fault("output")
+            self._check_limits()
         line, _, self._waiting = self._waiting.partition(b"\n")
         if unsent:
             raise EntryFault("order", "it answered before it had read the question")
@@ -340,7 +340,7 @@ class EntryProcess:
                     raise EntryFault("output", f"its log is longer than {most:,} bytes")
         return False
 
-    def _look(self) -> None:
+    def _check_limits(self) -> None:
         """Check the limits that the system enforces only in part: memory, threads and files."""
         with suppress(OSError):  # not on this system, or the process has ended
             status = Path(f"/proc/{self._id}/status").read_bytes()
@@ -355,7 +355,7 @@ class EntryProcess:
             except ScratchLimitExceeded as error:
                 raise EntryFault("files", str(error)) from None
 
-    def _fault_at_end(self, what: str) -> EntryFault:
+    def _make_end_fault(self, what: str) -> EntryFault:
         """Return the fault of a process that has closed a pipe."""
         with suppress(EntryFault):
             self._read("log", MOST_LOG)
@@ -380,7 +380,7 @@ class EntryProcess:
         return self.launcher.request({"end": self._id, "patience": patience_s})
 
 
-def _parsed(line: bytes) -> object:
+def _parse_line(line: bytes) -> object:
     try:
         answer = _decoder.decode(line)
     except (msgspec.MsgspecError, UnicodeError, RecursionError, ValueError) as error:

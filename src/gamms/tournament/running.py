@@ -13,23 +13,23 @@ from typing import Any, Literal, NamedTuple, TypedDict, TypeVar
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
 from gamms.errors import BadFile, BadType, BadValue, GammsError, WriteConflict
-from gamms.experiment.folders import JOURNAL, Journal, rows_in
+from gamms.experiment.folders import JOURNAL, Journal, read_journal
 from gamms.experiment.running import InProcessExecutor, executor_for
 from gamms.experiment.variants import digest_of, row_id
-from gamms.folders import json_in, locked, refuse_link, without_link, write_whole
+from gamms.folders import lock_folder, read_json, refuse_link, remove_link, write_whole
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress
 from gamms.scenario import Scenario
-from gamms.text import printable_line, shown
-from gamms.tournament.entries import SCRATCH, Entry, EntrySpec, found_entries, publish
+from gamms.text import make_printable_line, shown
+from gamms.tournament.entries import SCRATCH, Entry, EntrySpec, find_entries, publish
 from gamms.tournament.games import MOST_TURNS, Fixture, Row
 from gamms.tournament.page import write_page
 from gamms.tournament.players import ResourceLimits
 from gamms.tournament.scratch import remove_folder
 from gamms.tournament.table import Table
-from gamms.tournament.workers import Task, TournamentSettings, TrialResult, close_launchers, play, trial
+from gamms.tournament.workers import Task, TournamentSettings, TrialResult, close_launchers, play, run_trial
 from gamms.versions import versions
-from gamms.workers import WorkerPool, cores, first_done, result_of
+from gamms.workers import WorkerPool, count_cores, wait_for_first, wait_for_result
 
 MANIFEST = "tournament.json"
 _FORMAT = "gamms tournament 1"
@@ -107,28 +107,28 @@ class _Schedule(NamedTuple):
             if self.rounds is None:
                 pairs = list(combinations(self.entries, 2))
             else:
-                pairs = _swiss(self.entries, Table(rows, names), met)
+                pairs = _pair_entries(self.entries, Table(rows, names), met)
             met |= {frozenset((first.name, second.name)) for first, second in pairs}
-            fixtures = {pair: self._of_pair(pair, number) for pair in pairs}
+            fixtures = {pair: self._make_fixtures(pair, number) for pair in pairs}
             yield number, fixtures
             games = list(chain.from_iterable(fixtures.values()))
-            found = [_row_of(one, known[one.id]) for one in games if one.id in known]
+            found = [_make_row(one, known[one.id]) for one in games if one.id in known]
             rows += found
             if len(found) < len(games):
                 return
 
-    def _of_pair(self, pair: _Pair, number: int) -> list[Fixture]:
+    def _make_fixtures(self, pair: _Pair, number: int) -> list[Fixture]:
         first, second = pair
-        return [self._fixture(way, seed, number) for seed, way in product(self.seeds, (pair, (second, first)))]
+        return [self._make_fixture(way, seed, number) for seed, way in product(self.seeds, (pair, (second, first)))]
 
-    def _fixture(self, pair: _Pair, seed: int, number: int) -> Fixture:
+    def _make_fixture(self, pair: _Pair, seed: int, number: int) -> Fixture:
         by_side = dict(zip(self.sides, pair, strict=True))
         digests = {side: [one.name, one.digest] for side, one in by_side.items()}
         id = row_id(self.game["scenario"], {**self.game, "entries": digests}, (), seed)
         return Fixture(id, {side: one.name for side, one in by_side.items()}, seed, number)
 
 
-def _row_of(fixture: Fixture, found: Mapping[str, Any]) -> Row:
+def _make_row(fixture: Fixture, found: Mapping[str, Any]) -> Row:
     """Return the row of a game, with the round in which it counts.
 
     Raises:
@@ -194,14 +194,14 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     if not isinstance(scenario, Scenario):
         raise BadType(f"scenario must be a Scenario, as gamms.scenario.load gives it, not {shown(scenario)}.")
     where = as_path(out, "out").absolute()
-    teams = _sides(scenario, sides)
-    numbers = _seeds(seeds)
+    teams = _check_sides(scenario, sides)
+    numbers = _check_seeds(seeds)
     base = Path.cwd() if folder is None else as_path(folder, "folder").absolute()
-    allowed = _allowed(scenario, move_seconds, memory_mb)
+    allowed = _make_limits(scenario, move_seconds, memory_mb)
     number = None if rounds is None else as_count(rounds, "rounds", 1)
     games = where / "games" if as_bool(record, "record") else None
     chosen, is_own = executor_for(executor, workers)
-    with locked(where):
+    with lock_folder(where):
         for name in _FOLDERS:
             refuse_link(where / name)
         private = [one for one in (scenario.file, scenario.folder) if one is not None]
@@ -212,8 +212,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         runner = None
         try:
             with scenario.build(seed=numbers[0]) as ctx:
-                found = found_entries(entries, base, where, private)
-                ctx.graph.save(without_link(where / _MAP))
+                found = find_entries(entries, base, where, private)
+                ctx.graph.save(remove_link(where / _MAP))
             plan = _Schedule([_EntryKey(one.name, one.digest) for one in found], teams, numbers, number, manifest)
             settings = TournamentSettings(
                 scenario, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory()
@@ -255,7 +255,7 @@ def load(out: str | os.PathLike[str]) -> Table:
     """
     where = as_path(out, "out")
     try:
-        manifest = json_in(where / MANIFEST, "the file of a tournament", _Manifest)
+        manifest = read_json(where / MANIFEST, "the file of a tournament", _Manifest)
     except FileNotFoundError:
         raise BadFile(f"{str(where)!r} is not the folder of a tournament: it has no {MANIFEST}.") from None
     if len(manifest["sides"]) != 2 or len(manifest["entries"]) < 2 or not manifest["seeds"]:
@@ -268,7 +268,7 @@ def load(out: str | os.PathLike[str]) -> Table:
     game = {name: manifest[name] for name in _GAME}  # type: ignore[literal-required] # of a tuple of such
     plan = _Schedule(players, (manifest["sides"][0], manifest["sides"][1]), manifest["seeds"], rounds, game)
     rows = list[Row]()
-    for _ in plan.fixtures(rows_in(where / JOURNAL, Row), rows):
+    for _ in plan.fixtures(read_journal(where / JOURNAL, Row), rows):
         pass
     table = Table(rows, [one.name for one in players])
     table.not_enforced = manifest["not_enforced"]
@@ -276,14 +276,14 @@ def load(out: str | os.PathLike[str]) -> Table:
     return table
 
 
-def _seeds(given: Iterable[int]) -> list[int]:
+def _check_seeds(given: Iterable[int]) -> list[int]:
     numbers = list(dict.fromkeys(as_int(seed, "a seed") for seed in as_items(given, "seeds", "integers")))
     if not numbers:
         raise BadValue("A tournament needs one seed at least.")
     return numbers
 
 
-def _sides(scenario: Scenario, given: Sequence[str] | None) -> tuple[str, str]:
+def _check_sides(scenario: Scenario, given: Sequence[str] | None) -> tuple[str, str]:
     teams = list(scenario.spec.teams)
     if given is None and len(teams) != 2:
         raise BadValue(f"The scenario has the teams {', '.join(teams)}. Say by sides= which two of them entries play.")
@@ -295,7 +295,7 @@ def _sides(scenario: Scenario, given: Sequence[str] | None) -> tuple[str, str]:
     return sides[0], sides[1]
 
 
-def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> ResourceLimits:
+def _make_limits(scenario: Scenario, move_seconds: float, memory_mb: int) -> ResourceLimits:
     seconds = as_positive(move_seconds, "move_seconds")
     megabytes = as_int(memory_mb, "memory_mb")
     if megabytes < _LEAST_MB:
@@ -311,7 +311,7 @@ def _try_entries(
     trials = runner.tried(entries, sides, seed)
     not_ready = {name: one.reason for name, one in trials.items() if one.reason is not None}
     for name, reason in not_ready.items():
-        words = printable_line(name), reason
+        words = make_printable_line(name), reason
         logging.getLogger("gamms").warning("The entry %r cannot play: %s", *words)
     return not_ready, next(iter(trials.values())).not_enforced
 
@@ -319,7 +319,7 @@ def _try_entries(
 def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
     """Check that a folder holds no other tournament."""
     try:
-        before = json_in(where / MANIFEST, "the file of a tournament", dict[str, Any])
+        before = read_json(where / MANIFEST, "the file of a tournament", dict[str, Any])
     except FileNotFoundError:
         return
     changed = [key for key, value in {"format": _FORMAT, **game}.items() if before.get(key) != value]
@@ -340,18 +340,18 @@ class _Runner:
         self._settings = pickle.dumps(settings)
         self._executor = executor
         self._journal = journal
-        self._slots = 1 if isinstance(executor, InProcessExecutor) else 2 * (workers or cores())
+        self._slots = 1 if isinstance(executor, InProcessExecutor) else 2 * (workers or count_cores())
         self._spare: WorkerPool | None = None
-        self._workers = workers or cores()
+        self._workers = workers or count_cores()
 
     def tried(self, entries: Sequence[Entry], sides: tuple[str, str], seed: int) -> dict[str, TrialResult]:
         """Return the trial of each entry, by its name."""
         keeps = isinstance(self._executor, InProcessExecutor | WorkerPool)
         futures = {
-            one.name: self._submit(partial(trial, self._settings, one, sides, seed, keeps_launchers=keeps))
+            one.name: self._submit(partial(run_trial, self._settings, one, sides, seed, keeps_launchers=keeps))
             for one in entries
         }
-        return {name: result_of(future) for name, future in futures.items()}
+        return {name: wait_for_result(future) for name, future in futures.items()}
 
     def play(self, plan: _Schedule, entries: Mapping[str, Entry]) -> Table:
         """Play all rounds, and return the table."""
@@ -366,14 +366,14 @@ class _Runner:
         """Play the games without a row; yield the numbers of finished and of all games."""
         total = sum(map(len, fixtures.values()))
         waiting = dict[Future[list[Row]], tuple[Task, int]]()
-        tasks = iter(self._tasks(fixtures, entries))
+        tasks = iter(self._list_tasks(fixtures, entries))
         done = total - sum(one.id not in self._journal.rows for one in chain.from_iterable(fixtures.values()))
         while True:
             while len(waiting) < self._slots and (task := next(tasks, None)) is not None:
                 waiting[self._submit(partial(play, task))] = task, 1
             if not waiting:
                 return
-            for future in first_done(waiting):
+            for future in wait_for_first(waiting):
                 task, attempts = waiting.pop(future)
                 try:
                     rows = future.result()
@@ -386,7 +386,7 @@ class _Runner:
                     done += len(rows)
                     yield done, total
 
-    def _tasks(self, fixtures: Mapping[_Pair, list[Fixture]], entries: Mapping[str, Entry]) -> Iterator[Task]:
+    def _list_tasks(self, fixtures: Mapping[_Pair, list[Fixture]], entries: Mapping[str, Entry]) -> Iterator[Task]:
         for (first_player, second_player), some in fixtures.items():
             pair = entries[first_player.name], entries[second_player.name]
             new = [one for one in some if one.id not in self._journal.rows]
@@ -412,7 +412,7 @@ class _Runner:
         self._journal.close()
 
 
-def _swiss(entries: Sequence[_EntryKey], table: Table, met: set[frozenset[str]]) -> list[_Pair]:
+def _pair_entries(entries: Sequence[_EntryKey], table: Table, met: set[frozenset[str]]) -> list[_Pair]:
     """Pair the entries for the next round: neighbors in the table that have not met yet, from the top.
 
     With an odd number of entries, or if all remaining entries have met, some do not play.

@@ -36,8 +36,8 @@ def check_folder(folder: str, process: int) -> None:
     size = 0
     count = 0
     try:
-        size = _deleted_bytes(folder, process)
-        for length in _sizes(folder, None, 0):
+        size = _count_deleted_bytes(folder, process)
+        for length in _list_sizes(folder, None, 0):
             size += length
             count += 1
             if count > _MOST_FILES:
@@ -48,7 +48,7 @@ def check_folder(folder: str, process: int) -> None:
         raise ScratchLimitExceeded(f"its files have more than {_MOST_BYTES:,} bytes")
 
 
-def _sizes(name: str, above: int | None, depth: int) -> Iterator[int]:
+def _list_sizes(name: str, above: int | None, depth: int) -> Iterator[int]:
     """Yield the sizes of all files and folders in a folder."""
     if depth > _MOST_DEPTH:
         raise ScratchLimitExceeded(f"it made more than {_MOST_DEPTH} folders in each other")
@@ -59,12 +59,12 @@ def _sizes(name: str, above: int | None, depth: int) -> Iterator[int]:
                 with suppress(FileNotFoundError):  # removed meanwhile
                     yield one.stat(follow_symlinks=False).st_size
                     if one.is_dir(follow_symlinks=False):
-                        yield from _sizes(one.name, opened, depth + 1)
+                        yield from _list_sizes(one.name, opened, depth + 1)
     finally:
         os.close(opened)
 
 
-def _deleted_bytes(folder: str, process: int) -> int:
+def _count_deleted_bytes(folder: str, process: int) -> int:
     """Return the size of deleted files of the folder that a process still holds open or mapped."""
     mark = os.fsencode(f"/{Path(folder).name}/")
     end = b" (deleted)"
@@ -95,7 +95,7 @@ def remove_folder(folder: str | os.PathLike[str]) -> None:
     try:
         top = os.open(folder, _AS_FOLDER)
         try:
-            while inside := _inside(top):
+            while inside := _list_folder(top):
                 for one in inside:
                     _remove_level(one, top)
         finally:
@@ -115,7 +115,7 @@ def _remove_level(one: os.DirEntry[str], top: int) -> None:
     os.chmod(one.name, stat.S_IRWXU, dir_fd=top)
     opened = os.open(one.name, _AS_FOLDER, dir_fd=top)
     try:
-        for below in _inside(opened):
+        for below in _list_folder(opened):
             if below.is_dir(follow_symlinks=False):
                 os.chmod(below.name, stat.S_IRWXU, dir_fd=opened)  # moving a folder writes in it
                 os.rename(below.name, secrets.token_hex(), src_dir_fd=opened, dst_dir_fd=top)
@@ -126,6 +126,6 @@ def _remove_level(one: os.DirEntry[str], top: int) -> None:
     os.rmdir(one.name, dir_fd=top)
 
 
-def _inside(opened: int) -> list[os.DirEntry[str]]:
+def _list_folder(opened: int) -> list[os.DirEntry[str]]:
     with os.scandir(opened) as found:
         return list(found)

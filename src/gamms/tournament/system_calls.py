@@ -309,8 +309,8 @@ def filter_for(machine: str, process: int) -> list[Instruction]:
         (_LOAD, 0, 0, _NUMBER),
     ]
     blocks = [
-        *((numbers, _block(conditions, _REFUSE, process)) for numbers, conditions in BOUND.values()),
-        *((numbers, _block(conditions, _KILL_PROCESS, process)) for numbers, conditions in STARTING.values()),
+        *((numbers, _make_block(conditions, _REFUSE, process)) for numbers, conditions in BOUND.values()),
+        *((numbers, _make_block(conditions, _KILL_PROCESS, process)) for numbers, conditions in STARTING.values()),
         *((numbers, [(_RETURN, 0, 0, _IS_ABSENT)]) for numbers in ABSENT.values()),
         *((numbers, [(_RETURN, 0, 0, _ALLOW)]) for numbers in FREE.values()),
     ]
@@ -321,7 +321,7 @@ def filter_for(machine: str, process: int) -> list[Instruction]:
     return [*program, (_IF_ABOVE, 0, 1, NEWEST), (_RETURN, 0, 0, _IS_ABSENT), (_RETURN, 0, 0, _REFUSE)]
 
 
-def _block(conditions: Iterable[AllowedValues | RefusedValue], refused: int, process: int) -> list[Instruction]:
+def _make_block(conditions: Iterable[AllowedValues | RefusedValue], refused: int, process: int) -> list[Instruction]:
     """Return the block of a filter that tests the arguments of a call."""
     block: list[Instruction] = []
     for one in conditions:

@@ -10,9 +10,9 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_items, as_known
-from gamms.experiment.statistics import Interval, mean_interval, rate_interval_of_seeds
+from gamms.experiment.statistics import Interval, estimate_mean, estimate_rate_of_seeds
 from gamms.ir.graph import FloatArray
-from gamms.text import printable_line
+from gamms.text import make_printable_line
 from gamms.tournament.games import Row
 
 WIN = 1.0
@@ -92,7 +92,7 @@ class Cycle(NamedTuple):
     is_certain: bool
 
 
-def points_of(row: Row) -> dict[str, float]:
+def count_points(row: Row) -> dict[str, float]:
     """Return the points of both entries of a game; an entry with a fault loses, even if both have one."""
     if row["winner"] is None:
         return {entry: 0.0 if team in row["faults"] else DRAW for team, entry in row["entries"].items()}
@@ -127,7 +127,7 @@ class Table:
         points: dict[str, list[float]] = {name: [] for name in self.entries}
         faults: dict[str, dict[str, int]] = {name: {} for name in self.entries}
         for row in self.rows:
-            for entry, one in points_of(row).items():
+            for entry, one in count_points(row).items():
                 points[entry].append(one)
             for team, kind in row["faults"].items():
                 of = faults[row["entries"][team]]
@@ -152,7 +152,7 @@ class Table:
         numbers = {name: number for number, name in enumerate(self.entries)}
         by_seed: dict[int, list[tuple[int, int, float]]] = {}
         for row in self.rows:
-            points = points_of(row)
+            points = count_points(row)
             games = by_seed.setdefault(row["seed"], [])
             if sum(points.values()) > 0.0:
                 games += [(numbers[one], numbers[other], points[one]) for one, other in permutations(points)]
@@ -160,7 +160,7 @@ class Table:
         for seed, games in zip(won, by_seed.values(), strict=True):
             for one, other, value in games:
                 seed[one, other] += value
-        found = zip(self.entries, _elo_intervals(won), strict=True)
+        found = zip(self.entries, _estimate_elo_intervals(won), strict=True)
         ratings = [Rating(name, *interval) for name, interval in found]
         return sorted(ratings, key=lambda one: (-one.elo, one.entry))
 
@@ -173,14 +173,14 @@ class Table:
         if self._payoffs is None:
             games: dict[tuple[str, str], dict[int, list[tuple[float, float]]]] = {}
             for row in self.rows:
-                points = points_of(row)
+                points = count_points(row)
                 scores = {row["entries"][team]: one for team, one in row["scores"].items()}
                 for pair in permutations(points):
                     first = pair[0]
                     second = pair[1]
                     value = points[first], scores[first] - scores[second]
                     games.setdefault((first, second), {}).setdefault(row["seed"], []).append(value)
-            self._payoffs = {pair: _payoff(by_seed) for pair, by_seed in sorted(games.items())}
+            self._payoffs = {pair: _estimate_payoff(by_seed) for pair, by_seed in sorted(games.items())}
         return self._payoffs
 
     def cycles(self) -> list[Cycle]:
@@ -219,7 +219,7 @@ class Table:
         for rank, one in enumerate(self.standings(), 1):
             faults = ", ".join(f"{count} {kind}" for kind, count in one.faults.items())
             numbers = (one.games, one.wins, one.draws, one.losses)
-            lines.append((str(rank), printable_line(one.entry), f"{one.points:g}", *map(str, numbers), faults))
+            lines.append((str(rank), make_printable_line(one.entry), f"{one.points:g}", *map(str, numbers), faults))
         widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
         text = "\n".join(
             "  ".join(
@@ -228,20 +228,20 @@ class Table:
             ).rstrip()
             for line in lines
         )
-        notes = [f"{printable_line(name)} cannot play: {reason}" for name, reason in self.not_ready.items()]
+        notes = [f"{make_printable_line(name)} cannot play: {reason}" for name, reason in self.not_ready.items()]
         if self.not_enforced:
             notes.append(f"Not enforced on this system: {'; '.join(self.not_enforced)}.")
         return "\n".join([text, *notes])
 
 
-def _payoff(by_seed: dict[int, list[tuple[float, float]]]) -> Payoff:
+def _estimate_payoff(by_seed: dict[int, list[tuple[float, float]]]) -> Payoff:
     games = sum(map(len, by_seed.values()))
     points = [fmean(point for point, _ in some) for some in by_seed.values()]
     scores = [fmean(score for _, score in some) for some in by_seed.values()]
-    return Payoff(rate_interval_of_seeds(points, games), mean_interval(scores), games, len(by_seed))
+    return Payoff(estimate_rate_of_seeds(points, games), estimate_mean(scores), games, len(by_seed))
 
 
-def _elo_intervals(won: FloatArray) -> list[Interval]:
+def _estimate_elo_intervals(won: FloatArray) -> list[Interval]:
     """Return the rating of each entry in Elo points, with its 95 % percentile bootstrap interval over seeds.
 
     The mean of all ratings is 0. If all resamples agree, the ends of an interval are NaN.
@@ -250,9 +250,9 @@ def _elo_intervals(won: FloatArray) -> list[Interval]:
         won: (seeds, entries, entries): the wins of one entry against another one; a draw counts half.
     """
     seeds, entries, _ = won.shape
-    ratings = _POINTS * _strengths(won.sum(axis=0)[None])[0]
+    ratings = _POINTS * _estimate_strengths(won.sum(axis=0)[None])[0]
     if seeds < 2:
-        return [_rounded(one, np.nan, np.nan) for one in ratings]
+        return [_round_interval(one, np.nan, np.nan) for one in ratings]
     rng = np.random.default_rng(_SEED)
     counts = rng.multinomial(seeds, np.full(seeds, 1.0 / seeds), size=_RESAMPLES).astype(float)
     flat = won.reshape(seeds, -1)
@@ -260,19 +260,19 @@ def _elo_intervals(won: FloatArray) -> list[Interval]:
     resampled = []
     for first in range(0, _RESAMPLES, per_batch):
         sums = counts[first : first + per_batch] @ flat
-        resampled.append(_POINTS * _strengths(sums.reshape(-1, entries, entries)))
+        resampled.append(_POINTS * _estimate_strengths(sums.reshape(-1, entries, entries)))
     low, high = np.quantile(np.concatenate(resampled), (0.025, 0.975), axis=0)
     is_one_value = high - low < 1e-6
     low[is_one_value] = np.nan
     high[is_one_value] = np.nan
-    return [_rounded(*one) for one in zip(ratings, low, high, strict=True)]
+    return [_round_interval(*one) for one in zip(ratings, low, high, strict=True)]
 
 
-def _rounded(*values: float) -> Interval:
+def _round_interval(*values: float) -> Interval:
     return Interval(*(round(float(one), _DIGITS) + 0.0 for one in values))  # 0.0 for -0.0
 
 
-def _strengths(won: FloatArray) -> FloatArray:
+def _estimate_strengths(won: FloatArray) -> FloatArray:
     """Return the logarithms of the strengths in the Bradley-Terry model, (tournaments, entries), with the mean 0.
 
     They maximize the likelihood in which each entry also draws one game against an opponent of strength 1 (Mease, The

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gamms.experiment.games import loaded
-from gamms.folders import without_link, write_whole
+from gamms.folders import remove_link, write_whole
 from gamms.limits import allowing
 from gamms.scenario import Scenario
 from gamms.scenario.spec import to_plain
@@ -76,7 +76,7 @@ def play(task: Task) -> list[Row]:
     settings = loaded(task.settings)
     rows = []
     with allowing(settings.memory):
-        launchers = {entry.name: _launcher(task.settings, entry) for entry in task.entries}
+        launchers = {entry.name: _make_launcher(task.settings, entry) for entry in task.entries}
         for fixture in task.fixtures:
             parent = parent_process()
             if parent is not None and not parent.is_alive():
@@ -91,7 +91,7 @@ def _play_fixture(settings: TournamentSettings, fixture: Fixture, launchers: dic
     record = None
     if settings.games is not None:
         settings.games.mkdir(exist_ok=True)
-        record = without_link(settings.games / f"{fixture.id}.ggr")
+        record = remove_link(settings.games / f"{fixture.id}.ggr")
     row, logs = games.play(settings.scenario, fixture, launchers, record)
     for team in row["faults"]:
         if logs[team]:
@@ -100,7 +100,7 @@ def _play_fixture(settings: TournamentSettings, fixture: Fixture, launchers: dic
     return row
 
 
-def _launcher(settings: bytes, entry: Entry) -> Launcher:
+def _make_launcher(settings: bytes, entry: Entry) -> Launcher:
     key = settings, entry
     if key not in _launchers:
         if len(_launchers) == _MOST_LAUNCHERS:
@@ -118,7 +118,9 @@ def close_launchers() -> None:
         _launchers.popitem()[1].close()
 
 
-def trial(settings: bytes, entry: Entry, sides: tuple[str, str], seed: int, *, keeps_launchers: bool) -> TrialResult:
+def run_trial(
+    settings: bytes, entry: Entry, sides: tuple[str, str], seed: int, *, keeps_launchers: bool
+) -> TrialResult:
     """Try an entry; see `TrialResult`.
 
     Args:
@@ -130,8 +132,8 @@ def trial(settings: bytes, entry: Entry, sides: tuple[str, str], seed: int, *, k
     """
     known: TournamentSettings = loaded(settings)
     with allowing(known.memory):
-        launcher = _launcher(settings, entry)
-        found = TrialResult(games.trial(known.scenario, seed, sides, launcher), launcher.missing())
+        launcher = _make_launcher(settings, entry)
+        found = TrialResult(games.try_entry(known.scenario, seed, sides, launcher), launcher.missing())
     if not keeps_launchers:
         close_launchers()
     return found

@@ -13,17 +13,17 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import (
     DescribedFunction,
-    annotations_of,
     as_float,
     as_function_of,
     as_int,
     as_numbers,
     as_range,
-    signature_of,
+    find_annotations,
+    find_signature,
 )
-from gamms.deciding import Deciders, phase_of
+from gamms.deciding import Deciders, get_phase
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat, speed_of
+from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat, get_speed
 from gamms.ir.graph import as_mode, as_node_id, label_hint, split_mode
 from gamms.text import as_code, shown
 from gamms.typing.context import IContext
@@ -60,7 +60,7 @@ def find_parallel_edges(state: Mapping[str, Any], ctx: IContext) -> dict[int, li
     return {node: edges for node, edges in found.items() if len(edges) > 1}
 
 
-def mode_in(ctx: IContext, block: AgentBlock, value: object) -> str | None:
+def check_mode(ctx: IContext, block: AgentBlock, value: object) -> str | None:
     """Return the mode of a new agent on the ground: the name of an edge attribute, or None for all edges.
 
     Raises:
@@ -77,7 +77,7 @@ def mode_in(ctx: IContext, block: AgentBlock, value: object) -> str | None:
     return mode
 
 
-def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:
+def check_node(graph: IGraph, block: AgentBlock, value: object) -> int:
     """Return the id of a node of the graph; if the block trusts nodes, of any 64-bit integer.
 
     Raises:
@@ -116,7 +116,7 @@ def as_heading(heading: object) -> tuple[float, float]:
     return cos / length, sin / length
 
 
-def heading_in(action: dict[str, Any]) -> Any:
+def get_heading(action: dict[str, Any]) -> Any:
     """Return the heading in an action dict, or None to follow moves; () if the dict has no heading.
 
     Raises:
@@ -142,12 +142,12 @@ def as_quat(value: object) -> Quat:
     return kernels.unit_quaternion((w, x, y, z)) or UNTURNED
 
 
-def level_quat(heading: object) -> Quat:
+def make_level_quat(heading: object) -> Quat:
     """Return the rotation that faces `(cos, sin)`, of any length, without pitch and roll; None: no rotation."""
     return UNTURNED if heading is None else kernels.about_z(as_heading(heading))
 
 
-def one_step(position: Position, direction: object, speed: float) -> Position:
+def step_once(position: Position, direction: object, speed: float) -> Position:
     """Return the position after one step of `speed` map units; a direction of length 0 does not move."""
     parts = as_numbers(direction, "A direction", "(dx, dy, dz)")
     scale = max(map(abs, parts))
@@ -171,9 +171,9 @@ def flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None
         quat = as_quat(action["quat"]) if "quat" in action else None
         if "direction" not in action:
             return None, quat
-        return _ahead(block, row, action["direction"], action.get("distance")), quat
+        return _find_position_ahead(block, row, action["direction"], action.get("distance")), quat
     if isinstance(action, (tuple, np.ndarray)):
-        return _ahead(block, row, action, None), None
+        return _find_position_ahead(block, row, action, None), None
     raise BadType(
         "The action of an aerial agent must be a tuple (dx, dy, dz) or a dict with 'direction' or 'quat', "
         f"not {shown(action)} ({type(action).__name__})."
@@ -192,20 +192,20 @@ def position_of(block: AgentBlock, row: int) -> Position:
     return position
 
 
-def _ahead(block: AgentBlock, row: int, direction: object, distance: object) -> Position:
-    speed = speed_of(block, row) or 0.0
+def _find_position_ahead(block: AgentBlock, row: int, direction: object, distance: object) -> Position:
+    speed = get_speed(block, row) or 0.0
     if distance is None:
-        return one_step(position_of(block, row), direction, speed)
+        return step_once(position_of(block, row), direction, speed)
     far = as_range(distance, "A distance")
     if far > speed:
         raise BadValue(f"A distance of {far:g} is more than the speed of agent {block.names[row]!r}, {speed:g}.")
-    return one_step(position_of(block, row), direction, far)
+    return step_once(position_of(block, row), direction, far)
 
 
 # -- strategies, and functions that make them ----------------------------------------------------------------------
 
 
-def strategy_in(ctx: IContext, given: object) -> Any:
+def make_strategy(ctx: IContext, given: object) -> Any:
     """Return a value that is a strategy, or the strategy that it makes in a context.
 
     A function makes strategies if its first parameter is `ctx`, or is annotated as a context. It is a strategy if this
@@ -220,14 +220,14 @@ def strategy_in(ctx: IContext, given: object) -> Any:
     is_maker = makes_strategies(given)
     function = cast("Function", given)
     if is_maker is None:
-        is_maker = _returns_function(ctx, function)
+        is_maker = _is_returning_function(ctx, function)
     if not is_maker:
-        return _checked(ctx, as_function_of(given, "A strategy", "the state"))
+        return _check_strategy(ctx, as_function_of(given, "A strategy", "the state"))
     _refuse_missing(function)
     made = function(ctx)
     if not callable(made):
         raise BadType(f"{as_code(given)} returns {shown(made)}, which is not a strategy.")
-    return _checked(ctx, made)
+    return _check_strategy(ctx, made)
 
 
 def plan_in(ctx: IContext, given: object) -> Any:
@@ -237,12 +237,12 @@ def plan_in(ctx: IContext, given: object) -> Any:
     another. Other values are returned unchanged.
 
     Raises:
-        BadType, BadValue: see `strategy_in`.
+        BadType, BadValue: see `make_strategy`.
     """
     is_ours = str(getattr(given, "__module__", "")).startswith("gamms.strategies.")
     is_plan = not callable(given) or (makes_strategies(given) is False and not is_ours)
-    made: Any = given if is_plan else strategy_in(ctx, given)
-    first = None if is_plan else _first_parameter(made)
+    made: Any = given if is_plan else make_strategy(ctx, given)
+    first = None if is_plan else _find_first_parameter(made)
     if is_plan or (made is given and not is_ours) or (first is not None and first.name == "states"):
         return made
 
@@ -265,32 +265,32 @@ def makes_strategies(given: object) -> bool | None:
     if code is not None and code.co_argcount and code.co_varnames[0] in _STATES:  # NOTE: called for each agent
         return False
     function = given if callable(given) else None
-    first = None if function is None else _first_parameter(function)
+    first = None if function is None else _find_first_parameter(function)
     if function is None or first is None or first.kind is Parameter.VAR_POSITIONAL or _is_awaited(function):
         return False
     kind = getattr(first.annotation, "__name__", str(first.annotation)).rpartition(".")[2]
     if first.name == _CONTEXT or kind in _CONTEXT_TYPES:
         return True
-    makes_others = getattr(annotations_of(given).get("return"), "__origin__", None) is Callable  # such as rules
+    makes_others = getattr(find_annotations(given).get("return"), "__origin__", None) is Callable  # such as rules
     if makes_others or first.name in _STATES or kind in _STATE_TYPES:
         return False
-    return None if isinstance(given, type) or _may_return(_code_of(function)) else False
+    return None if isinstance(given, type) or _may_return(_find_code(function)) else False
 
 
 def _is_awaited(given: Function) -> bool:
     return iscoroutinefunction(given) or iscoroutinefunction(getattr(given, "__call__", None))  # noqa: B004 - it is looked at
 
 
-def _first_parameter(given: Function) -> Parameter | None:
+def _find_first_parameter(given: Function) -> Parameter | None:
     """Return the first parameter that a caller passes; None without parameters, or for a function in C."""
     try:
-        parameters = signature_of(given).parameters.values()
+        parameters = find_signature(given).parameters.values()
     except (TypeError, ValueError):
         return None
     return next((one for one in parameters if one.kind not in (Parameter.KEYWORD_ONLY, Parameter.VAR_KEYWORD)), None)
 
 
-def _code_of(given: Function) -> CodeType | None:
+def _find_code(given: Function) -> CodeType | None:
     """Return the code of a function, or of the call method of an object; None if it is written in C."""
     while isinstance(given, partial):
         given = given.func
@@ -303,10 +303,10 @@ def _may_return(code: CodeType | None) -> bool:
     """Return whether a function returns a value, and does not use "action" as a key or a keyword."""
     if code is None or any(one == "action" or (isinstance(one, tuple) and "action" in one) for one in code.co_consts):
         return False
-    return any(value is not None for value in _returned(dis.get_instructions(code)))
+    return any(value is not None for value in _list_returned_constants(dis.get_instructions(code)))
 
 
-def _returned(instructions: Iterable[dis.Instruction]) -> Iterable[object]:
+def _list_returned_constants(instructions: Iterable[dis.Instruction]) -> Iterable[object]:
     """Yield the constants that a function returns, and a mark for each computed value."""
     before = None
     for one in instructions:
@@ -317,9 +317,9 @@ def _returned(instructions: Iterable[dis.Instruction]) -> Iterable[object]:
         before = one
 
 
-def _returns_function(ctx: IContext, given: Function) -> bool:
+def _is_returning_function(ctx: IContext, given: Function) -> bool:
     """Return whether a function returns a function when it is called with the context."""
-    phase = phase_of(ctx)
+    phase = get_phase(ctx)
     name = as_code(given)
     phase.read_last_turn()
     before = phase.agent
@@ -344,7 +344,7 @@ def _refuse_missing(given: Function) -> None:
         BadType: it needs more.
     """
     try:
-        signature_of(given).bind(None)
+        find_signature(given).bind(None)
     except TypeError:
         raise BadType(
             f"{as_code(given)} makes a strategy, but needs more than the context: call it, "
@@ -352,7 +352,7 @@ def _refuse_missing(given: Function) -> None:
         ) from None
 
 
-def _checked(ctx: IContext, strategy: Function) -> Any:
+def _check_strategy(ctx: IContext, strategy: Function) -> Any:
     """Return a strategy, if it was not made for another context.
 
     Raises:

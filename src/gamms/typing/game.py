@@ -22,7 +22,7 @@ from gamms.core.ask import StateKey
 from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain
-from gamms.text import module_of
+from gamms.text import find_module
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
@@ -365,11 +365,11 @@ PRIVATE_MODULES = "_gamms_scenario_"  # prefix of the names of packages with the
 _PRIVATE = re.compile(rf"{PRIVATE_MODULES}[0-9a-f]+\.")
 
 
-def strategy_name(strategy: object) -> str | None:
+def find_strategy_name(strategy: object) -> str | None:
     """Return the module and the name of a strategy, independent of the folder; None if it has none."""
     if strategy is None:
         return None
-    module = _PRIVATE.sub("", module_of(strategy))
+    module = _PRIVATE.sub("", find_module(strategy))
     return f"{module}:{getattr(strategy, '__qualname__', type(strategy).__qualname__)}"
 
 
@@ -467,7 +467,7 @@ Member = Annotated[Hashable | Mapping[str, Any], TEAMS]
 """The same for a team or a role: some agents of a team, such as `{"team": "red", "names": ["truck"]}`."""
 
 
-def team_parameters(make_rule: Callable[..., object]) -> dict[str, str]:
+def find_team_parameters(make_rule: Callable[..., object]) -> dict[str, str]:
     """Return the parameters of a function that are annotated as teams: name -> TEAMS or OWNERS."""
     found: dict[str, str] = {}
     for name, annotation in make_rule.__annotations__.items():

@@ -245,7 +245,7 @@ class IGraph(ABC):
             NoPath (ValueError): there is no path.
         """
         self._refuse_turns(turns)
-        return self._routes_now().shortest_path(source, target, weight, most_edges)
+        return self._get_routes().shortest_path(source, target, weight, most_edges)
 
     def distance(
         self, source: int, target: int, weight: str | None = "length", *, turns: str | bool | None = None
@@ -258,7 +258,7 @@ class IGraph(ABC):
             UnknownName (KeyError): a node does not exist.
         """
         self._refuse_turns(turns)
-        return self._routes_now().distance(source, target, weight)
+        return self._get_routes().distance(source, target, weight)
 
     def distances(
         self,
@@ -286,7 +286,7 @@ class IGraph(ABC):
             BadValue (ValueError): both or neither of source and target, or a negative cutoff.
         """
         self._refuse_turns(turns)
-        return self._routes_now().distances(source, target, weight, cutoff)
+        return self._get_routes().distances(source, target, weight, cutoff)
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
         """Return the path lengths between all pairs of sources and targets.
@@ -298,13 +298,13 @@ class IGraph(ABC):
         Raises:
             UnknownName (KeyError): a node does not exist.
         """
-        return self._routes_now().distance_matrix(sources, targets, weight)
+        return self._get_routes().distance_matrix(sources, targets, weight)
 
     def _refuse_turns(self, turns: object) -> None:
         if turns is not None:
             raise BadValue(f"{type(self).__name__} knows no turn restrictions. Omit turns, or override the method.")
 
-    def _routes_now(self) -> Routes:
+    def _get_routes(self) -> Routes:
         ends = [(edge.source, edge.target) for edge in map(self.get_edge, self.get_edges())]
         return EdgeRoutes(list(self.get_nodes()), ends, self.weights)
 
@@ -412,7 +412,7 @@ class IGraphEngine(IObstacles):
     @property
     def routes(self) -> RouteQueries:
         """Routing queries about several paths or nodes: k shortest paths, isochrones, the nearest of many."""
-        return RouteQueries(self.graph._routes_now(), self.columns)
+        return RouteQueries(self.graph._get_routes(), self.columns)
 
     def visibility(
         self,

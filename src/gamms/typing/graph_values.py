@@ -62,7 +62,7 @@ class OSMEdge(_EdgeFields):
         """Make an edge; the polyline is a LineString or a sequence of (x, y) pairs, or None."""
         if linestring is None:
             return tuple.__new__(cls, (id, source, target, length, (), None))
-        points = geometry.points_of(linestring, f"The linestring of edge {id}")
+        points = geometry.read_points(linestring, f"The linestring of edge {id}")
         return tuple.__new__(cls, (id, source, target, length, tuple(points.ravel().tolist()), None))
 
     @property
@@ -80,7 +80,7 @@ class OSMEdge(_EdgeFields):
             return None
         made = self.__dict__.get("linestring")
         if made is None:
-            made = geometry.line_string(np.reshape(self.points, (-1, 2)))
+            made = geometry.make_line_string(np.reshape(self.points, (-1, 2)))
             self.__dict__["linestring"] = made
         return made
 

@@ -11,7 +11,7 @@ from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
-from gamms.ir.scenery import Scenery, no_scenery
+from gamms.ir.scenery import Scenery, make_empty_scenery
 from gamms.typing.graph_values import Corner, NodeIds, ObsFace
 
 Faces = ArrayLike | Iterable[Mapping[str, Any]]
@@ -61,11 +61,11 @@ class IObstacles(ABC):
 
     def obstacle_columns(self) -> ObstacleColumns:
         """Return all quadrangles as read-only arrays, in insertion order."""
-        return face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
+        return make_face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
 
     def scenery_columns(self) -> Scenery:
         """Return the base map, which blocks no sight; its buildings only if they are not obstacles."""
-        return no_scenery()
+        return make_empty_scenery()
 
     def visible(self, origin: ArrayLike, targets: ArrayLike) -> BoolArray:
         """Return whether no face blocks the straight line from one place to each of several places.
@@ -83,7 +83,7 @@ class IObstacles(ABC):
         Raises:
             BadValue (ValueError), BadType (TypeError): a shape is wrong, or a number is not finite.
         """
-        return kernels.visible(self.obstacle_columns().corners, *line_ends(origin, targets))
+        return kernels.visible(self.obstacle_columns().corners, *check_line_ends(origin, targets))
 
 
 class IVisibility(ABC, Sized):
@@ -139,22 +139,22 @@ class IVisibility(ABC, Sized):
         """
 
 
-def face_columns(faces: Sequence[ObsFace]) -> ObstacleColumns:
+def make_face_columns(faces: Sequence[ObsFace]) -> ObstacleColumns:
     """Return faces as columns."""
     ids, types = (np.array([face[i] for face in faces], np.int64) for i in (0, 5))
     return ObstacleColumns(ids, np.array([face[1:5] for face in faces], np.float64).reshape(-1, 4, 3), types)
 
 
-def line_ends(origin: ArrayLike, targets: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def check_line_ends(origin: ArrayLike, targets: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Check both ends of sight lines passed by a caller: shapes (3,) and (targets, 3), finite.
 
     Raises:
         BadValue, BadType: see `IObstacles.visible`.
     """
-    ends = _points(targets, "targets")
+    ends = _check_points(targets, "targets")
     if ends.size == 0:
         ends = ends.reshape(-1, 3)
-    start = _points(origin, "origin")
+    start = _check_points(origin, "origin")
     if start.shape != (3,):
         raise BadValue(f"origin must be one place, (x, y, z), not of shape {start.shape}.")
     if ends.ndim != 2 or ends.shape[1] != 3:
@@ -162,7 +162,7 @@ def line_ends(origin: ArrayLike, targets: ArrayLike) -> tuple[FloatArray, FloatA
     return start, ends
 
 
-def _points(value: ArrayLike, name: str) -> FloatArray:
+def _check_points(value: ArrayLike, name: str) -> FloatArray:
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:

@@ -48,7 +48,7 @@ class PassedNode(int):
         return self
 
 
-def located(graph: IGraph, progress: Progress) -> OnEdge | None:
+def locate(graph: IGraph, progress: Progress) -> OnEdge | None:
     """Return the map position of an agent on an edge; None if the edge was removed."""
     try:
         edge = graph.get_edge(progress.edge)
@@ -176,7 +176,7 @@ class Lines:
     def corners(
         self, edges: IntArray, begin: FloatArray, end: FloatArray
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Return the corners of parts of edges, as `line_along`: the indices of the parts, shares, x and y."""
+        """Return the corners of parts of edges, as `cut_line`: the indices of the parts, shares, x and y."""
         number = np.arange(len(edges))
         first = self._first[edges]
         bent = np.flatnonzero(self._count[edges] > 1)
@@ -210,16 +210,16 @@ def placed(progress: Progress, length: float, line: Line) -> OnEdge:
     return OnEdge(ends, progress.share * length, (x, y), (sign * dx, sign * dy))
 
 
-def point_along(flat: Sequence[float], share: float) -> tuple[float, float, float, float]:
+def find_point_along(flat: Sequence[float], share: float) -> tuple[float, float, float, float]:
     """Return the point (x, y) at a share of a polyline (x0, y0, x1, …), and the direction (cos, sin) there."""
     return Line.of(flat).at(share)
 
 
-def line_along(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
+def cut_line(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
     """Return the corners of a part of a polyline, between two shares: (share, x, y) of each."""
     line = Line.of(flat)
     low, high = sorted((begin, end))
     bends = [(share, *point) for share, point in zip(line.shares(), line.points[1:], strict=True)]
     between = [bend for bend in bends if low < bend[0] < high]
-    ends = [(share, *point_along(flat, share)[:2]) for share in (begin, end)]
+    ends = [(share, *find_point_along(flat, share)[:2]) for share in (begin, end)]
     return [ends[0], *(between if begin <= end else reversed(between)), ends[1]]

@@ -22,13 +22,13 @@ from gamms.ir.graph import (
     apply_mode,
     as_mode,
     as_node_id,
-    edge_weights,
+    find_edge_weights,
     find_usable_edges,
-    forbidden_paths,
+    list_forbidden_paths,
     split_mode,
 )
 from gamms.ir.obstacles import BoolArray
-from gamms.readonly import locked
+from gamms.readonly import copy_locked
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 
@@ -70,7 +70,7 @@ class Routes(ABC):
 
         Requires: callers look up only `row` and the rows on its path. Override for speed.
         """
-        _, steps = self._table(end, weight)
+        _, steps = self._get_table(end, weight)
         return steps
 
     def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
@@ -176,7 +176,7 @@ class Routes(ABC):
         found = self.matrix_lines(roots, others, weight, reverse=reverse)
         return found[end_of].T.copy() if reverse else found[start_of]
 
-    def _table(self, end: int, weight: str | None) -> tuple[memoryview, memoryview]:
+    def _get_table(self, end: int, weight: str | None) -> tuple[memoryview, memoryview]:
         """Return the distance from every row to row `end`, and the next row on the path; -1 if there is none."""
 
         def make() -> tuple[memoryview, memoryview]:
@@ -187,7 +187,7 @@ class Routes(ABC):
 
     def distances_to(self, end: int, weight: str | None) -> memoryview:
         """Return the distances to row `end` from every row."""
-        return self._table(end, weight)[0]
+        return self._get_table(end, weight)[0]
 
     def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
         """Return the edges, or the reversed edges, with their weights."""
@@ -508,9 +508,9 @@ class RouteQueries:
             BadValue (ValueError): `driven` is no path to the first node.
             NoPath (ValueError): there is no path.
         """
-        found = self._turn_routes(weight, turns)
+        found = self._get_turn_routes(weight, turns)
         row = self._routes.row(source)
-        edges = found.path(row, self._routes.row(target), self._driven(row, driven))
+        edges = found.path(row, self._routes.row(target), self._find_driven_rows(row, driven))
         if edges is None:
             raise NoPath(source, target)
         return [*map(int, self._columns().edge_ids[edges])]
@@ -527,7 +527,7 @@ class RouteQueries:
 
     def distance_with_turns(self, source: int, target: int, weight: str | None, turns: str | bool) -> float:
         """Return the length of `shortest_path_edges`; infinite if there is no path."""
-        found = self._turn_routes(weight, turns)
+        found = self._get_turn_routes(weight, turns)
         return found.distance(self._routes.row(source), self._routes.row(target))
 
     def distances_with_turns(
@@ -544,8 +544,8 @@ class RouteQueries:
         With `driven`, see `shortest_path_edges`, traffic goes on from the only source.
         """
         rows, limit = self._routes.one_side(source, target, cutoff)
-        known = self._driven(rows.item(), driven) if driven else ()
-        near, far = self._turn_routes(weight, turns).reached(rows, limit, reverse=source is None, driven=known)
+        known = self._find_driven_rows(rows.item(), driven) if driven else ()
+        near, far = self._get_turn_routes(weight, turns).reached(rows, limit, reverse=source is None, driven=known)
         return dict(zip(self._routes.ids()[near].tolist(), far.tolist(), strict=True))
 
     def edges_onward(self, node_id: int, driven: Sequence[int] = (), *, turns: str | bool = True) -> list[int]:
@@ -561,25 +561,25 @@ class RouteQueries:
             BadValue (ValueError): `driven` is no path to the node.
         """
         row = self._routes.row(node_id)
-        edges = self._turn_routes("length", turns).onward(row, self._driven(row, driven))
+        edges = self._get_turn_routes("length", turns).onward(row, self._find_driven_rows(row, driven))
         return [*map(int, self._columns().edge_ids[edges])]
 
-    def _turn_routes(self, weight: str | None, turns: str | bool) -> TurnRoutes:
+    def _get_turn_routes(self, weight: str | None, turns: str | bool) -> TurnRoutes:
         """Return the routes of traffic that obeys turn restrictions; see `shortest_path_edges`."""
         columns = self._columns()
-        paths = made_last(self, "forbidden turns", None, lambda: forbidden_paths(columns))
-        mode = _mode_of_turns(columns, paths, turns)
+        paths = made_last(self, "forbidden turns", None, lambda: list_forbidden_paths(columns))
+        mode = _find_mode_of_turns(columns, paths, turns)
 
         def make() -> TurnRoutes:
             every = np.ones(len(columns.edge_ids), np.bool_)
             is_open = find_usable_edges(columns, mode) if mode in columns.edge_attributes else every
             own = apply_mode(columns, mode)
-            weights = self.weights(weight) if own is columns else edge_weights(own, weight)
+            weights = self.weights(weight) if own is columns else find_edge_weights(own, weight)
             return TurnRoutes(columns, weights, is_open, paths.get(mode, []))
 
         return made_last(self, ("turns", weight, mode), None, make)
 
-    def _driven(self, row: int, driven: Sequence[int]) -> list[int]:
+    def _find_driven_rows(self, row: int, driven: Sequence[int]) -> list[int]:
         """Return the rows of edges that were driven to a node."""
         columns = self._columns()
         ids = as_ids(driven, "driven")
@@ -593,7 +593,7 @@ class RouteQueries:
             )
         return rows
 
-    def _rows_of(self, sources: NodeIds, targets: NodeIds) -> tuple[IntArray, IntArray]:
+    def _find_rows(self, sources: NodeIds, targets: NodeIds) -> tuple[IntArray, IntArray]:
         self._routes.ids()
         return self._routes.rows(sources, "sources"), self._routes.rows(targets, "targets")
 
@@ -609,7 +609,7 @@ class RouteQueries:
             UnknownName (KeyError): a node does not exist.
         """
         routes = self._routes
-        rows, ends = self._rows_of(sources, targets)
+        rows, ends = self._find_rows(sources, targets)
         different, place = np.unique(ends, return_inverse=True)
         found = np.empty((len(different), len(rows)))
         for line, end in zip(found, different.tolist(), strict=True):
@@ -632,7 +632,7 @@ class RouteQueries:
             UnknownName (KeyError): a node does not exist.
         """
         routes = self._routes
-        rows, ends = self._rows_of(sources, targets)
+        rows, ends = self._find_rows(sources, targets)
         near = [routes.near_end(rows, end, weight, is_nearest=True) for end in ends.tolist()]
         return [float(far.min(initial=inf)) for far in near]
 
@@ -659,15 +659,15 @@ class RouteQueries:
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
         """Return the edges, or reversed edges, with weights as compressed sparse rows; parallel edges are merged."""
         arcs = self._routes.arcs(weight, reverse=reverse)
-        return self._locked(
+        return self._get_cached(
             ("arcs", weight, reverse),
-            lambda: kernels.Arcs(locked(arcs.offsets), locked(arcs.ends), locked(arcs.weights)),
+            lambda: kernels.Arcs(copy_locked(arcs.offsets), copy_locked(arcs.ends), copy_locked(arcs.weights)),
         )
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
         """Return read-only offsets (nodes + 1,) and rows of nodes: each node itself, then its neighbors."""
         found = self._routes.neighborhoods()
-        return self._locked(("neighborhoods",), lambda: (locked(found[0]), locked(found[1])))
+        return self._get_cached(("neighborhoods",), lambda: (copy_locked(found[0]), copy_locked(found[1])))
 
     def select_mode(self, mode: str | Mapping[str, str]) -> Any:  # Any: an `IGraph`, as above
         """Return the graph of a mode: all nodes, and the edges that agents of the mode may use.
@@ -706,9 +706,9 @@ class RouteQueries:
     def weights(self, weight: str | None) -> FloatArray:
         """Return the weight of each edge, (edges,)."""
         found = self._routes.weights(weight)
-        return self._locked(("weights", weight), lambda: (locked(found),))[0]
+        return self._get_cached(("weights", weight), lambda: (copy_locked(found),))[0]
 
-    def _locked(self, key: tuple[Any, ...], make: Callable[[], RememberedT]) -> RememberedT:
+    def _get_cached(self, key: tuple[Any, ...], make: Callable[[], RememberedT]) -> RememberedT:
         """Return the cached result of `make`, for callers that include strategies."""
         return self._routes.remember(("locked", *key), make)
 
@@ -739,14 +739,14 @@ class RouteQueries:
             raise BadValue("The graph has no edges, so none is nearest. Add edges first.")
         if not len(columns.edge_ids):
             return None
-        row = self._line_tree(columns).nearest(place)
+        row = self._get_line_tree(columns).nearest(place)
         ends = columns.xy[[columns.sources[row], columns.targets[row]]]
-        share, distance = geometry.nearest_on(columns.polylines.get(row, ends), place)
+        share, distance = geometry.find_nearest_point(columns.polylines.get(row, ends), place)
         if distance > limit:
             return None
         return NearestEdge(columns.edge_ids.item(row), share * columns.lengths.item(row), distance)
 
-    def _line_tree(self, columns: GraphColumns) -> geometry.LineTree:
+    def _get_line_tree(self, columns: GraphColumns) -> geometry.LineTree:
         """Return the R-tree of the edges; built once for each revision of the graph."""
         if self._tree is None or self._tree[0] != columns.revision:
             ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
@@ -754,7 +754,7 @@ class RouteQueries:
         return self._tree[1]
 
 
-def _mode_of_turns(columns: GraphColumns, known: Mapping[str, object], turns: str | bool) -> str:
+def _find_mode_of_turns(columns: GraphColumns, known: Mapping[str, object], turns: str | bool) -> str:
     """Return the mode of travel whose turn restrictions hold; "" if the map has none.
 
     Args:
@@ -810,7 +810,7 @@ def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable
     return found
 
 
-def made_in_moment(
+def get_cached_in_moment(
     queries: RouteQueries, phase: DecidePhase, slot: Hashable, make: Callable[[], MadeT], key: object = None
 ) -> MadeT:
     """Return the result of `make` about the agents, cached while all agents decide and nothing changes.

@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_ids, with_options
+from gamms.arguments import as_ids, spell_out_options
 from gamms.errors import BadType, BadValue, NotOffered
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensor_results import Coverage, LookResults, SensorView
@@ -33,7 +33,7 @@ class SensorType(Enum):
     OCCLUDED_AERIAL_AGENT = 13
 
 
-def kind_called(name: str) -> SensorType:
+def get_kind(name: str) -> SensorType:
     """Return `SensorType.<name>`, which is added to the enumeration if it is new.
 
     Raises:
@@ -209,24 +209,24 @@ Carried = tuple[str, Any, Any, Any]
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 
 
-def owner_of(sensor: ISensor) -> str | None:
+def find_owner(sensor: ISensor) -> str | None:
     """Return the name of the agent that carries a sensor, if the sensor stores it under the name used in 1.0.0."""
     return getattr(sensor, "_owner", None)
 
 
 def is_sensor(value: object) -> bool:
     """Return whether `value` can serve as a sensor: an `ISensor`, or any object with its attributes and methods."""
-    return isinstance(value, ISensor) or not _missing(value)
+    return isinstance(value, ISensor) or not _find_missing(value)
 
 
 def refuse_no_sensor(value: object) -> None:
     """Raise BadType with the missing names if `value` cannot serve as a sensor."""
     if not is_sensor(value):
-        missing = ", ".join(_missing(value))
+        missing = ", ".join(_find_missing(value))
         raise BadType(f"A sensor is an object with {', '.join(_INTERFACE)}; {shown(value)} has no {missing}.")
 
 
-def _missing(value: object) -> list[str]:
+def _find_missing(value: object) -> list[str]:
     # A class also has these names, but is not a sensor.
     return [name for name in _INTERFACE if isinstance(value, type) or not hasattr(value, name)]
 
@@ -299,7 +299,7 @@ class ISensorEngine(ABC):
     sensors: dict[str, ISensor]
 
     @abstractmethod
-    @with_options(PlaceOptions, DetectionOptions)
+    @spell_out_options(PlaceOptions, DetectionOptions)
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> ISensor:

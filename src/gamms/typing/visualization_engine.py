@@ -6,7 +6,7 @@ from enum import Enum
 from os import PathLike
 from typing import Any, Literal, TypedDict, Unpack
 
-from gamms.arguments import with_options
+from gamms.arguments import spell_out_options
 from gamms.plugins import Registry
 
 Drawer = Callable[[Any, dict[str, Any]], None]
@@ -181,7 +181,7 @@ class IVisualizationEngine(ABC):
     """Shows a scenario. All coordinates are world coordinates, y up."""
 
     @abstractmethod
-    @with_options()
+    @spell_out_options()
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> IArtist:
         """Set the look of the graph, and draw only declared artists from now on; a window shows the whole graph.
 
@@ -190,7 +190,7 @@ class IVisualizationEngine(ABC):
         """
 
     @abstractmethod
-    @with_options()
+    @spell_out_options()
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> IArtist:
         """Set the look of obstacles.
 
@@ -199,7 +199,7 @@ class IVisualizationEngine(ABC):
         """
 
     @abstractmethod
-    @with_options()
+    @spell_out_options()
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> IArtist:
         """Set the look of an agent, which need not exist yet; if others do, a warning says so once.
 
@@ -213,7 +213,7 @@ class IVisualizationEngine(ABC):
         """
 
     @abstractmethod
-    @with_options()
+    @spell_out_options()
     def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> IArtist:
         """Set the look of a sensor's last view.
 

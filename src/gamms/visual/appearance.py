@@ -76,7 +76,7 @@ def team_colors(
     return {name: own[name] for name in names}
 
 
-def in_order(sides: Iterable[str | None], known: Sequence[str]) -> list[str]:
+def sort_sides(sides: Iterable[str | None], known: Sequence[str]) -> list[str]:
     """Return the known sides in the order of color assignment.
 
     Args:
@@ -93,7 +93,7 @@ def is_dark(color: Sequence[float]) -> bool:
     return sum(color[:3]) < 3 * 128
 
 
-def inks(background: Rgba) -> tuple[Rgb, Rgb]:
+def choose_inks(background: Rgba) -> tuple[Rgb, Rgb]:
     """Return two greys for text on a background: one with high contrast, and a fainter one."""
     if is_dark(background):
         return (222, 224, 228), (150, 154, 160)
@@ -132,13 +132,13 @@ def rgba(color: AnyColor) -> Rgba:
         BadValue: not three or four finite numbers, or an unknown name.
     """
     try:
-        return _rgba(color)
+        return _convert_color(color)
     except TypeError:  # a list or an array, which is not hashable, or not a color
-        return _rgba.__wrapped__(color)
+        return _convert_color.__wrapped__(color)
 
 
 @lru_cache(maxsize=1024)
-def _rgba(color: AnyColor) -> Rgba:
+def _convert_color(color: AnyColor) -> Rgba:
     if isinstance(color, str):
         return (*string_to_color(color), 255)
     try:
@@ -188,7 +188,7 @@ def levels(values: FloatArray, low: float, high: float) -> IntArray:
     return np.rint(share * (LEVELS - 1)).astype(np.int64)
 
 
-def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArray]:
+def apply_colors(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArray]:
     """Apply a caller's color function to values; return the distinct colors, and the index of each value's color."""
     distinct, places = np.unique(values, return_inverse=True)
     named = [rgba(colorize(value))[:3] for value in distinct.tolist()]
@@ -197,7 +197,7 @@ def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArr
     return colors, np.array([place_of[color] for color in named], np.int64)[places]
 
 
-def color_group(agent: IAgent) -> Any:
+def get_color_group(agent: IAgent) -> Any:
     """Return the team of an agent, or its name without a team: agents of one group have the same color."""
     team = getattr(agent, "team", None)
     return agent.name if team is None else team

@@ -10,7 +10,7 @@ from zlib import crc32
 import numpy as np
 
 from gamms.arguments import as_int
-from gamms.deciding import Guarded, Protected, phase_of, refused_while_deciding
+from gamms.deciding import Guarded, Protected, get_phase, refuse_while_deciding
 from gamms.errors import BadType
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
@@ -22,7 +22,7 @@ from gamms.visual.appearance import AgentData, AgentLooks
 from gamms.visual.constants import Shape
 from gamms.visual.drawers import render_circle, render_rectangle
 from gamms.visual.drawers.agents import render_agent, render_agents
-from gamms.visual.drawing import Commands, drawing_of
+from gamms.visual.drawing import Commands, get_drawing
 
 _SHAPES: dict[Shape, Drawer] = {Shape.Circle: render_circle, Shape.Rectangle: render_rectangle}
 
@@ -48,7 +48,7 @@ class Artist(Guarded, IArtist):
     data: Protected[dict[str, Any]] = Protected(object)
 
     def __init__(self, ctx: IContext, drawer: Drawer | Shape, layer: int = 30) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self.data = {}
         self._ctx = ctx
         self._layer = as_int(layer, "The layer of an artist")
@@ -58,7 +58,7 @@ class Artist(Guarded, IArtist):
         self._render_mode = RenderMode.NON_CACHED
         self.set_drawer(drawer)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_layer(self, layer: int) -> None:
         """Move to another layer; lower layers are painted first."""
         layer = as_int(layer, "The layer of an artist")
@@ -70,7 +70,7 @@ class Artist(Guarded, IArtist):
         """Return the layer."""
         return self._layer
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_visible(self, visible: bool) -> None:
         """Set whether the artist is shown."""
         self._visible = bool(visible)
@@ -80,7 +80,7 @@ class Artist(Guarded, IArtist):
         """Return whether the artist is shown."""
         return self._visible
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_drawer(self, drawer: Drawer | Shape) -> None:
         """Set the drawer, a function or shape."""
         if isinstance(drawer, Shape):
@@ -94,7 +94,7 @@ class Artist(Guarded, IArtist):
         """Return the function that draws."""
         return self._drawer
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_artist_type(self, artist_type: ArtistType) -> None:
         """Set whether the drawing changes from frame to frame."""
         if not isinstance(artist_type, ArtistType):
@@ -106,7 +106,7 @@ class Artist(Guarded, IArtist):
         """Return whether the drawing changes from frame to frame."""
         return self._artist_type
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_render_mode(self, render_mode: RenderMode) -> None:
         """Set whether it is repainted or shown from a cache; for information only."""
         if not isinstance(render_mode, RenderMode):
@@ -122,28 +122,28 @@ class Artist(Guarded, IArtist):
         """Return whether the layer changed since it was last painted."""
         return self._layer_dirty
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def draw(self) -> None:
         """Call the drawer with the context and `data`."""
         self._layer_dirty = False
         self._drawer(self._ctx, self.data)
 
 
-def looks_of(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
+def list_looks(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
     """Yield the looks of agents that visible artists show."""
     for artist in artists.values():
-        look = _look_of(artist)
+        look = _get_look(artist)
         if isinstance(look, AgentData):
             yield look
         elif look is not None:
             yield from look
 
 
-def drawn_looks(artists: Mapping[str, IArtist]) -> tuple[list[str], FloatArray]:
+def collect_drawn_looks(artists: Mapping[str, IArtist]) -> tuple[list[str], FloatArray]:
     """Return the names of agents that visible artists have drawn, and columns; see `AgentLooks.drawn`."""
     names = list[str]()
     columns = [np.empty((0, 6))]
-    for look in map(_look_of, artists.values()):
+    for look in map(_get_look, artists.values()):
         if isinstance(look, AgentLooks):
             more, found = look.drawn()
             names += more
@@ -154,8 +154,8 @@ def drawn_looks(artists: Mapping[str, IArtist]) -> tuple[list[str], FloatArray]:
     return names, np.concatenate(columns)
 
 
-def _look_of(artist: IArtist) -> AgentData | AgentLooks | None:
-    data = data_of(artist) if artist.get_visible() else {}
+def _get_look(artist: IArtist) -> AgentData | AgentLooks | None:
+    data = get_data(artist) if artist.get_visible() else {}
     look = data.get("agent_data", data.get("looks"))
     return look if isinstance(look, AgentData | AgentLooks) else None
 
@@ -165,10 +165,10 @@ _Item = tuple[str, IArtist]
 
 def in_painting_order(artists: Mapping[str, IArtist]) -> list[_Item]:
     """Sort the visible artists by layer; within a layer, static artists come first."""
-    return sorted((item for item in artists.items() if item[1].get_visible()), key=_order)
+    return sorted((item for item in artists.items() if item[1].get_visible()), key=_make_sort_key)
 
 
-def _order(item: _Item) -> tuple[int, bool]:
+def _make_sort_key(item: _Item) -> tuple[int, bool]:
     return item[1].get_layer(), item[1].get_artist_type() is not ArtistType.STATIC
 
 
@@ -195,21 +195,21 @@ class ArtistGroup:
 
         Errors of an artist are logged, and the others draw.
         """
-        return drawing_of(self._ctx).record(lambda commands: self._draw(commands, share))
+        return get_drawing(self._ctx).record(lambda commands: self._draw(commands, share))
 
     def _draw(self, commands: Commands, share: float) -> None:
         for layer, are_discs, members in self._steps:
             commands.layer = layer
             for _, artist in members:
                 if artist.get_artist_type() is ArtistType.DYNAMIC:
-                    data_of(artist)["_alpha"] = share
+                    get_data(artist)["_alpha"] = share
             if not (are_discs and self._draw_discs(members, share)):
                 self._draw_singly(members)
 
     def _draw_discs(self, members: list[_Item], share: float) -> bool:
         """Draw agents together; return False if one of them needs to be drawn alone."""
         try:
-            return render_agents(self._ctx, [data_of(artist)["agent_data"] for _, artist in members], share)
+            return render_agents(self._ctx, [get_data(artist)["agent_data"] for _, artist in members], share)
         except Exception:  # noqa: BLE001 - drawn by itself, the agent that is the reason fails likewise
             return False
 
@@ -227,18 +227,18 @@ def _is_disc(ctx: IContext, artist: IArtist) -> bool:
     """Return whether an artist draws an agent on the ground as a disc."""
     if artist.get_drawer() is not render_agent or type(artist).draw is not Artist.draw:
         return False
-    look = data_of(artist).get("agent_data")
+    look = get_data(artist).get("agent_data")
     agent = ctx.agent.agents.get(look.name) if isinstance(look, AgentData) else None
     return agent is not None and agent.type != AgentType.AERIAL
 
 
-def data_of(artist: IArtist) -> dict[str, Any]:
+def get_data(artist: IArtist) -> dict[str, Any]:
     """Return the data of an artist; an artist of a program may have none."""
     data = getattr(artist, "data", None)
     return data if isinstance(data, dict) else {}
 
 
-def state_of(name: str, artist: IArtist) -> Any:
+def make_state_key(name: str, artist: IArtist) -> Any:
     """Return a hashable key that changes whenever a STATIC artist must draw again in an unchanged world."""
     return name, artist.get_layer(), artist.get_drawer(), _print_of(getattr(artist, "data", None))
 

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
-from gamms.arguments import as_declared, as_int, as_key, as_name, misspelt
-from gamms.deciding import ContextPart, Protected, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.arguments import as_declared, as_int, as_key, as_name, explain_misspelled
+from gamms.deciding import ContextPart, Protected, get_phase, lift_decide_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.text import as_text, shown
 from gamms.typing import ArtistType, IArtist, IContext
@@ -18,7 +18,7 @@ from gamms.typing.visualization_engine import (
     SensorVisual,
 )
 from gamms.visual.appearance import AgentData, AnyColor, Circle, Colorize, GraphData, Rectangle, Rgb, rgba
-from gamms.visual.artist import Artist, data_of, looks_of
+from gamms.visual.artist import Artist, get_data, list_looks
 from gamms.visual.constants import Layer, Shape
 from gamms.visual.drawers import (
     render_agent,
@@ -31,9 +31,9 @@ from gamms.visual.drawers import (
 )
 from gamms.visual.drawers.agents import render_looks, render_past_trails, render_trails
 from gamms.visual.drawers.graph import render_base_map
-from gamms.visual.drawers.marks import render_eliminated, render_tags, rows_of_eliminated
+from gamms.visual.drawers.marks import make_elimination_rows, render_eliminated, render_tags
 from gamms.visual.drawers.messages import render_messages
-from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_goals, teams_of_rules
+from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, find_teams_of_rules, render_goals
 from gamms.visual.drawers.standings import (
     render_amounts,
     render_cooldowns,
@@ -42,8 +42,8 @@ from gamms.visual.drawers.standings import (
     render_held,
 )
 from gamms.visual.drawers.streets import render_tunnels
-from gamms.visual.drawing import Drawing, drawing_of
-from gamms.visual.legend import legend_only
+from gamms.visual.drawing import Drawing, get_drawing
+from gamms.visual.legend import draw_nothing
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
 from gamms.visual.themes import Theme
 
@@ -66,7 +66,7 @@ class _ArtistKind(NamedTuple):
     is_shape: bool = False  # its data belong to the program, and may change at any time
 
 
-def _of_shape(kind: type) -> Callable[[_Data], _Data]:
+def _make_shape_factory(kind: type) -> Callable[[_Data], _Data]:
     return lambda data: next((value.__dict__ for value in data.values() if isinstance(value, kind)), data)
 
 
@@ -89,10 +89,10 @@ _KINDS = {
         render_sensor, ("name", "color", "size", "node_color", "node_size", "edge_color"), dict, dict
     ),
     "circle": _ArtistKind(
-        render_circle, ("x", "y", "radius", "scale", "color"), _of_shape(Circle), dict, is_shape=True
+        render_circle, ("x", "y", "radius", "scale", "color"), _make_shape_factory(Circle), dict, is_shape=True
     ),
     "rectangle": _ArtistKind(
-        render_rectangle, ("x", "y", "width", "height", "color"), _of_shape(Rectangle), dict, is_shape=True
+        render_rectangle, ("x", "y", "width", "height", "color"), _make_shape_factory(Rectangle), dict, is_shape=True
     ),
     "flags": _ArtistKind(FlagsDrawer, ("key", "colors"), dict, dict),
     "territory": _ArtistKind(TerritoryDrawer, ("key", "colors"), dict, dict),
@@ -121,12 +121,12 @@ _GROUND = (  # drawers of map, agents, messages and sensor views
     render_sensor,
     render_messages,
     render_input_overlay,
-    legend_only,
+    draw_nothing,
 )
 _DRAWING = "drawing"  # kind of an artist whose commands are recorded
 
 
-def _kind_of(artist: IArtist) -> str | None:
+def _find_kind(artist: IArtist) -> str | None:
     """Return the kind of an artist with a built-in drawer; None for others."""
     drawer = artist.get_drawer()
     try:
@@ -135,9 +135,9 @@ def _kind_of(artist: IArtist) -> str | None:
         return None
 
 
-def spec_of(name: str, artist: IArtist) -> dict[str, Any] | None:
+def describe_artist(name: str, artist: IArtist) -> dict[str, Any] | None:
     """Return the spec of an artist: `name`, `kind`, `keywords`, `layer`, `visible`; None for custom drawers."""
-    kind = _kind_of(artist)
+    kind = _find_kind(artist)
     if kind is None:
         return None
     try:
@@ -146,16 +146,16 @@ def spec_of(name: str, artist: IArtist) -> dict[str, Any] | None:
         keywords = {key: given[key] for key in _KINDS[kind].names if key in given}
     except (KeyError, TypeError, ValueError, AttributeError):  # invalid data of a caller, which cannot be drawn, either
         return None
-    return _spec(name, kind, keywords, artist)
+    return _make_spec(name, kind, keywords, artist)
 
 
-def _spec(name: str, kind: str, keywords: _Data, artist: IArtist) -> _Data:
+def _make_spec(name: str, kind: str, keywords: _Data, artist: IArtist) -> _Data:
     layer = artist.get_layer()
     visible = artist.get_visible()
     return {"name": name, "kind": kind, "keywords": keywords, "layer": layer, "visible": visible}
 
 
-def artist_of(ctx: IContext, spec: dict[str, Any]) -> Artist | None:
+def make_artist_from_spec(ctx: IContext, spec: dict[str, Any]) -> Artist | None:
     """Return an artist from its spec; None for an unknown kind.
 
     Raises:
@@ -196,7 +196,7 @@ class Artists(ContextPart):
     declared: Protected[dict[str, IArtist]] = Protected(dict)
 
     def __init__(self, ctx: IContext, drawing: Drawing) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._ctx = ctx
         self._drawing = drawing
         self._own_colors: dict[str, Rgb] = {}  # of teams, without those of a recording
@@ -213,7 +213,7 @@ class Artists(ContextPart):
 
     # -- shown -----------------------------------------------------------------------------------------------
 
-    @outside_of_deciding
+    @lift_decide_phase
     def shown(
         self, trails: int = 0, scene: "DefaultScene | None" = None, *, sensors: bool = True
     ) -> dict[str, IArtist]:
@@ -230,8 +230,8 @@ class Artists(ContextPart):
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to draw")
         self._warn_of_unknown_agents()
-        artists = self._of_default(scene, sensors=sensors) | self.declared
-        artists = _beneath(self._ctx, artists) | artists
+        artists = self._make_default_artists(scene, sensors=sensors) | self.declared
+        artists = _make_artists_below_agents(self._ctx, artists) | artists
         self._drawing.has_default_look = not self.is_graph_declared
         if self.fog is not None:
             artists = self.fog.filtered(artists)
@@ -240,30 +240,30 @@ class Artists(ContextPart):
                 name: one for name, one in artists.items() if name not in ("rings", "sights") and name[:7] != "sensor_"
             }
         if trails:
-            artists |= _artists_of_trails(self._ctx, artists, trails)
-        return self._eliminated(artists) | artists
+            artists |= _make_trail_artists(self._ctx, artists, trails)
+        return self._make_elimination_artist(artists) | artists
 
     def signs(self) -> dict[str, IArtist]:
         """Return the artists by name, without those of map, agents, messages and sensor views."""
         artists = self.shown(sensors=False)
         return {name: one for name, one in artists.items() if one.get_drawer() not in _GROUND}
 
-    def _eliminated(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
+    def _make_elimination_artist(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return the artist that marks eliminated agents; marks are placed beside the largest disc of these artists."""
-        looks = list(looks_of(artists))
+        looks = list(list_looks(artists))
         colors = {look.name: look.color for look in looks}
         size = max((look.size for look in looks), default=0.0)
         out = {name: has_arrived for name, has_arrived in self._drawing.events.out().items() if name in colors}
         tags = artists.get("tags")
         if tags is not None and (self.fog is not None or tags.get_drawer() is render_tags):
-            data_of(tags).update(size=size, out=out)
+            get_data(tags).update(size=size, out=out)
         if not out:
             return {}
         marks = Artist(self._ctx, render_eliminated, Layer.TAGS)
-        marks.data = {"colors": colors, "out": out, "size": size, "legend": rows_of_eliminated(out)}
+        marks.data = {"colors": colors, "out": out, "size": size, "legend": make_elimination_rows(out)}
         return {"eliminated": marks}
 
-    def _of_default(self, scene: "DefaultScene | None", *, sensors: bool) -> dict[str, IArtist]:
+    def _make_default_artists(self, scene: "DefaultScene | None", *, sensors: bool) -> dict[str, IArtist]:
         """Return the default scene unless the graph was declared."""
         if self.is_graph_declared:
             return {}
@@ -290,8 +290,8 @@ class Artists(ContextPart):
             BadType, BadValue: not a mapping, or an invalid color.
             UnknownName (KeyError): the team has no agent, flag or territory.
         """
-        checked = _checked_colors(colors)
-        known = {*self._drawing.group_colors(), *teams_of_rules(self._ctx)}
+        checked = _check_colors(colors)
+        known = {*self._drawing.group_colors(), *find_teams_of_rules(self._ctx)}
         for team in checked:
             if team not in known:
                 raise UnknownName("team", team, sorted(known))
@@ -299,37 +299,37 @@ class Artists(ContextPart):
         self._drawing.team_colors = checked
         self.edits += 1
 
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(IVisualizationEngine.set_graph_visual)
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
         """Set the look of the graph; the contract explains the keywords."""
         self._declare_graph(is_declared=not self._ctx.is_terminated())
-        return self._declare("graph", self._made("graph", {**kwargs}, Layer.GRAPH))
+        return self._declare("graph", self._make_artist("graph", {**kwargs}, Layer.GRAPH))
 
     def _declare_graph(self, *, is_declared: bool) -> None:
         """Record that the graph was declared, and reset values of the default scene to those of 1.0.0."""
         if is_declared and not self.is_graph_declared:
             self.is_graph_declared = True
-            for look in looks_of(self.declared):
+            for look in list_looks(self.declared):
                 look.fill(AgentData(look.name))
             for artist in self.declared.values():
                 if artist.get_drawer() is render_sensor:
-                    data_of(artist).pop("_defaults", None)
+                    get_data(artist).pop("_defaults", None)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(IVisualizationEngine.set_obstacle_visual)
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> Artist:
         """Set the look of obstacles; the contract explains the keywords."""
         keywords = {"color_map": {}, "boundary_thickness": 1.0, **kwargs}
-        return self._declare("obstacles", self._made("obstacles", keywords, Layer.OBSTACLES))
+        return self._declare("obstacles", self._make_artist("obstacles", keywords, Layer.OBSTACLES))
 
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
         """Set the look of an agent; the contract explains the keywords."""
         self._unchecked.append(as_name(name, "an agent"))
         self._warn_of_unknown_agents()
-        artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
+        artist = self._make_artist("agent", {**kwargs, "name": name}, Layer.AGENTS)
         artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)
 
@@ -345,14 +345,14 @@ class Artists(ContextPart):
                 )
         self._unchecked.clear()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(IVisualizationEngine.set_sensor_visual)
     def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> Artist:
         """Set the look of a sensor's last view; the contract explains the keywords."""
-        artist = self._made("sensor", {**kwargs, "name": name}, kwargs.get("layer", Layer.SENSORS))
+        artist = self._make_artist("sensor", {**kwargs, "name": name}, kwargs.get("layer", Layer.SENSORS))
         return self._declare(f"sensor_{as_name(name, 'a sensor')}", artist)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_values(
         self,
         *,
@@ -384,7 +384,7 @@ class Artists(ContextPart):
             BadType, BadValue: not a mapping to numbers, both nodes and edges, or `vmin` not below `vmax`.
         """
         from gamms.visual.drawers.graph import render_values
-        from gamms.visual.legend import checked
+        from gamms.visual.legend import check_colored_values
 
         as_name(name, "values")
         if nodes is not None and edges is not None:
@@ -401,18 +401,18 @@ class Artists(ContextPart):
         of, known = ("edges", columns.edge_ids) if nodes is None else ("nodes", columns.node_ids)
         artist = Artist(self._ctx, render_values, Layer.VALUES)
         title = "" if name == "values" else name
-        shown = checked(of, given, known, cmap, (vmin, vmax), title)
+        shown = check_colored_values(of, given, known, cmap, (vmin, vmax), title)
         artist.data = {"values": shown, "legend": shown.legend}
         self.declared[name] = artist
         return artist
 
-    def _made(self, kind: str, keywords: _Data, layer: int) -> Artist:
-        for hint in misspelt(keywords, sorted(_KEYWORDS[kind])):
+    def _make_artist(self, kind: str, keywords: _Data, layer: int) -> Artist:
+        for hint in explain_misspelled(keywords, sorted(_KEYWORDS[kind])):
             self._ctx.logger.warning(
                 f"Visual {shown(keywords.get('name', kind))}: {hint} It is left to drawers of your own."
             )
         spec = {"name": kind, "kind": kind, "keywords": keywords, "layer": layer, "visible": True}
-        return cast("Artist", artist_of(self._ctx, spec))
+        return cast("Artist", make_artist_from_spec(self._ctx, spec))
 
     def _declare(self, name: str, artist: Artist) -> Artist:
         if not self._ctx.is_terminated():
@@ -420,12 +420,12 @@ class Artists(ContextPart):
             self.edits += 1
         return artist
 
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(IVisualizationEngine.add_artist)
     def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
         """Add an artist; the contract explains the arguments."""
         if isinstance(artist, dict):
-            artist = self._artist_of(artist)
+            artist = self._read_artist(artist)
         if not isinstance(artist, IArtist):
             raise BadType(
                 f"Artist {shown(name)} must be an Artist or a dict, not {shown(artist)} ({type(artist).__name__})."
@@ -435,7 +435,7 @@ class Artists(ContextPart):
             self.edits += 1
         return artist
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def propose(self, name: str, artist: dict[str, Any]) -> None:
         """Add an artist, or replace one proposed under this name; an artist of the caller stays.
 
@@ -448,7 +448,7 @@ class Artists(ContextPart):
         if known is None or known is self._proposed.get(name):
             self._proposed[name] = self.add_artist(name, artist)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def withdraw(self, name: str) -> None:
         """Remove the artist proposed under this name, unless another has replaced it."""
         artist = self._proposed.pop(name, None)
@@ -459,13 +459,13 @@ class Artists(ContextPart):
         """Return the artist declared or added under a name; None if there is none."""
         return self.declared.get(as_key(name, "The name of an artist"))
 
-    def _artist_of(self, data: dict[str, Any]) -> Artist:
+    def _read_artist(self, data: dict[str, Any]) -> Artist:
         drawer = data.get("drawer", data.get("shape", Shape.Circle))
         artist = Artist(self._ctx, drawer, data.get("layer", Layer.ARTISTS))
         artist.data = data
         return artist
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def remove_artist(self, name: str) -> None:
         """Remove an artist; a missing one only gives a warning."""
         if self._ctx.is_terminated():
@@ -486,9 +486,9 @@ class Artists(ContextPart):
         for name, artist in self.declared.items():
             if name in drawn:
                 keywords = {"is_static": artist.get_artist_type() is ArtistType.STATIC}
-                artists.append(_spec(name, _DRAWING, keywords, artist))
+                artists.append(_make_spec(name, _DRAWING, keywords, artist))
             else:
-                artists.append(spec_of(name, artist))
+                artists.append(describe_artist(name, artist))
         specs = {"artists": [one for one in artists if one is not None], "is_declared": self.is_graph_declared}
         return specs | ({"team_colors": dict(self.team_colors)} if self.team_colors else {})
 
@@ -503,7 +503,7 @@ class Artists(ContextPart):
         """Return the present drawings of artists as plain values, by name; see `drawn`."""
         return {name: self.drawings.recorded(name, one) for name, one in self.drawn(with_custom=with_custom).items()}
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_drawing(self, recorded: dict[str, Any]) -> None:
         """Show a recorded drawing of an artist that the recording has declared; otherwise do nothing.
 
@@ -525,7 +525,7 @@ class Artists(ContextPart):
         if self.drawings.commands and not getattr(self._ctx.record, "is_replaying", False):
             self.drawings.clear()
 
-    def _drawing_of(self, spec: dict[str, Any]) -> Artist:
+    def _make_drawing_artist(self, spec: dict[str, Any]) -> Artist:
         """Return an artist that draws recorded commands."""
         drawer = RecordedDrawer(self.drawings, spec["name"])
         artist = Artist(self._ctx, drawer, spec["layer"])
@@ -535,7 +535,7 @@ class Artists(ContextPart):
             artist.set_artist_type(ArtistType.STATIC)
         return artist
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def add_specs(self, specs: dict[str, Any], own: Mapping[str, IArtist] = _NONE) -> Mapping[str, IArtist]:
         """Add the artists described by `specs`, except for taken names.
 
@@ -551,12 +551,12 @@ class Artists(ContextPart):
         """
         made = {
             as_name(one["name"], "an artist"): (
-                self._drawing_of(one) if one["kind"] == _DRAWING else artist_of(self._ctx, one)
+                self._make_drawing_artist(one) if one["kind"] == _DRAWING else make_artist_from_spec(self._ctx, one)
             )
             for one in specs["artists"]
         }
         is_declared = bool(specs["is_declared"])
-        colors = _checked_colors(specs.get("team_colors", {}))
+        colors = _check_colors(specs.get("team_colors", {}))
         if self._ctx.is_terminated():
             return own
         for name, artist in own.items():
@@ -570,7 +570,7 @@ class Artists(ContextPart):
         return new
 
 
-def _checked_colors(colors: object) -> dict[str, Rgb]:
+def _check_colors(colors: object) -> dict[str, Rgb]:
     """Return checked colors by the text of their teams.
 
     Raises:
@@ -591,11 +591,11 @@ def _is_drawn(artist: IArtist, with_custom: bool) -> bool:
     """Return whether the draw commands of an artist are recorded."""
     if isinstance(artist.get_drawer(), RecordedDrawer):
         return True
-    kind = _kind_of(artist)
+    kind = _find_kind(artist)
     return with_custom and artist.get_drawer() is not render_input_overlay and (kind is None or _KINDS[kind].is_shape)
 
 
-def _beneath(ctx: IContext, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
+def _make_artists_below_agents(ctx: IContext, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
     """Return artists of what belongs to visible artists but lies below agents."""
     found: dict[str, IArtist] = {}
     for name, artist in artists.items():
@@ -605,10 +605,10 @@ def _beneath(ctx: IContext, artists: Mapping[str, IArtist]) -> dict[str, IArtist
     return found
 
 
-def _artists_of_trails(ctx: IContext, artists: Mapping[str, IArtist], turns: int) -> dict[str, IArtist]:
+def _make_trail_artists(ctx: IContext, artists: Mapping[str, IArtist], turns: int) -> dict[str, IArtist]:
     """Return artists of the trails of the agents that artists show."""
-    hidden = drawing_of(ctx).hidden_agents()
-    colors = {look.name: look.color for look in looks_of(artists) if look.name not in hidden}
+    hidden = get_drawing(ctx).hidden_agents()
+    colors = {look.name: look.color for look in list_looks(artists) if look.name not in hidden}
     trails: dict[str, IArtist] = {}
     for name, drawer in (("past trails", render_past_trails), ("trails", render_trails)):
         artist = Artist(ctx, drawer, Layer.TRAILS)

@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_float, as_int
-from gamms.deciding import Guarded, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.deciding import Guarded, get_phase, lift_decide_phase, refuse_while_deciding
 from gamms.errors import BadValue, GammsError
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
@@ -26,7 +26,7 @@ def touching(
     return (high[:, 0] >= left) & (low[:, 0] <= right) & (high[:, 1] >= bottom) & (low[:, 1] <= top)
 
 
-def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+def find_extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the lower left and the upper right corner of lines (lines, 2); there must be at least one."""
     # NOTE: a tenth of the time of min(axis=0), which iterates over pairs (first frame of 100,000 edges).
     low: FloatArray = np.minimum(starts.T, ends.T, order="C").min(axis=1)
@@ -34,7 +34,7 @@ def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray
     return low, high
 
 
-def clipped(
+def clip_lines(
     starts: FloatArray, ends: FloatArray, low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the parts of lines (lines, 2) inside a box, in order, without lines that miss it."""
@@ -111,12 +111,12 @@ class Viewpoint(Guarded):
     _called = "ctx.visual"
 
     def __init__(self, ctx: IContext, position_of: Callable[[str, float], tuple[float, float]]) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._position_of = position_of
         self.look: FixedView | None = None
         self.followed: str | None = None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def look_at(self, x: float, y: float, width: float) -> None:
         """Show `width` world units around (x, y), instead of everything.
 
@@ -131,18 +131,18 @@ class Viewpoint(Guarded):
         self.look = FixedView(x, y, width)
         self.followed = None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def look_at_all(self) -> None:
         """Show everything that is drawn."""
         self.look = None
         self.followed = None
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def follow(self, agent_name: str) -> None:
         """Keep an agent in the center of the present view; after it is deleted, stay at its last position."""
         self.followed = agent_name
 
-    @outside_of_deciding
+    @lift_decide_phase
     def camera(self, width: int, height: int, share: float = 1.0) -> Camera | None:
         """Return the camera of a picture after a share of the agents' last moves; None shows everything."""
         if self.look is None:
@@ -175,12 +175,12 @@ def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins:
     return Camera(width, height, x - (width + left - right) / 2 / scale, y + (height + top - bottom) / 2 / scale, scale)
 
 
-def framed(*drawings: DrawCommands) -> Box:
+def frame_drawings(*drawings: DrawCommands) -> Box:
     """Return the corners of what a picture shows: all drawings, but only the near part of large views of sensors."""
     are_views = [np.isin(commands.layer, _VIEWS) for commands in drawings]
-    low, high = _around([bounds(commands) for commands in drawings if len(commands)])
+    low, high = _enclose_boxes([bounds(commands) for commands in drawings if len(commands)])
     others = [bounds(one, ~is_view) for one, is_view in zip(drawings, are_views, strict=True) if not is_view.all()]
-    near_low, near_high = _around(others)
+    near_low, near_high = _enclose_boxes(others)
     beyond = BEYOND * float((near_high - near_low).max())
     if beyond > 0.0:
         low = np.maximum(low, near_low - beyond)
@@ -188,7 +188,7 @@ def framed(*drawings: DrawCommands) -> Box:
     return low, high
 
 
-def _around(boxes: list[Box]) -> Box:
+def _enclose_boxes(boxes: list[Box]) -> Box:
     """Return the box around some boxes."""
     if not boxes:
         return np.zeros(2), np.zeros(2)
@@ -207,7 +207,7 @@ def bounds(commands: DrawCommands, chosen: BoolArray | None = None) -> Box:
     breadth = np.where(commands.kind == DrawKind.LINE, commands.width, 0.0)
     reach = np.where(commands.space == DrawSpace.WORLD, commands.size + breadth / 2.0, 0.0)
     around = np.repeat(reach, np.diff(commands.offsets))
-    axes = _corners(commands).T
+    axes = _list_corners(commands).T
     # NOTE: one axis after the other, in a third of the time (first frame of 100,000 edges).
     if chosen is not None:
         counts = np.repeat(chosen, np.diff(commands.offsets))
@@ -216,21 +216,21 @@ def bounds(commands: DrawCommands, chosen: BoolArray | None = None) -> Box:
     return np.array([(axis - around).min() for axis in axes]), np.array([(axis + around).max() for axis in axes])
 
 
-def _corners(commands: DrawCommands) -> FloatArray:
+def _list_corners(commands: DrawCommands) -> FloatArray:
     """Return the points of all commands, with the far corner of each rectangle instead of its extent."""
     points = commands.points.copy()
     rows = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     anchors = commands.offsets[rows]
     in_world = (commands.space[rows] == DrawSpace.WORLD)[:, None]
     points[anchors + 1] = points[anchors] + points[anchors + 1] * (1.0, -1.0) * in_world
-    shifts, places = shifted_points(commands)
+    shifts, places = find_shifted_points(commands)
     points[shifts] = points[places]
     return points
 
 
 def spill(commands: DrawCommands, box: Box) -> Margins:
     """Return how many pixels signs near the border of a box extend beyond it."""
-    shifts, places = shifted_points(commands)
+    shifts, places = find_shifted_points(commands)
     low, high = box
     far = _AT_SIDE * float((high - low).max())
     reach = [0.0, 0.0, 0.0, 0.0]
@@ -243,7 +243,7 @@ def spill(commands: DrawCommands, box: Box) -> Margins:
     return left, top, right, bottom
 
 
-def shifted_points(commands: DrawCommands) -> tuple[IntArray, IntArray]:
+def find_shifted_points(commands: DrawCommands) -> tuple[IntArray, IntArray]:
     """Return the points that are pixel offsets to the right and down, and the index of the reference point of each.
 
     The reference is the first point of the command: the center of a moved circle, or the place of a pixel polygon.
@@ -262,7 +262,7 @@ def on_screen(commands: DrawCommands, camera: Camera) -> FloatArray:
     Both points of a moved circle are its center; both first points of a pixel polygon are its first corner.
     """
     points = camera.to_screen(commands.points)
-    shifts, places = shifted_points(commands)
+    shifts, places = find_shifted_points(commands)
     points[shifts] = points[places] + commands.points[shifts]
     points[places] = points[places + 1]
     return points
@@ -464,21 +464,21 @@ def is_near(camera: Camera, before: Camera) -> bool:
     """Return whether a camera has moved and zoomed so little that it may be on its way."""
     if not 1 / _STEADY <= camera.scale / before.scale <= _STEADY:
         return False
-    x, y = _middle(camera)
-    then_x, then_y = _middle(before)
+    x, y = _find_middle(camera)
+    then_x, then_y = _find_middle(before)
     right = abs(x - then_x) * camera.scale
     up = abs(y - then_y) * camera.scale
     return right <= _STEP * camera.width and up <= _STEP * camera.height
 
 
-def _middle(camera: Camera) -> Point:
+def _find_middle(camera: Camera) -> Point:
     return camera.left + camera.width / 2 / camera.scale, camera.top - camera.height / 2 / camera.scale
 
 
 _REACH_PX = 14.0
 
 
-def nearest_point(points: FloatArray, x: float, y: float, reach_px: float = _REACH_PX) -> int | None:
+def find_nearest_point(points: FloatArray, x: float, y: float, reach_px: float = _REACH_PX) -> int | None:
     """Return the row of the screen point (points, 2) nearest to (x, y), if one is within reach."""
     if len(points) == 0:
         return None

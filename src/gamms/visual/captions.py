@@ -5,13 +5,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gamms.ir.events import DECISIONS, GAME_EVENT
-from gamms.ir.game_state import ALL_PLAYED, reason_in_words
+from gamms.ir.game_state import ALL_PLAYED, describe_reason
 from gamms.knowledge.sides import is_witnessed
 from gamms.text import as_digits, as_text
 from gamms.typing import IContext
-from gamms.visual.appearance import Rgb, color_group
-from gamms.visual.drawing import Drawing, drawing_of
-from gamms.visual.font import shortened, words_width
+from gamms.visual.appearance import Rgb, get_color_group
+from gamms.visual.drawing import Drawing, get_drawing
+from gamms.visual.font import measure_words, shorten_text
 from gamms.visual.legend import Pen
 
 MOST_LINES = 2  # at once
@@ -54,7 +54,7 @@ class Caption(NamedTuple):
     agent: str | None
 
 
-def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
+def write_captions(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     """Return the sentences of a turn's events, one per agent; kind and agent for events without a known sentence."""
     found: dict[tuple[str | None, str], list[str]] = {}  # by agent and kind
     of_turn = list(events)
@@ -70,10 +70,10 @@ def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
             found.setdefault((as_text(event[about]), ""), []).append(predicate.format_map(words))
         else:
             found[None if agent is None else as_text(agent), kind] = []
-    return [Caption(_sentence(agent, kind, predicates), agent) for (agent, kind), predicates in found.items()]
+    return [Caption(_write_sentence(agent, kind, predicates), agent) for (agent, kind), predicates in found.items()]
 
 
-def rises(scores: Mapping[Any, Any], before: dict[str, float]) -> Iterator[Caption]:
+def list_rises(scores: Mapping[Any, Any], before: dict[str, float]) -> Iterator[Caption]:
     """Yield a caption for each score that is larger than before, then store the scores as those before."""
     now = {as_text(of): score for of, score in dict(scores).items() if isinstance(score, int | float)}
     for of, score in now.items():
@@ -83,7 +83,7 @@ def rises(scores: Mapping[Any, Any], before: dict[str, float]) -> Iterator[Capti
     before.update(now)
 
 
-def _sentence(agent: str | None, kind: str, predicates: list[str]) -> str:
+def _write_sentence(agent: str | None, kind: str, predicates: list[str]) -> str:
     words = kind if agent is None else f"{agent}: {kind}"
     if predicates:
         *others, last = sorted(predicates, key=_LAST.__eq__)
@@ -96,7 +96,7 @@ def score_line(scores: Mapping[Any, float]) -> str:
     return " · ".join(f"{name} {as_digits(value)}" for name, value in scores.items())
 
 
-def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
+def find_scores(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
     """Return the scores by text, of all teams if one has any; `later` are teams that will have scores."""
     game = ctx.current_game
     known = {} if game is None else {as_text(of): score for of, score in game.scores.items()}
@@ -108,7 +108,7 @@ def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
 def ending(over: Mapping[str, Any]) -> tuple[str, str]:
     """Return who has won, and why the game is over, in words."""
     winner = over.get("winner")
-    reason = reason_in_words(over.get("reason", ""))
+    reason = describe_reason(over.get("reason", ""))
     return "No winner" if winner is None else f"{as_text(winner)} won", reason
 
 
@@ -129,8 +129,8 @@ def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = 
     if over is None and not reason:
         return None
     title, reason = ("The end", reason) if over is None else ending(over)
-    color = None if over is None else drawing_of(ctx).group_colors().get(as_text(over["winner"]))
-    scores = dict(sorted(scores_of(ctx, later).items(), key=lambda item: -item[1]))
+    color = None if over is None else get_drawing(ctx).group_colors().get(as_text(over["winner"]))
+    scores = dict(sorted(find_scores(ctx, later).items(), key=lambda item: -item[1]))
     turns = f"{as_text(turn)} turn{'s' * (turn != 1)}"
     return ResultCard(title, color, (reason, *([score_line(scores)] if scores else []), turns))
 
@@ -182,8 +182,8 @@ class Captions:
             color = colors.get(str(game.over.get("winner")))
             new.append(CaptionLine(": ".join(ending(game.over)), color, self.turns))
         events = (one for one in self._drawing.events.of_turn() if self._is_open(one, hidden))
-        for words, name in captions_of(events):
-            color = colors.get(str(color_group(agents[name])) if name in agents else str(name))
+        for words, name in write_captions(events):
+            color = colors.get(str(get_color_group(agents[name])) if name in agents else str(name))
             new.append(CaptionLine(words, color, self.turns))
         if len(new) > MOST_LINES:
             last = new[MOST_LINES - 1]
@@ -191,7 +191,7 @@ class Captions:
         older = [line._replace(turns=line.turns - 1) for line in self._lines if line.turns > 1]
         self._lines = [*new, *older][:MOST_LINES]
         turn = (0 if game is None else game.turn) or self._drawing.turns.count
-        return CaptionBar(turn, score_line(scores_of(self._ctx)), tuple(self._lines))
+        return CaptionBar(turn, score_line(find_scores(self._ctx)), tuple(self._lines))
 
     def _is_open(self, event: Mapping[str, Any], hidden: Collection[str]) -> bool:
         """Return whether those who do not see hidden agents know of an event; where none is hidden, all are known."""
@@ -221,8 +221,8 @@ def draw_caption_bar(
     """
     left, top, width = at
     words = f"turn {as_text(bar.turn)}" + (f" · {bar.scores}" if scores and bar.scores else "")
-    pen.text(shortened(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
-    begin = left + max(words_width(words, _FONT_PX), words_width("turn 0000", _FONT_PX)) + _ASIDE_PX
+    pen.text(shorten_text(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
+    begin = left + max(measure_words(words, _FONT_PX), measure_words("turn 0000", _FONT_PX)) + _ASIDE_PX
     room = left + width - begin - INDENT_PX
     if room > _ASIDE_PX:
         draw_captions(pen, bar.lines[:lines], (begin, top, room), faint)
@@ -237,27 +237,27 @@ def draw_captions(pen: Pen, lines: Sequence[CaptionLine], at: tuple[float, float
         ink = None if line.turns == newest else faint
         if line.color is not None:
             pen.circle(left + _SPOT_PX, middle, _SPOT_PX, line.color)
-        pen.text(shortened(line.words, _FONT_PX, room), left + INDENT_PX, middle, _FONT_PX, ink)
+        pen.text(shorten_text(line.words, _FONT_PX, room), left + INDENT_PX, middle, _FONT_PX, ink)
 
 
-def captions_width(lines: Sequence[CaptionLine], room: float) -> float:
+def measure_captions_width(lines: Sequence[CaptionLine], room: float) -> float:
     """Return the width of captions with their dots, in the available space."""
-    return INDENT_PX + max(words_width(shortened(line.words, _FONT_PX, room), _FONT_PX) for line in lines)
+    return INDENT_PX + max(measure_words(shorten_text(line.words, _FONT_PX, room), _FONT_PX) for line in lines)
 
 
-def card_size(card: ResultCard) -> tuple[float, float]:
+def measure_card(card: ResultCard) -> tuple[float, float]:
     """Return the width and height of a card."""
-    width = max(_title_width(card), *(words_width(line, _FONT_PX) for line in card.lines)) + 2 * _PAD_PX
+    width = max(_measure_title_width(card), *(measure_words(line, _FONT_PX) for line in card.lines)) + 2 * _PAD_PX
     return width, _TITLE_PX + _CARD_PX * len(card.lines) + 1.6 * _PAD_PX
 
 
-def _title_width(card: ResultCard) -> float:
-    return words_width(card.title, _TITLE_PX) + (0.0 if card.color is None else _BEHIND_SPOT_PX)
+def _measure_title_width(card: ResultCard) -> float:
+    return measure_words(card.title, _TITLE_PX) + (0.0 if card.color is None else _BEHIND_SPOT_PX)
 
 
 def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: Rgb, faint: Rgb) -> None:
     """Draw how a game ended on a card around a point."""
-    width, height = card_size(card)
+    width, height = measure_card(card)
     x, y = center
     edge = 1.0
     left = x - width / 2
@@ -265,11 +265,11 @@ def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: R
     pen.rectangle(left - edge, top - edge, width + 2 * edge, height + 2 * edge, (*faint, 255))
     pen.rectangle(left, top, width, height, (*ground, 255))
     middle = top + 0.8 * _PAD_PX + 0.5 * _TITLE_PX
-    begin = x - _title_width(card) / 2
+    begin = x - _measure_title_width(card) / 2
     if card.color is not None:
         pen.circle(begin + _TITLE_SPOT_PX, middle, _TITLE_SPOT_PX, card.color)
         begin += _BEHIND_SPOT_PX
     pen.text(card.title, begin, middle, _TITLE_PX)
     for number, line in enumerate(card.lines):
         down = top + 0.8 * _PAD_PX + _TITLE_PX + (number + 0.6) * _CARD_PX
-        pen.text(line, x - words_width(line, _FONT_PX) / 2, down, _FONT_PX, faint if number == 0 else None)
+        pen.text(line, x - measure_words(line, _FONT_PX) / 2, down, _FONT_PX, faint if number == 0 else None)

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from gamms.ir.game_state import CollectedNumbers
-from gamms.text import printable_line
+from gamms.text import make_printable_line
 from gamms.visual.appearance import Rgb
-from gamms.visual.font import shortened, words_width
+from gamms.visual.font import measure_words, shorten_text
 from gamms.visual.legend import Pen
 
 MOST_CHARTS = 4
@@ -36,7 +36,7 @@ def select_charts(collected: Mapping[str, CollectedNumbers]) -> dict[str, Chart]
     charts = {}
     for name, numbers in list(collected.items())[:MOST_CHARTS]:
         lines = numbers if isinstance(numbers, Mapping) else {"": numbers}
-        charts[printable_line(name)[:_LONGEST_NAME]] = dict(list(lines.items())[:MOST_LINES])
+        charts[make_printable_line(name)[:_LONGEST_NAME]] = dict(list(lines.items())[:MOST_LINES])
     return charts
 
 
@@ -92,10 +92,10 @@ def draw_chart(
     values = [value for line in lines.values() for value in line.values]
     low, high = min(values), max(values)
     begin, end = min(turns), max(turns)
-    value = _present_value(lines)
-    room = WIDTH_PX - words_width(value, _FONT_PX) - 8.0
-    pen.text(shortened(name, _FONT_PX, room), left, top + _TITLE_PX / 2, _FONT_PX)
-    pen.text(value, left + WIDTH_PX - words_width(value, _FONT_PX), top + _TITLE_PX / 2, _FONT_PX)
+    value = _describe_present_value(lines)
+    room = WIDTH_PX - measure_words(value, _FONT_PX) - 8.0
+    pen.text(shorten_text(name, _FONT_PX, room), left, top + _TITLE_PX / 2, _FONT_PX)
+    pen.text(value, left + WIDTH_PX - measure_words(value, _FONT_PX), top + _TITLE_PX / 2, _FONT_PX)
     upper, lower = top + _TITLE_PX + 6.0, top + HEIGHT_PX - 10.0
     for number, y in dict.fromkeys(
         [(high, upper if high > low else (upper + lower) / 2), (low, lower if high > low else (upper + lower) / 2)]
@@ -112,18 +112,18 @@ def draw_chart(
         color = colors.get(line, pen.ink)
         places = [place(*point) for point in zip(points.turns, points.values, strict=True)]
         if len(places) > 1:
-            pen.line(_thin(places), color, 1.5)
+            pen.line(_thin_out(places), color, 1.5)
         pen.circle(*places[-1], 2.5, color)
 
 
-def _present_value(lines: Mapping[str, ChartLine]) -> str:
+def _describe_present_value(lines: Mapping[str, ChartLine]) -> str:
     """Return the last value of a chart, or the least and the largest of several lines."""
     last = [line.values[-1] for line in lines.values()]
     low, high = f"{min(last):.4g}", f"{max(last):.4g}"
     return low if low == high else f"{low} to {high}"
 
 
-def _thin(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _thin_out(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return at most some points for each pixel of the width, the last one included."""
     step = max(len(places) // round(2 * WIDTH_PX), 1)
     return [*places[:-1:step], places[-1]]

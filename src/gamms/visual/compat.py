@@ -12,9 +12,9 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import load
-from gamms.visual.camera import Point, WindowCamera, clipped
+from gamms.visual.camera import Point, WindowCamera, clip_lines
 from gamms.visual.drawing import Drawing
-from gamms.visual.window.display import FrameTiming, window_surface
+from gamms.visual.window.display import FrameTiming, get_window_surface
 from gamms.visual.window.input import Question
 
 _HALF_WIDTH = 15.0  # world units, of a camera that was not pointed anywhere
@@ -105,7 +105,7 @@ class RenderManager(WindowCamera):
 
     def _is_crossed(self, starts: FloatArray, ends: FloatArray) -> bool:
         box = (self.bound_left, self.bound_top), (self.bound_right, self.bound_bottom)
-        return len(clipped(starts, ends, *box)[0]) > 0
+        return len(clip_lines(starts, ends, *box)[0]) > 0
 
 
 class WindowNames:
@@ -165,7 +165,7 @@ class WindowNames:
     def _get_target_surface(self) -> Any:
         """Return a surface for drawers that paint with pygame: above the drawings of their layer; else the screen."""
         if self.drawing.commands is None:
-            return window_surface() or self.screen
+            return get_window_surface() or self.screen
         if self.drawer_surface is None:
             self.drawer_surface = load().Surface(self.screen.get_size(), load().SRCALPHA, 32)
         return self.drawer_surface

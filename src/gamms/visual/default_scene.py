@@ -18,17 +18,22 @@ from gamms.text import as_digits, as_text
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData, AgentLooks, GraphData, Rgb
-from gamms.visual.artist import Artist, data_of, looks_of
+from gamms.visual.artist import Artist, get_data, list_looks
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.agents import render_looks
-from gamms.visual.drawers.graph import longer_side, obstacles_to_draw, render_base_map, typical_edge_length
+from gamms.visual.drawers.graph import (
+    find_obstacles_to_draw,
+    find_typical_edge_length,
+    measure_longer_side,
+    render_base_map,
+)
 from gamms.visual.drawers.marks import render_tags
 from gamms.visual.drawers.messages import has_messages, render_messages
-from gamms.visual.drawers.sensors import render_rings, render_sight, render_sights, sparse
+from gamms.visual.drawers.sensors import remove_edge_ends, render_rings, render_sight, render_sights
 from gamms.visual.drawers.streets import has_tunnels, render_tunnels
-from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import SIGN, LegendRow, LegendRows, legend_only
+from gamms.visual.drawing import get_drawing
+from gamms.visual.legend import SIGN, LegendRow, LegendRows, draw_nothing
 from gamms.visual.shown_turn import ShownView, has_content
 from gamms.visual.themes import Theme
 
@@ -90,14 +95,14 @@ class DefaultScene:
         """
         self._renew_map()
         self._renew_agents(declared)
-        for look in looks_of(declared):
+        for look in list_looks(declared):
             if look.name in self._agents:
-                look.fill(data_of(self._agents[look.name])["agent_data"])
+                look.fill(get_data(self._agents[look.name])["agent_data"])
         for artist in declared.values():
             if artist.get_drawer() is render_sensor:
-                data_of(artist)["_defaults"] = sizes_of_sights(self._mark)
-        seen = self._sensors(declared) if sensors else {}
-        return self._map | self._agents | seen | self._of_game() | {"legend": self._legend}
+                get_data(artist)["_defaults"] = compute_sight_sizes(self._mark)
+        seen = self._make_sensor_artists(declared) if sensors else {}
+        return self._map | self._agents | seen | self._list_game_artists() | {"legend": self._legend}
 
     @property
     def _mark(self) -> float:
@@ -110,7 +115,7 @@ class DefaultScene:
         self._most = most
         return self._mark != before
 
-    def _of_game(self) -> dict[str, IArtist]:
+    def _list_game_artists(self) -> dict[str, IArtist]:
         """Return the artists of tags and messages, which may come without a rule that declares them."""
         artists: dict[str, IArtist] = {"tags": self._tags}
         if has_messages(self._ctx):
@@ -127,23 +132,23 @@ class DefaultScene:
         tones = self._theme.map
         self._map_key = key
         self._unit = sight_radius(columns)
-        streets = self._static(render_graph, Layer.GRAPH)
+        streets = self._make_static_artist(render_graph, Layer.GRAPH)
         size = (0.35 if columns.crs is None else 0.15) * self._unit  # where paths are slim, larger ones would be beads
         streets.data = {"graph_data": GraphData(tones.nodes, size, tones.streets), "tunnels": "below"}
         self._map = {"graph": streets}
         if len(graph.scenery_columns().kinds):
-            self._map["base_map"] = self._static(render_base_map, Layer.BASE_MAP)
+            self._map["base_map"] = self._make_static_artist(render_base_map, Layer.BASE_MAP)
         if has_tunnels(columns):
-            tunnels = self._static(render_tunnels, Layer.TUNNELS)
+            tunnels = self._make_static_artist(render_tunnels, Layer.TUNNELS)
             self._map["tunnels"] = tunnels
             tunnels.data = streets.data
-        if len(obstacles_to_draw(self._ctx).ids):
+        if len(find_obstacles_to_draw(self._ctx).ids):
             thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
-            walls = self._static(render_obstacles, Layer.OBSTACLES)
+            walls = self._make_static_artist(render_obstacles, Layer.OBSTACLES)
             self._map["obstacles"] = walls
             walls.data = {"fill": True, "boundary_thickness": thickness}
 
-    def _static(self, drawer: Drawer, layer: int) -> Artist:
+    def _make_static_artist(self, drawer: Drawer, layer: int) -> Artist:
         artist = Artist(self._ctx, drawer, layer)
         artist.set_artist_type(ArtistType.STATIC)
         return artist
@@ -151,11 +156,11 @@ class DefaultScene:
     def _renew_agents(self, declared: Mapping[str, IArtist]) -> None:
         agents = self._ctx.agent.agents
         are_together = len(agents) > _MANY and not any(name in agents for name in declared)
-        key = self._ctx.agent.structure_version, self._mark, drawing_of(self._ctx).team_colors, are_together
+        key = self._ctx.agent.structure_version, self._mark, get_drawing(self._ctx).team_colors, are_together
         if key == self._agents_key:
             return
         positions = self._ctx.agent.positions
-        by_side = drawing_of(self._ctx).group_colors()
+        by_side = get_drawing(self._ctx).group_colors()
         names = positions.names
         sides = zip(positions.names, positions.teams, strict=True)
         least_px = max(_LEAST_PX, min(_AGENT_PX, _AGENT_PX * (_MANY / max(len(names), 1)) ** 0.5))
@@ -165,7 +170,7 @@ class DefaultScene:
         self._agents = {}
         self._colors = {name: by_side[name_side(name, team)] for name, team in sides}
         if are_together:
-            self._agents[TOGETHER] = self._together(least_px)
+            self._agents[TOGETHER] = self._make_agents_artist(least_px)
         above = set(positions.flyers.tolist()) if are_together else None
         for row, (name, color) in enumerate(self._colors.items()):
             if above is None or row in above:
@@ -173,7 +178,7 @@ class DefaultScene:
                 self._agents[name] = disc
                 disc.data = {"agent_data": AgentData(name, color, self._mark, least_px=least_px), "_alpha": 1.0}
 
-    def _together(self, least_px: float) -> Artist:
+    def _make_agents_artist(self, least_px: float) -> Artist:
         """Return the artist of all agents on the ground."""
         positions = self._ctx.agent.positions
         colors = list(dict.fromkeys(self._colors.values()))
@@ -187,27 +192,29 @@ class DefaultScene:
         artist.data = {"looks": looks, "_alpha": 1.0}
         return artist
 
-    def _sensors(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
+    def _make_sensor_artists(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return artists of the present sensor views."""
         nodes = len(self._ctx.graph.columns().node_ids)
         found = dict[str, list[ShownView]]()
-        for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
+        for sight in get_drawing(self._ctx).carriers.sights(MOST_SENSORS):
             if sight.view is None or _is_worth_drawing(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
-        colored = {name: [(self._color_of(one.carrier), one.view) for one in sights] for name, sights in found.items()}
-        self._views = artists_of_sights(self._ctx, colored, self._mark, declared, self._views)
+        colored = {
+            name: [(self._find_color(one.carrier), one.view) for one in sights] for name, sights in found.items()
+        }
+        self._views = make_sight_artists(self._ctx, colored, self._mark, declared, self._views)
         return dict(self._views)
 
-    def _color_of(self, carrier: str | None) -> Rgb:
+    def _find_color(self, carrier: str | None) -> Rgb:
         return _WITHOUT_CARRIER if carrier is None else self._colors[carrier]
 
 
-def sizes_of_sights(unit: float) -> dict[str, float]:
+def compute_sight_sizes(unit: float) -> dict[str, float]:
     """Return the keywords of sensors that are sizes, where agents have some radius."""
     return {"size": RING * unit, "node_size": 0.5 * unit}
 
 
-def artists_of_sights(
+def make_sight_artists(
     ctx: IContext,
     sights: ColoredSights,
     unit: float,
@@ -224,7 +231,7 @@ def artists_of_sights(
         before: artists to be used again.
     """
     artists = dict[str, Artist]()
-    look = sizes_of_sights(unit)
+    look = compute_sight_sizes(unit)
     together = list[tuple[Rgb, SensorView]]()
     for name, views in sights.items():
         if f"sensor_{name}" not in declared:
@@ -234,7 +241,7 @@ def artists_of_sights(
         artists["sights"] = artist
         artist.data = {
             "sights": together,
-            "legend": legend_of_sights((color, sparse(view)) for color, view in together),
+            "legend": make_sight_legend((color, remove_edge_ends(view)) for color, view in together),
             **look,
         }
     for name, views in sights.items():
@@ -246,7 +253,7 @@ def artists_of_sights(
         artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
         artists[f"sensor_{name}"] = artist
         artist.set_drawer(drawer)
-        artist.data = {"name": name, "color": views[0][0], "sights": views, "legend": legend_of_sights(views), **look}
+        artist.data = {"name": name, "color": views[0][0], "sights": views, "legend": make_sight_legend(views), **look}
     ringed = [(color, view) for color, view in together if view.names]
     if ringed:
         rings = before.get("rings") or Artist(ctx, render_rings, Layer.SEEN)
@@ -259,15 +266,15 @@ def reach_of_views(ctx: IContext, artists: Mapping[str, IArtist]) -> float:
     """Return how far fields of view reach from their agents, world units; at most as far as frames make room."""
     far = 0.0
     for artist in artists.values():
-        for _, view in data_of(artist).get("sights", ()):
+        for _, view in get_data(artist).get("sights", ()):
             corners = np.zeros((0, 2)) if view is None else np.concatenate([view.outline, view.dashed])
             if len(corners) and view.carrier in ctx.agent.agents:
-                away = corners - drawing_of(ctx).position_of(view.carrier, 1.0)
+                away = corners - get_drawing(ctx).position_of(view.carrier, 1.0)
                 far = max(far, float(np.abs(away).max()))
-    return min(far, _MOST_ROOM * longer_side(ctx.graph.columns()))
+    return min(far, _MOST_ROOM * measure_longer_side(ctx.graph.columns()))
 
 
-def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendRows | None:
+def make_sight_legend(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendRows | None:
     """Return legend rows for the signs of views, in grey, because views have the colors of their agents."""
     sights = list(given)
     views = [view for _, view in sights if view is not None]
@@ -281,9 +288,9 @@ def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendRo
     return LegendRows("", tuple(rows))
 
 
-def team_rows(ctx: IContext) -> LegendRows | None:
+def make_team_rows(ctx: IContext) -> LegendRows | None:
     """Return the legend of the teams: color, name and score; None if there are fewer than two teams."""
-    colors = drawing_of(ctx).group_colors()
+    colors = get_drawing(ctx).group_colors()
     teams = dict.fromkeys(ctx.agent.positions.teams)
     scores = {} if ctx.current_game is None else ctx.current_game.scores
     named = [team for team in teams if team is not None]
@@ -303,8 +310,8 @@ def _score(score: object) -> str:
 
 def legend_of_teams(ctx: IContext) -> Artist:
     """Return an artist that draws nothing but the legend of the teams."""
-    artist = Artist(ctx, legend_only, Layer.TEAMS)
-    artist.data = {"legend": team_rows}
+    artist = Artist(ctx, draw_nothing, Layer.TEAMS)
+    artist.data = {"legend": make_team_rows}
     return artist
 
 
@@ -315,4 +322,4 @@ def _is_worth_drawing(view: SensorView, nodes: int) -> bool:
 
 def sight_radius(columns: GraphColumns) -> float:
     """Return the radius of agents, in world units: large enough to be seen, small enough not to hide streets."""
-    return min(0.22 * typical_edge_length(columns), 0.018 * longer_side(columns)) or 1.0
+    return min(0.22 * find_typical_edge_length(columns), 0.018 * measure_longer_side(columns)) or 1.0

@@ -17,8 +17,8 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
 from gamms.knowledge.sides import name_side
 from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
-from gamms.visual.camera import Viewpoint, shifted_points
+from gamms.visual.appearance import AnyColor, Color, Rgb, rgba, sort_sides, team_colors
+from gamms.visual.camera import Viewpoint, find_shifted_points
 from gamms.visual.shown_turn import LastMoves, PastTurns, SensorCarriers, TurnEvents
 from gamms.visual.themes import THEMES, Theme
 
@@ -266,7 +266,7 @@ class Commands:
         )
 
 
-def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
+def join_drawings(below: DrawCommands, above: DrawCommands) -> DrawCommands:
     """Return both, the second on the highest layer of all."""
     if len(above) == 0:
         return below
@@ -284,7 +284,7 @@ def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
     )
 
 
-def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
+def magnify(commands: DrawCommands, factor: float) -> DrawCommands:
     """Return a copy in which all pixel sizes are multiplied by a factor."""
     if factor == 1.0:
         return commands
@@ -292,7 +292,7 @@ def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
     points = commands.points.copy()
     extents = commands.offsets[:-1][in_pixels & (commands.kind == DrawKind.RECTANGLE)] + 1
     points[extents] *= factor
-    points[shifted_points(commands)[0]] *= factor
+    points[find_shifted_points(commands)[0]] *= factor
     width_in_pixels = in_pixels | (commands.kind != DrawKind.LINE)  # outlines always are
     return replace(
         commands,
@@ -592,14 +592,14 @@ class Drawing:
         version = self._ctx.agent.structure_version
         key = version, self.team_colors, self.theme, self.sides, tuple(map(as_text, more))
         if version is None or key != self._colors[0]:
-            self._colors = key, self._assigned_colors(key[-1])
+            self._colors = key, self._assign_colors(key[-1])
         return self._colors[1]
 
-    def _assigned_colors(self, more: Iterable[str]) -> dict[str, Rgb]:
+    def _assign_colors(self, more: Iterable[str]) -> dict[str, Rgb]:
         names = self._ctx.agent.positions.names
         teams = self._ctx.agent.positions.teams
         known = [*dict.fromkeys((*map(name_side, names, teams), *more))]
-        colors = team_colors(in_order(self.sides, known), self.team_colors, self.theme.teams)
+        colors = team_colors(sort_sides(self.sides, known), self.team_colors, self.theme.teams)
         return {side: colors[side] for side in known}
 
     def of_map(self, measure: Callable[[GraphColumns], Measured]) -> Measured:
@@ -639,7 +639,7 @@ class Drawing:
             self.commands.add_discs(centers, discs, looks, shifts)
 
 
-def drawing_of(ctx: IContext) -> Drawing:
+def get_drawing(ctx: IContext) -> Drawing:
     """Return the drawing object for the built-in drawers of a context, with bulk primitives."""
     return cast("Drawing", ctx.visual.drawing)  # type: ignore[attr-defined] # of our own engines
 

@@ -9,15 +9,15 @@ import os
 from collections.abc import Callable
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
-from gamms.arguments import as_float, as_range, misspelt
+from gamms.arguments import as_float, as_range, explain_misspelled
 from gamms.compat import Surface
 from gamms.deciding import (
     ContextPart,
     Protected,
-    leaving_last_turn,
-    outside_of_deciding,
-    phase_of,
-    refused_while_deciding,
+    get_phase,
+    leave_last_turn,
+    lift_decide_phase,
+    refuse_while_deciding,
 )
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
@@ -52,7 +52,7 @@ class _Method:
         return self._method if engine is None else getattr(getattr(engine, self._part), self._method.__name__)
 
 
-def _of(part: str, method: Callable[Concatenate[Any, _P], _R]) -> Callable[Concatenate[Any, _P], _R]:
+def _delegate_to(part: str, method: Callable[Concatenate[Any, _P], _R]) -> Callable[Concatenate[Any, _P], _R]:
     return cast("Callable[Concatenate[Any, _P], _R]", _Method(part, method))
 
 
@@ -97,13 +97,13 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
 
     def _repr_png_(self) -> bytes | None:
         """Return the current state as PNG for notebooks; None if it cannot be drawn."""
-        return self._in_notebook(self.pictures.as_png)
+        return self._show_in_notebook(self.pictures.as_png)
 
     def _repr_html_(self) -> str | None:
         """Return the current state as SVG for notebooks, if PNG is not available; else None."""
-        return None if self._repr_png_() is not None else self._in_notebook(self.pictures.as_html)
+        return None if self._repr_png_() is not None else self._show_in_notebook(self.pictures.as_html)
 
-    def _in_notebook(self, show: Callable[[], _T | None]) -> _T | None:
+    def _show_in_notebook(self, show: Callable[[], _T | None]) -> _T | None:
         try:
             return None if self.ctx.is_terminated() else show()
         except Exception as error:  # noqa: BLE001 - a notebook then shows the repr
@@ -116,7 +116,7 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
     def __init__(
         self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, drawing: Drawing | None = None
     ) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self.ctx = ctx
         self.after_turn = []
         self.drawing = drawing or Drawing(ctx)
@@ -129,13 +129,13 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
 
     # -- drawing: 1.0.0's primitives; `drawing` can also draw many objects at once -----------------------
 
-    render_text = _of("drawing", Drawing.render_text)
-    render_rectangle = _of("drawing", Drawing.render_rectangle)
-    render_circle = _of("drawing", Drawing.render_circle)
-    render_line = _of("drawing", Drawing.render_line)
-    render_linestring = _of("drawing", Drawing.render_linestring)
-    render_polygon = _of("drawing", Drawing.render_polygon)
-    render_image = _of("drawing", Drawing.render_image)
+    render_text = _delegate_to("drawing", Drawing.render_text)
+    render_rectangle = _delegate_to("drawing", Drawing.render_rectangle)
+    render_circle = _delegate_to("drawing", Drawing.render_circle)
+    render_line = _delegate_to("drawing", Drawing.render_line)
+    render_linestring = _delegate_to("drawing", Drawing.render_linestring)
+    render_polygon = _delegate_to("drawing", Drawing.render_polygon)
+    render_image = _delegate_to("drawing", Drawing.render_image)
 
     def render_layer(self, layer_id: int) -> None:
         """Do nothing: layers are painted with the picture."""
@@ -151,22 +151,22 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
 
     # -- artists ---------------------------------------------------------------------------------------------
 
-    set_graph_visual = _of("artists", Artists.set_graph_visual)
-    set_obstacle_visual = _of("artists", Artists.set_obstacle_visual)
-    set_agent_visual = _of("artists", Artists.set_agent_visual)
-    set_sensor_visual = _of("artists", Artists.set_sensor_visual)
-    set_values = _of("artists", Artists.set_values)
-    add_artist = _of("artists", Artists.add_artist)
-    remove_artist = _of("artists", Artists.remove_artist)
+    set_graph_visual = _delegate_to("artists", Artists.set_graph_visual)
+    set_obstacle_visual = _delegate_to("artists", Artists.set_obstacle_visual)
+    set_agent_visual = _delegate_to("artists", Artists.set_agent_visual)
+    set_sensor_visual = _delegate_to("artists", Artists.set_sensor_visual)
+    set_values = _delegate_to("artists", Artists.set_values)
+    add_artist = _delegate_to("artists", Artists.add_artist)
+    remove_artist = _delegate_to("artists", Artists.remove_artist)
 
     # -- pictures --------------------------------------------------------------------------------------------
 
-    save = _of("pictures", Pictures.save)
-    picture = _of("pictures", Pictures.picture)
-    frame = _of("pictures", Pictures.frame)
-    film = _of("pictures", Pictures.film)
+    save = _delegate_to("pictures", Pictures.save)
+    picture = _delegate_to("pictures", Pictures.picture)
+    frame = _delegate_to("pictures", Pictures.frame)
+    film = _delegate_to("pictures", Pictures.film)
 
-    @outside_of_deciding
+    @lift_decide_phase
     def draw_commands(self, share: float = 1.0) -> DrawCommands:
         """Return the present state as draw commands, after a share of the agents' last moves from 0.0 to 1.0.
 
@@ -180,7 +180,7 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
 
     # -- where pictures look ---------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def look_at(self, x: float, y: float, width: float) -> None:
         """Show `width` world units around (x, y) in frames and films, instead of everything.
 
@@ -189,12 +189,12 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         """
         self.viewpoint.look_at(x, y, width)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def look_at_all(self) -> None:
         """Show everything that is drawn in frames and films."""
         self.viewpoint.look_at_all()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def follow(self, agent_name: str, width: float) -> None:
         """Keep an agent in the center of `width` world units in pictures, frames and films, until another view is set.
 
@@ -231,7 +231,7 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         if self.pictures._films:
             self.pictures.add_turn()
 
-    @leaving_last_turn
+    @leave_last_turn
     def quiet_turns(self) -> PastTurns | None:
         """Return the turns that trails show; None if more than that happens at the end of a turn."""
         is_quiet = not (self._after_turn or self.artists.drawings.commands or self.pictures.films)
@@ -248,7 +248,7 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         position: int | tuple[float, ...] = state["curr_pos"]
         return (0.0, 0.0, 0.0) if isinstance(position, tuple) else position
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def terminate(self) -> None:
         """Finish open films, and clear the stored positions of agents."""
         self.pictures.finish_films()
@@ -302,7 +302,7 @@ class OffscreenEngine(PictureEngine):
 
         load()
         self.pictures.width, self.pictures.height = size(width, height)
-        for sentence in misspelt(kwargs, _OFFSCREEN_OPTIONS):
+        for sentence in explain_misspelled(kwargs, _OFFSCREEN_OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
         if video is not None:
             if simulation_time_constant is not None and frames_per_turn is None:

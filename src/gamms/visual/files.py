@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.arguments import as_float, as_int, as_path, as_target
 from gamms.errors import BadValue, Duplicate, MissingExtra, UnknownName
-from gamms.folders import naming, place_beside
+from gamms.folders import add_path_to_errors, make_place_beside
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
@@ -23,15 +23,15 @@ from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, framed, spill
+from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, frame_drawings, spill
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, ResultCard, end_card
 from gamms.visual.default_scene import reach_of_views
 from gamms.visual.drawers.marks import MARK_PX
-from gamms.visual.drawing import Drawing, joined, magnified
+from gamms.visual.drawing import Drawing, join_drawings, magnify
 from gamms.visual.labels import Labels
-from gamms.visual.legend import Block, blocks_of, grown
-from gamms.visual.page import Page, PageStyle, page_size, style_of
-from gamms.visual.scene import Scene, whole_frame
+from gamms.visual.legend import Block, blocks_of, grow_blocks
+from gamms.visual.page import Page, PageStyle, compute_page_size, make_style
+from gamms.visual.scene import Scene, make_whole_budget
 
 # of a picture that looks at a part of the map
 _DEFAULT_PX = 1280
@@ -55,7 +55,7 @@ class PictureTarget(NamedTuple):
     backend: Backend
 
 
-def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, dpi: float) -> PictureTarget:
+def check_sheet(name: str | os.PathLike[str], width: int | None, height: int | None, dpi: float) -> PictureTarget:
     """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
 
     Raises:
@@ -65,7 +65,7 @@ def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, d
     asked = sides(width, height)
     if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
         raise BadValue(f"A picture needs between 0 and {_FINEST_DPI:g} pixels per inch, not dpi={dpi:g}.")
-    return PictureTarget(asked, dpi, _backend(path))
+    return PictureTarget(asked, dpi, _find_backend(path))
 
 
 def sides(width: int | None, height: int | None, bytes_per_pixel: int = _PICTURE_BYTES) -> Asked:
@@ -96,7 +96,7 @@ def size(width: int, height: int, bytes_per_pixel: int = _PICTURE_BYTES) -> tupl
     return width, height
 
 
-def _backend(path: Path) -> Backend:
+def _find_backend(path: Path) -> Backend:
     try:
         return FORMATS[(path.suffix or path.name).lower()]
     except UnknownName:
@@ -107,14 +107,14 @@ def _backend(path: Path) -> Backend:
         ) from None
 
 
-def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> bytes:
+def paint_picture(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> bytes:
     """Return a picture of the present state, with everything around the map, as the bytes of a file."""
     viewpoint = source.drawing.viewpoint
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
     artists, commands, blocks = source.drawn(style)
-    box = framed(commands)
+    box = frame_drawings(commands)
     reach = spill(commands, box)
-    width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
+    width, height = size(*_compute_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
     page = Page(width, height, blocks, style, fine, reach)
     corner: Point | None = None
     camera = page.looking(viewpoint)
@@ -122,11 +122,11 @@ def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> by
         camera, corner = page.fit(*box)
     bar = Captions(source.ctx, source.drawing).now(source.hidden)
     around = page.drawing(camera, corner, source.ctx, artists, Labels(), bar)
-    commands = magnified(joined(commands, around), fine)
+    commands = magnify(join_drawings(commands, around), fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
 
 
-def _sides(
+def _compute_sides(
     asked: Asked,
     box: Box,
     blocks: tuple[Block, ...],
@@ -138,7 +138,7 @@ def _sides(
     """Return how large a page is; one that looks at a part of the map is 16 by 9 as far as nothing is asked."""
     width, height = asked
     if viewpoint.look is None:
-        return page_size(box, asked, blocks, style, fine, reach)
+        return compute_page_size(box, asked, blocks, style, fine, reach)
     width = width or round(height * _DEFAULT_RATIO if height else _DEFAULT_PX * fine)
     return width, height or round(width / _DEFAULT_RATIO)
 
@@ -162,7 +162,7 @@ class FilmPlan(NamedTuple):
     frames_per_turn: int
 
 
-def film_plan(
+def check_film_plan(
     path: str | os.PathLike[str],
     fps: float,
     width: int | None,
@@ -239,21 +239,21 @@ class Frames:
         is_film: bool = False,
     ) -> None:
         self.ctx = source.ctx
-        self.scene = scene or Scene(source.ctx, self._world)
+        self.scene = scene or Scene(source.ctx, self._make_world_key)
         self._is_film = is_film
         self._source = source
         self._viewpoint = source.drawing.viewpoint
         self._options = options
-        self._style = style_of(self.ctx, **options)
+        self._style = make_style(self.ctx, **options)
         self._labels = Labels()
         width, height = asked
         if width is None or height is None or self._style.is_tight:
-            with self._themed():
+            with self._apply_theme():
                 artists, commands, blocks = source.drawn(self._style)
-            box = framed(commands)
+            box = frame_drawings(commands)
             reach = self._reach(spill(commands, box))
-            box = self._roomy(box, artists)
-            width, height = _sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
+            box = self._enlarge_box(box, artists)
+            width, height = _compute_sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
         film_bytes = _FILM_BYTES[".mp4" if is_even else ".gif"]
         known = size(width, height, film_bytes if is_film else _PICTURE_BYTES)
         self.width, self.height = (side + side % 2 * is_even for side in known)
@@ -270,17 +270,17 @@ class Frames:
 
     def begin_turn(self) -> None:
         """Look up which artists draw in this turn."""
-        style = self._style if isinstance(self._style.labels, frozenset) else style_of(self.ctx, **self._options)
-        with self._themed():
+        style = self._style if isinstance(self._style.labels, frozenset) else make_style(self.ctx, **self._options)
+        with self._apply_theme():
             self._artists = self._source.artists.shown(style.trails, sensors=style.sensors)
             self._is_new_turn = True
-            blocks = grown(self._blocks, blocks_of(self.ctx, self._artists))
+            blocks = grow_blocks(self._blocks, blocks_of(self.ctx, self._artists))
         if (blocks, style) != (self._blocks, self._style):
             self._blocks = blocks
             self._style = style
             self._page = Page(self.width, self.height, blocks, style, spill=self._page.spill)
         if style.has_captions:
-            with self._themed():
+            with self._apply_theme():
                 self._caption_bar = self.captions.now(self._source.hidden)
                 self._card = end_card(self.ctx, self._caption_bar.turn)
 
@@ -289,10 +289,10 @@ class Frames:
         if self._artists is None:
             self.begin_turn()
         self._draw(share)
-        camera, corner = self._view(share)
-        budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
+        camera, corner = self._compute_view(share)
+        budget = None if self._viewpoint.followed is None else make_whole_budget()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
-        with self._themed():
+        with self._apply_theme():
             artists = self._artists or {}
             around = self._page.drawing(camera, corner, self.ctx, artists, self._labels, self._caption_bar)
         Painting(around).paint(self.canvas, camera)
@@ -312,7 +312,7 @@ class Frames:
         later_px = MARK_PX if self._is_film and self.ctx.current_game is not None else 0.0
         return left, top, right, max(bottom, later_px)
 
-    def _roomy(self, box: Box, artists: Mapping[str, IArtist]) -> Box:
+    def _enlarge_box(self, box: Box, artists: Mapping[str, IArtist]) -> Box:
         """Return a box that holds this one, and in a film the fields of view of agents wherever they go on the map."""
         xy = self.ctx.graph.columns().xy
         if not self._is_film or len(xy) == 0:
@@ -322,18 +322,18 @@ class Frames:
         return np.minimum(low, xy.min(axis=0) - far), np.maximum(high, xy.max(axis=0) + far)
 
     def _draw(self, share: float) -> None:
-        with self._themed():
+        with self._apply_theme():
             self.scene.draw(self._artists or {}, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
 
-    def _themed(self) -> AbstractContextManager[None]:
+    def _apply_theme(self) -> AbstractContextManager[None]:
         return self._source.drawing.themed(self._style.theme)
 
-    def _world(self) -> Any:
+    def _make_world_key(self) -> Any:
         """Return a key that changes with the graph, the obstacles or the theme."""
         return self._source.drawing.map_version(), self._style.theme
 
-    def _view(self, share: float) -> tuple[Camera, Point | None]:
+    def _compute_view(self, share: float) -> tuple[Camera, Point | None]:
         """Return the camera, and the corner of the map where it is in the picture as a whole."""
         pointed = self._page.looking(self._viewpoint, share)
         if pointed is not None:
@@ -341,7 +341,7 @@ class Frames:
         if self._fitted is None:
             box = self.scene.box()
             self._page.spill = self._reach(self.scene.spill(box))
-            self._fitted = self._page.fit(*self._roomy(box, self._artists or {}))
+            self._fitted = self._page.fit(*self._enlarge_box(box, self._artists or {}))
         return self._fitted
 
 
@@ -357,9 +357,9 @@ class Film:
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))
         self._beside = ExitStack()
-        self._part = self._beside.enter_context(place_beside(self._place))
+        self._part = self._beside.enter_context(make_place_beside(self._place))
         try:
-            with naming(self.plan.path, self._part):
+            with add_path_to_errors(self.plan.path, self._part):
                 self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](
                     self._part, frames.width, frames.height, plan.fps
                 )
@@ -385,7 +385,7 @@ class Film:
                 first = 0
                 steps -= 1
             for number in range(first, steps + 1):
-                with naming(self.plan.path, self._part):
+                with add_path_to_errors(self.plan.path, self._part):
                     self._writer.add(self._frames.at(number / steps))
                 self.frames += 1
         except BaseException:
@@ -400,7 +400,7 @@ class Film:
         self._writer = None
         try:
             if self.frames:
-                with naming(self.plan.path, self._part):
+                with add_path_to_errors(self.plan.path, self._part):
                     self._hold(writer, _HELD_SECONDS)
                     if self._frames.add_card():
                         self._hold(writer, _CARD_SECONDS)

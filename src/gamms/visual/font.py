@@ -20,13 +20,13 @@ ASCENT = 0.8  # from the top of a line of words to its baseline, in font sizes
 _SLIMMEST = 0.15  # of letters, in font sizes
 
 
-def words_width(words: str, font_px: float) -> float:
+def measure_words(words: str, font_px: float) -> float:
     """Return how broad words are, in the unit of `font_px`, the height as `render_text` counts it."""
-    widths, default = _widths()
+    widths, default = _read_widths()
     return EM * font_px * sum(widths.get(ord(letter), default) for letter in words)
 
 
-def shortened(words: str, font_px: float, most_px: float, *, is_title: bool = False) -> str:
+def shorten_text(words: str, font_px: float, most_px: float, *, is_title: bool = False) -> str:
     """Shorten a text to a width, and end it with an ellipsis.
 
     Args:
@@ -35,12 +35,12 @@ def shortened(words: str, font_px: float, most_px: float, *, is_title: bool = Fa
         most_px: the maximum width, pixels.
         is_title: whether to remove the beginning instead of the end, where paths have their names.
     """
-    if len(words) * font_px * EM * _SLIMMEST <= most_px and words_width(words, font_px) <= most_px:
+    if len(words) * font_px * EM * _SLIMMEST <= most_px and measure_words(words, font_px) <= most_px:
         return words
     letters = words[::-1] if is_title else words
-    room = most_px - words_width("…", font_px)
+    room = most_px - measure_words("…", font_px)
     count = 0
-    while count < len(words) and (room := room - words_width(letters[count], font_px)) >= 0.0:
+    while count < len(words) and (room := room - measure_words(letters[count], font_px)) >= 0.0:
         count += 1
     if not count:
         return ""
@@ -50,7 +50,7 @@ def shortened(words: str, font_px: float, most_px: float, *, is_title: bool = Fa
 @lru_cache(maxsize=1024)
 def warn_of_boxes(words: str) -> None:
     """Warn once per process about letters that the font lacks, which are shown as boxes."""
-    lacking = [letter for letter in words if ord(letter) not in _widths()[0]]
+    lacking = [letter for letter in words if ord(letter) not in _read_widths()[0]]
     if lacking and not _warned:
         _warned.append(words)
         logging.getLogger("gamms").warning(
@@ -65,7 +65,7 @@ _warned: list[str] = []
 
 
 @lru_cache(maxsize=1)
-def _widths() -> tuple[dict[int, float], float]:
+def _read_widths() -> tuple[dict[int, float], float]:
     """Return the width of each character of the font, and that of other characters, in font sizes."""
     table = json.loads(_WIDTHS.read_text("ascii"))
     widths = dict[int, float]()

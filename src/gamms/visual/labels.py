@@ -15,19 +15,19 @@ from gamms import kernels
 from gamms.arguments import as_known
 from gamms.errors import BadType
 from gamms.ir.draw import DrawSpace
-from gamms.ir.geometry import straight_parts
+from gamms.ir.geometry import find_straight_parts
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IArtist, IContext
 from gamms.visual.appearance import AgentData, AnyColor, Rgb
-from gamms.visual.artist import ArtistGroup, data_of, drawn_looks, looks_of
+from gamms.visual.artist import ArtistGroup, collect_drawn_looks, get_data, list_looks
 from gamms.visual.camera import Camera, on_screen
 from gamms.visual.drawers.agents import RING, RING_PX
-from gamms.visual.drawers.marks import drawn_marks
-from gamms.visual.drawers.streets import classes_of, in_metres, levels_of, one_way_each, polylines
-from gamms.visual.drawing import drawing_of
-from gamms.visual.font import EM, MIDDLE, words_width
+from gamms.visual.drawers.marks import get_drawn_marks
+from gamms.visual.drawers.streets import find_classes, find_distinct_roads, find_levels, is_in_metres, polylines
+from gamms.visual.drawing import get_drawing
+from gamms.visual.font import EM, MIDDLE, measure_words
 from gamms.visual.layout import Layout, Rectangle
 from gamms.visual.legend import Pen
 
@@ -102,7 +102,7 @@ class Label(NamedTuple):
         left, top, _, _ = self.box
         if self.leader:
             pen.line(self.leader, pen.faint, 1.0)
-        indent = _indent(self.lines)
+        indent = _compute_indent(self.lines)
         for number, (words, color) in enumerate(self.lines):
             middle = top + EM * LABEL_PX / 2 + number * _LINE_PX
             if indent and color is not None:
@@ -153,18 +153,18 @@ class Labels:
             layout: of the page.
         """
         agents = ctx.agent.agents
-        heights = dict(_heights(ctx))
-        named = _named(ctx, choice, layout.page)
+        heights = dict(_list_heights(ctx))
+        named = _find_named_agents(ctx, choice, layout.page)
         self.are_shown = bool(named)
-        is_counted = drawing_of(ctx).has_stacks and len(agents) <= _MOST_COUNTED
+        is_counted = get_drawing(ctx).has_stacks and len(agents) <= _MOST_COUNTED
         if not (named or heights or is_counted):
             return []
-        looks = [look for look in looks_of(artists) if look.current_position is not None and look.name in agents]
+        looks = [look for look in list_looks(artists) if look.current_position is not None and look.name in agents]
         for artist in artists.values():
-            looks += [mark for mark in drawn_marks(artist) if mark.name in named]
-        dots = dots_of(looks, camera, fine, heights.keys())
-        lines = _lines(looks, dots, heights, named)
-        knots = _knots(dots, list(lines))
+            looks += [mark for mark in get_drawn_marks(artist) if mark.name in named]
+        dots = find_dots(looks, camera, fine, heights.keys())
+        lines = _make_lines(looks, dots, heights, named)
+        knots = _group_discs(dots, list(lines))
         # Labels that were there before stay, so they choose first.
         knots.sort(key=lambda knot: looks[knot[0]].name not in self._places)
         found = list[Label]()
@@ -172,8 +172,8 @@ class Labels:
         self._places = {}
         for knot in knots:
             name = looks[knot[0]].name
-            label = _shortened([lines[row] for row in knot])
-            places = _places(dots, knot, label)
+            label = _shorten_lines([lines[row] for row in knot])
+            places = _list_places(dots, knot, label)
             order = sorted(range(len(places)), key=lambda place: place != before.get(name))
             others = np.delete(dots.boxes(_DOTS_PX), knot, axis=0)
             free = Layout(layout.page, np.vstack([layout.areas, others])).find_free(places[order], _AROUND_PX)
@@ -182,7 +182,7 @@ class Labels:
                 layout.cover(places[place])
                 self._places[name] = place
                 left, top, right, bottom = places[place].tolist()
-                leader = _leader(dots, knot[0], places[place]) if place >= _NEAR_PLACES else []
+                leader = _make_leader(dots, knot[0], places[place]) if place >= _NEAR_PLACES else []
                 found.append(Label(label, (left, top, right, bottom), leader))
         return found
 
@@ -220,18 +220,18 @@ def draw_names(
         label.draw(pen)
 
 
-def _named(ctx: IContext, choice: Choice, page: Rectangle) -> frozenset[str]:
+def _find_named_agents(ctx: IContext, choice: Choice, page: Rectangle) -> frozenset[str]:
     """Return the names of the agents whose names are shown."""
     if isinstance(choice, frozenset):
         return choice
     if choice == AUTO:
         left, top, right, bottom = page
         most = min(_MOST_AUTO, (right - left) * (bottom - top) / _AUTO_PX)
-        choice = drawing_of(ctx).has_default_look and len(ctx.agent.agents) <= most
+        choice = get_drawing(ctx).has_default_look and len(ctx.agent.agents) <= most
     return frozenset(ctx.agent.agents if choice else ())
 
 
-def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
+def _list_heights(ctx: IContext) -> Iterator[tuple[str, str]]:
     """Yield the names of agents in the air, and how high they are; "" on the ground."""
     positions = ctx.agent.positions
     for row in positions.flyers.tolist():
@@ -240,15 +240,17 @@ def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
         yield positions.names[row], height if z > 0.0 else ""
 
 
-def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> AgentDots:
+def find_dots(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> AgentDots:
     """Return the discs of drawn agents in page pixels; one has `fine` pixels of the camera."""
     above = set(flyers)
     columns = [(*(look.current_position or ()), *look.shift, look.size, look.least_px) for look in looks]
     is_above = np.array([look.name in above for look in looks], bool)
-    return dots_in(np.array(columns, np.float64).reshape(-1, 6), camera, fine, is_above)
+    return convert_dots(np.array(columns, np.float64).reshape(-1, 6), camera, fine, is_above)
 
 
-def dots_in(columns: FloatArray, camera: Camera, fine: float = 1.0, is_above: BoolArray | bool = False) -> AgentDots:
+def convert_dots(
+    columns: FloatArray, camera: Camera, fine: float = 1.0, is_above: BoolArray | bool = False
+) -> AgentDots:
     """Return the discs of columns (dots, 6), as in `AgentLooks.drawn`; `is_above` marks flying agents."""
     scale = camera.scale / fine
     radii = np.maximum(columns[:, 4] * scale, columns[:, 5])
@@ -262,7 +264,7 @@ def sign_boxes(ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fi
     marks = {name: artist for name, artist in artists.items() if getattr(artist.get_drawer(), "is_mark", False)}
     if not marks:
         return np.empty((0, 4))
-    share = max(data.get("_alpha", 1.0) for data in map(data_of, marks.values()))
+    share = max(data.get("_alpha", 1.0) for data in map(get_data, marks.values()))
     commands = ArtistGroup(ctx, marks).commands(share)
     if len(commands) == 0:
         return np.empty((0, 4))
@@ -275,7 +277,7 @@ def sign_boxes(ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fi
     return np.hstack([low, high])
 
 
-def _lines(
+def _make_lines(
     looks: Sequence[AgentData], dots: AgentDots, heights: Mapping[str, str], named: frozenset[str]
 ) -> dict[int, LabelLine]:
     """Return row of a disc -> text beside it; the first of several discs of one color at one place has their number."""
@@ -294,7 +296,7 @@ def _lines(
     return found
 
 
-def _knots(dots: AgentDots, rows: list[int]) -> list[list[int]]:
+def _group_discs(dots: AgentDots, rows: list[int]) -> list[list[int]]:
     """Return discs in groups: each joins the first group whose first disc it touches."""
     firsts = np.zeros(len(rows), np.int64)
     knots = list[list[int]]()
@@ -310,7 +312,7 @@ def _knots(dots: AgentDots, rows: list[int]) -> list[list[int]]:
     return knots
 
 
-def _shortened(lines: list[LabelLine]) -> list[LabelLine]:
+def _shorten_lines(lines: list[LabelLine]) -> list[LabelLine]:
     """Return the first lines, and the number of the others."""
     if len(lines) <= _MOST_LINES:
         return lines
@@ -318,7 +320,7 @@ def _shortened(lines: list[LabelLine]) -> list[LabelLine]:
     return [*named, LabelLine(f"+{len(lines) - len(named)}", None)]
 
 
-def _indent(lines: list[LabelLine]) -> float:
+def _compute_indent(lines: list[LabelLine]) -> float:
     """Return the width of the bullets, which a single line does not need."""
     return _INDENT_PX if len(lines) > 1 else 0.0
 
@@ -326,17 +328,17 @@ def _indent(lines: list[LabelLine]) -> float:
 # -- where they go ------------------------------------------------------------------------------------------------
 
 
-def _places(dots: AgentDots, knot: list[int], lines: list[LabelLine]) -> FloatArray:
+def _list_places(dots: AgentDots, knot: list[int], lines: list[LabelLine]) -> FloatArray:
     """Return where a label may stand beside discs, (places, 4)."""
     own = dots.boxes()[knot]
     low = own[:, :2].min(axis=0)
     high = own[:, 2:].max(axis=0)
-    width = _indent(lines) + max(words_width(words, LABEL_PX) for words, _ in lines)
+    width = _compute_indent(lines) + max(measure_words(words, LABEL_PX) for words, _ in lines)
     size = np.array([width, EM * LABEL_PX + (len(lines) - 1) * _LINE_PX])
     return beside((low + high) / 2, (high - low) / 2, size)
 
 
-def _leader(dots: AgentDots, row: int, box: FloatArray) -> list[tuple[float, float]]:
+def _make_leader(dots: AgentDots, row: int, box: FloatArray) -> list[tuple[float, float]]:
     """Return the line from a disc to a distant label."""
     center = dots.centers[row]
     end = np.clip(center, box[:2], box[2:])
@@ -367,7 +369,7 @@ class StreetName(NamedTuple):
     @property
     def corner(self) -> tuple[float, float]:
         """The upper left corner of the words, around which they are turned."""
-        across = words_width(self.words, STREET_PX) / 2
+        across = measure_words(self.words, STREET_PX) / 2
         down = MIDDLE * STREET_PX
         turn = radians(self.angle)
         return self.x - across * cos(turn) - down * sin(turn), self.y + across * sin(turn) - down * cos(turn)
@@ -379,7 +381,7 @@ class StreetName(NamedTuple):
     def boxes(self) -> FloatArray:
         """Return squares (squares, 4) that cover the words: left, top, right, bottom."""
         half = EM * STREET_PX / 2
-        across = words_width(self.words, STREET_PX) / 2
+        across = measure_words(self.words, STREET_PX) / 2
         turn = radians(self.angle)
         steps = np.linspace(-across, across, int(2 * across / half) + 2)
         middles = np.column_stack([self.x + steps * cos(turn), self.y - steps * sin(turn)])
@@ -409,12 +411,12 @@ def place_street_names(
     """
     scale = camera.scale / fine
     found = list[StreetName]()
-    if scale < _CLOSE or not in_metres(ctx.graph.columns()):
+    if scale < _CLOSE or not is_in_metres(ctx.graph.columns()):
         return found
-    layout.cover(dots_in(drawn_looks(artists)[1], camera, fine).boxes())
+    layout.cover(convert_dots(collect_drawn_looks(artists)[1], camera, fine).boxes())
     left, top, right, bottom = layout.page
     most = int((right - left) * (bottom - top) / _NAME_AREA)
-    for name in _tries(drawing_of(ctx).of_map(_straight_parts), camera._replace(scale=scale), layout):
+    for name in _propose_names(get_drawing(ctx).of_map(_find_straight_parts), camera._replace(scale=scale), layout):
         if len(found) == most:
             return found
         same = np.array([(one.x, one.y) for one in found if one.words == name.words]).reshape(-1, 2)
@@ -425,7 +427,7 @@ def place_street_names(
     return found
 
 
-def _tries(parts: _StraightParts, camera: Camera, layout: Layout) -> Iterator[StreetName]:
+def _propose_names(parts: _StraightParts, camera: Camera, layout: Layout) -> Iterator[StreetName]:
     """Yield names at even distances along straight parts that are long enough, if they are inside the page."""
     begins = camera.to_screen(parts.begins)
     ways = camera.to_screen(parts.ends) - begins
@@ -444,25 +446,25 @@ def _tries(parts: _StraightParts, camera: Camera, layout: Layout) -> Iterator[St
         yield StreetName(parts.words[row[place]], x, y, degrees(atan2(-down, across)))
 
 
-def _straight_parts(columns: GraphColumns) -> _StraightParts:
+def _find_straight_parts(columns: GraphColumns) -> _StraightParts:
     """Return the straight parts of streets that have names, but no tunnels; edges that meet are joined."""
-    names = {row: _first_text(value) for row, value in columns.edge_attributes.get("name", {}).items()}
-    rows = one_way_each(columns)
-    rows = rows[(levels_of(columns)[rows] >= 0) & np.isin(rows, [row for row, name in names.items() if name])]
+    names = {row: _find_first_text(value) for row, value in columns.edge_attributes.get("name", {}).items()}
+    rows = find_distinct_roads(columns)
+    rows = rows[(find_levels(columns)[rows] >= 0) & np.isin(rows, [row for row, name in names.items() if name])]
     if not len(rows):
         return _StraightParts([], np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
     texts, group = np.unique([names[row] for row in rows.tolist()], return_inverse=True)
     classes = np.zeros(len(texts), np.int64)
-    np.maximum.at(classes, group, classes_of(columns)[rows])
-    owner, ends = straight_parts(*polylines(columns, rows), group, _STRAIGHT_M)
+    np.maximum.at(classes, group, find_classes(columns)[rows])
+    owner, ends = find_straight_parts(*polylines(columns, rows), group, _STRAIGHT_M)
     lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
     order = np.lexsort((owner, -lengths, -classes[owner]))
-    widths = np.array([words_width(text, STREET_PX) for text in texts.tolist()])
+    widths = np.array([measure_words(text, STREET_PX) for text in texts.tolist()])
     words = texts[owner[order]].tolist()
     return _StraightParts(words, ends[order, 0], ends[order, 1], widths[owner[order]])
 
 
-def _first_text(value: object) -> str:
+def _find_first_text(value: object) -> str:
     """Return a name, or the first of several; "" for invalid or too long names."""
     text = value[0] if isinstance(value, list | tuple) and value else value
     return text.strip() if isinstance(text, str) and len(text) <= _LONGEST_NAME else ""

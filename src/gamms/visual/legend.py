@@ -22,14 +22,14 @@ from gamms.visual.appearance import (
     Colorize,
     Rgb,
     Rgba,
-    colorized,
+    apply_colors,
     levels,
     rgba,
     table,
 )
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
-from gamms.visual.font import MIDDLE, words_width
+from gamms.visual.font import MIDDLE, measure_words
 
 _FONT_PX = 21.0
 _TITLE_PX = 22.0
@@ -123,7 +123,7 @@ def together(blocks: Iterable[Block]) -> tuple[Block, ...]:
     return tuple(LegendRows("", tuple(rows.values()), heading) if block is None else block for block in found)
 
 
-def grown(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Block, ...]:
+def grow_blocks(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Block, ...]:
     """Return the blocks of now with the open rows of before in their order, so that no row ever moves in a film."""
     open_before = [block for block in before if _is_open(block)]
     if not open_before:
@@ -141,7 +141,7 @@ def _is_open(block: Block) -> bool:
     )
 
 
-def plain_block(block: Block) -> dict[str, Any]:
+def make_plain_block(block: Block) -> dict[str, Any]:
     """Return a block as plain values, for a recording."""
     if isinstance(block, ColorScale):
         return {"title": block.title, "colors": list(block.colors), "ends": [block.low, block.middle, block.high]}
@@ -149,8 +149,8 @@ def plain_block(block: Block) -> dict[str, Any]:
     return {"title": block.title, "rows": rows} | ({"heading": block.heading} if block.heading else {})
 
 
-def block_from_plain(plain: dict[str, Any]) -> Block:
-    """Return the block that `plain_block` described.
+def make_block(plain: dict[str, Any]) -> Block:
+    """Return the block that `make_plain_block` described.
 
     Raises:
         BadType, BadValue, KeyError, TypeError: it did not describe this.
@@ -192,9 +192,9 @@ class Legend:
         self.width = 0.0
         self.height = 0.0
         self.least = (0.0, 0.0)
-        for tried in (blocks, _without_signs(blocks)):
-            wide = max(map(_width, tried), default=0.0)
-            high = sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1)
+        for tried in (blocks, _remove_signs(blocks)):
+            wide = max(map(_measure_width, tried), default=0.0)
+            high = sum(map(_measure_height, tried)) + _GAP_PX * (len(tried) - 1)
             if wide > 0.0 and high > 0.0:
                 zoom = min(1.0, _ASIDE * (width - _PAD_PX) / wide, height / high)
                 if zoom >= _SMALLEST:
@@ -218,10 +218,10 @@ class Legend:
                 _draw_bar(pen, block, top)
             else:
                 _draw_rows(pen, block, top)
-            top += _height(block) + _GAP_PX
+            top += _measure_height(block) + _GAP_PX
 
 
-def _without_signs(blocks: tuple[Block, ...]) -> tuple[Block, ...]:
+def _remove_signs(blocks: tuple[Block, ...]) -> tuple[Block, ...]:
     """Return the blocks of a legend that explain colors."""
     found = list[Block]()
     for block in blocks:
@@ -268,35 +268,35 @@ class Pen:
         """The color of headings: a pale variant of the text color."""
         return _FAINT if sum(self.ink) < 3 * 128 else _FAINT_BY_NIGHT
 
-    def _place(self, x: float, y: float) -> tuple[float, float]:
+    def _convert_point(self, x: float, y: float) -> tuple[float, float]:
         left, top = (begin + self._zoom * way for begin, way in zip(self._begin, (x, y), strict=True))
         return self.camera.left + left / self._scale, self.camera.top - top / self._scale
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle from its upper left corner."""
-        self.commands.add_rectangle(*self._place(x, y), self._zoom * width, self._zoom * height, color)
+        self.commands.add_rectangle(*self._convert_point(x, y), self._zoom * width, self._zoom * height, color)
 
     def circle(self, x: float, y: float, radius: float, color: AnyColor, width: float = 0.0) -> None:
         """Draw a circle; a width of 0 fills it."""
-        place = self._place(x, y)
+        place = self._convert_point(x, y)
         zoom = self._zoom
         self.commands.add_circles([place], zoom * radius, color, zoom * width, DrawSpace.SCREEN)
 
     def line(self, points: Iterable[tuple[float, float]], color: AnyColor, width: float) -> None:
         """Draw a polyline."""
-        self.commands.add_line([self._place(*point) for point in points], color, self._zoom * width)
+        self.commands.add_line([self._convert_point(*point) for point in points], color, self._zoom * width)
 
     def polygon(self, points: Iterable[tuple[float, float]], color: AnyColor) -> None:
         """Fill a polygon."""
-        self.commands.add_polygon([self._place(*point) for point in points], color)
+        self.commands.add_polygon([self._convert_point(*point) for point in points], color)
 
     def turned_text(self, words: str, corner: tuple[float, float], font_px: float, ink: Rgb, angle: float) -> None:
         """Write words from their upper left corner, turned around that counter-clockwise by degrees."""
-        self.commands.add_text(words, *self._place(*corner), ink, self._zoom * font_px, angle)
+        self.commands.add_text(words, *self._convert_point(*corner), ink, self._zoom * font_px, angle)
 
     def text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
         """Write words whose small letters have their middle so far down."""
-        place = self._place(x, middle - MIDDLE * font_px)
+        place = self._convert_point(x, middle - MIDDLE * font_px)
         self.commands.add_text(words, *place, ink or self.ink, self._zoom * font_px)
 
 
@@ -313,17 +313,19 @@ def _draw_bar(pen: Pen, bar: ColorScale, top: float) -> None:
 
 def _draw_rows(pen: Pen, block: LegendRows, top: float) -> None:
     top += _draw_title(pen, block.title, top)
-    end = _values_end(block)
+    end = _measure_values_end(block)
     if block.heading:
-        pen.text(block.heading, end - words_width(block.heading, _SMALL_PX), top + 0.4 * _LINE_PX, _SMALL_PX, pen.faint)
+        pen.text(
+            block.heading, end - measure_words(block.heading, _SMALL_PX), top + 0.4 * _LINE_PX, _SMALL_PX, pen.faint
+        )
         top += _HEADING_PX
-    for number, row in enumerate(_shown(block)):
+    for number, row in enumerate(_select_rows(block)):
         middle = top + (number + 0.5) * _LINE_PX
         color = pen.faint if row.color == SIGN and row.sign != _DISC else row.color
         _draw_sign(pen, row.sign, _SWATCH_PX + 1.0, middle, color)
         pen.text(row.name, _NAME_PX, middle, _FONT_PX)
         if row.value:
-            pen.text(row.value, end - words_width(row.value, _FONT_PX), middle, _FONT_PX)
+            pen.text(row.value, end - measure_words(row.value, _FONT_PX), middle, _FONT_PX)
 
 
 class _SignPart(NamedTuple):
@@ -336,45 +338,45 @@ class _SignPart(NamedTuple):
     color: Rgb | None = None  # None: that of the row
 
 
-def _ring(radius: float, width: float = 2.0) -> _SignPart:
+def _make_ring(radius: float, width: float = 2.0) -> _SignPart:
     return _SignPart(width, radius)
 
 
-def _line(width: float, *points: tuple[float, float], alpha: int = 255) -> _SignPart:
+def _make_line(width: float, *points: tuple[float, float], alpha: int = 255) -> _SignPart:
     return _SignPart(width, points=points, alpha=alpha)
 
 
-def _arc(width: float, radius: float, begin: float, end: float) -> _SignPart:
+def _make_arc(width: float, radius: float, begin: float, end: float) -> _SignPart:
     """Return a part of a circle, from the top on clockwise, in full turns."""
     turns = np.linspace(begin, end, 5) * 2.0 * pi
-    return _line(width, *((radius * sin(turn), -radius * cos(turn)) for turn in turns.tolist()))
+    return _make_line(width, *((radius * sin(turn), -radius * cos(turn)) for turn in turns.tolist()))
 
 
-_TIMER = _line(3.5, *((6.5 * sin(step * pi / 16), -6.5 * cos(step * pi / 16)) for step in range(13)))
+_TIMER = _make_line(3.5, *((6.5 * sin(step * pi / 16), -6.5 * cos(step * pi / 16)) for step in range(13)))
 _SIGNS = {
     _DISC: (_SignPart(radius=_SWATCH_PX + 1.5, color=_RIM), _SignPart(radius=_SWATCH_PX)),
-    "ring": (_ring(6.5),),
+    "ring": (_make_ring(6.5),),
     "dot": (_SignPart(radius=3.5, alpha=200),),
     "field": (_SignPart(radius=8.0, alpha=50), _SignPart(1.0, 8.0, alpha=150)),
-    "range": tuple(_arc(1.2, 7.5, gap / 8, (gap + 0.6) / 8) for gap in range(8)),
-    "line": (_line(4.0, (-8.0, 0.0), (8.0, 0.0), alpha=150),),
-    "curve": (_line(2.0, *((x, x * x / 12 - 3.0) for x in range(-8, 9, 2))),),
-    "band": (_line(9.0, (-6.0, 0.0), (6.0, 0.0), alpha=90),),
-    "flag": (_line(2.0, (-4.0, 8.0), (-4.0, -8.0)), _line(0.0, (-4.0, -8.0), (7.0, -4.5), (-4.0, -1.0))),
-    "cross": (_line(2.5, (-5.0, 5.0), (5.0, -5.0)), _line(2.5, (-5.0, -5.0), (5.0, 5.0))),
-    "tick": (_line(2.5, (-6.0, 0.5), (-2.0, 5.0), (6.0, -5.0)),),
-    "tag": (_ring(7.0, 1.5), _line(1.5, (-3.5, 3.5), (3.5, -3.5)), _line(1.5, (-3.5, -3.5), (3.5, 3.5))),
+    "range": tuple(_make_arc(1.2, 7.5, gap / 8, (gap + 0.6) / 8) for gap in range(8)),
+    "line": (_make_line(4.0, (-8.0, 0.0), (8.0, 0.0), alpha=150),),
+    "curve": (_make_line(2.0, *((x, x * x / 12 - 3.0) for x in range(-8, 9, 2))),),
+    "band": (_make_line(9.0, (-6.0, 0.0), (6.0, 0.0), alpha=90),),
+    "flag": (_make_line(2.0, (-4.0, 8.0), (-4.0, -8.0)), _make_line(0.0, (-4.0, -8.0), (7.0, -4.5), (-4.0, -1.0))),
+    "cross": (_make_line(2.5, (-5.0, 5.0), (5.0, -5.0)), _make_line(2.5, (-5.0, -5.0), (5.0, 5.0))),
+    "tick": (_make_line(2.5, (-6.0, 0.5), (-2.0, 5.0), (6.0, -5.0)),),
+    "tag": (_make_ring(7.0, 1.5), _make_line(1.5, (-3.5, 3.5), (3.5, -3.5)), _make_line(1.5, (-3.5, -3.5), (3.5, 3.5))),
     "goal": (
-        _ring(5.5, 1.5),
-        _ring(2.0, 1.5),
-        *(_line(1.5, (5.5 * x, 5.5 * y), (9.0 * x, 9.0 * y)) for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))),
+        _make_ring(5.5, 1.5),
+        _make_ring(2.0, 1.5),
+        *(_make_line(1.5, (5.5 * x, 5.5 * y), (9.0 * x, 9.0 * y)) for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))),
     ),
-    "arc": (_ring(6.5, 1.0), _TIMER),
-    "base": (_line(2.0, (6.0, 6.0), (6.0, -6.0), (-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0)),),
-    "plus": (_line(2.0, (-7.0, 0.0), (7.0, 0.0)), _line(2.0, (0.0, -7.0), (0.0, 7.0))),
+    "arc": (_make_ring(6.5, 1.0), _TIMER),
+    "base": (_make_line(2.0, (6.0, 6.0), (6.0, -6.0), (-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0)),),
+    "plus": (_make_line(2.0, (-7.0, 0.0), (7.0, 0.0)), _make_line(2.0, (0.0, -7.0), (0.0, 7.0))),
     "timer": (_TIMER,),
-    "square": (_line(2.0, (0.0, 7.0), (7.0, 0.0), (0.0, -7.0), (-7.0, 0.0), (0.0, 7.0)),),
-    "gauge": (_line(5.0, (-8.0, 0.0), (8.0, 0.0), alpha=90), _line(5.0, (-8.0, 0.0), (2.0, 0.0))),
+    "square": (_make_line(2.0, (0.0, 7.0), (7.0, 0.0), (0.0, -7.0), (-7.0, 0.0), (0.0, 7.0)),),
+    "gauge": (_make_line(5.0, (-8.0, 0.0), (8.0, 0.0), alpha=90), _make_line(5.0, (-8.0, 0.0), (2.0, 0.0))),
 }
 
 
@@ -394,54 +396,54 @@ def _draw_title(pen: Pen, title: str, top: float) -> float:
     """Write a title, and return its height, pixels."""
     if title:
         pen.text(title, 0.0, top + 0.5 * _LINE_PX, _TITLE_PX)
-    return _title_height(title)
+    return _measure_title_height(title)
 
 
-def _title_height(title: str) -> float:
+def _measure_title_height(title: str) -> float:
     return _LINE_PX + 3.0 if title else 0.0
 
 
-def _height(block: Block) -> float:
+def _measure_height(block: Block) -> float:
     body = (
         _BAR_HEIGHT_PX
         if isinstance(block, ColorScale)
-        else _LINE_PX * len(_shown(block)) + _HEADING_PX * bool(block.heading)
+        else _LINE_PX * len(_select_rows(block)) + _HEADING_PX * bool(block.heading)
     )
-    return _title_height(block.title) + body
+    return _measure_title_height(block.title) + body
 
 
-def _width(block: Block) -> float:
+def _measure_width(block: Block) -> float:
     if isinstance(block, ColorScale):
-        body = _BAR_PX + 8.0 + max(words_width(words, _FONT_PX) for words in (block.low, block.middle, block.high))
+        body = _BAR_PX + 8.0 + max(measure_words(words, _FONT_PX) for words in (block.low, block.middle, block.high))
     else:
-        names = max((words_width(row.name, _FONT_PX) for row in _shown(block)), default=0.0)
-        body = max(_NAME_PX + names, _values_end(block))
-    return max(body, words_width(block.title, _TITLE_PX))
+        names = max((measure_words(row.name, _FONT_PX) for row in _select_rows(block)), default=0.0)
+        body = max(_NAME_PX + names, _measure_values_end(block))
+    return max(body, measure_words(block.title, _TITLE_PX))
 
 
-def _values_end(block: LegendRows) -> float:
+def _measure_values_end(block: LegendRows) -> float:
     """Return the right edge of the column of values, right of the names and wide enough for growing numbers."""
     valued = [row for row in block.rows if row.value]
     if not valued:
         return 0.0
-    values = [words_width(row.value, _FONT_PX) for row in valued]
+    values = [measure_words(row.value, _FONT_PX) for row in valued]
     if block.heading:
-        values += [words_width(block.heading, _SMALL_PX), words_width(_LARGE, _FONT_PX)]
-    return _NAME_PX + max(words_width(row.name, _FONT_PX) for row in valued) + _PAD_PX + max(values)
+        values += [measure_words(block.heading, _SMALL_PX), measure_words(_LARGE, _FONT_PX)]
+    return _NAME_PX + max(measure_words(row.name, _FONT_PX) for row in valued) + _PAD_PX + max(values)
 
 
-def _shown(block: LegendRows) -> tuple[LegendRow, ...]:
+def _select_rows(block: LegendRows) -> tuple[LegendRow, ...]:
     """Return the rows that fit, without the rest."""
     if len(block.rows) <= _MOST_ROWS:
         return block.rows
     return (*block.rows[: _MOST_ROWS - 1], LegendRow(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))
 
 
-def legend_only(ctx: IContext, data: dict[str, Any]) -> None:
+def draw_nothing(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw nothing: the artist has a legend only."""
 
 
-legend_only.once_a_turn = True  # type: ignore[attr-defined]  # what drawers are asked for
+draw_nothing.once_a_turn = True  # type: ignore[attr-defined]  # what drawers are asked for
 
 
 _FEW_COLORS = 8  # up to this number of distinct colors, each has a row
@@ -469,7 +471,7 @@ class ColoredValues:
     legend: Block | None
 
 
-def checked(
+def check_colored_values(
     of: str,
     given: Mapping[int, float],
     known: IntArray,
@@ -497,21 +499,21 @@ def checked(
     strange = ids[~np.isin(ids, known)].tolist()
     if strange:
         raise UnknownName(of.removesuffix("s"), strange[0])
-    values = _numbers(given.values(), of)
+    values = _convert_values(given.values(), of)
     is_shown = ~np.isnan(values)
     ids = ids[is_shown]
     values = values[is_shown]
     if callable(cmap):
-        colors, places = colorized(cmap, values)
-        low, high = _span(values, span)
-        return ColoredValues(of, ids, tuple(colors), places, _key_of_function(cmap, values, low, high, title))
+        colors, places = apply_colors(cmap, values)
+        low, high = _find_span(values, span)
+        return ColoredValues(of, ids, tuple(colors), places, _make_function_key(cmap, values, low, high, title))
     colors = list(table(cmap))
-    low, high = _span(values, span, is_even=cmap == DIVERGING)
-    bar = _bar(title, colors, low, high) if len(values) else None
+    low, high = _find_span(values, span, is_even=cmap == DIVERGING)
+    bar = _make_color_bar(title, colors, low, high) if len(values) else None
     return ColoredValues(of, ids, tuple(colors), levels(values, low, high), bar)
 
 
-def _numbers(values: Iterable[Any], of: str) -> FloatArray:
+def _convert_values(values: Iterable[Any], of: str) -> FloatArray:
     """Convert values to floats; NaN and infinite values are allowed."""
     found = list(values)
     if not all(type(value) in (float, int) for value in found):
@@ -526,7 +528,9 @@ def _is_endless(value: object) -> bool:
     return isinstance(value, float | np.floating) and not np.isfinite(value)
 
 
-def _span(values: FloatArray, span: tuple[float | None, float | None], *, is_even: bool = False) -> tuple[float, float]:
+def _find_span(
+    values: FloatArray, span: tuple[float | None, float | None], *, is_even: bool = False
+) -> tuple[float, float]:
     """Return the values at both ends of the color map: as given, or the extremes of the finite values."""
     given = tuple(
         None if end is None else as_float(end, name) for name, end in zip(("vmin", "vmax"), span, strict=True)
@@ -543,7 +547,7 @@ def _span(values: FloatArray, span: tuple[float | None, float | None], *, is_eve
     return low, high
 
 
-def _key_of_function(colorize: Colorize, values: FloatArray, low: float, high: float, title: str) -> Block | None:
+def _make_function_key(colorize: Colorize, values: FloatArray, low: float, high: float, title: str) -> Block | None:
     distinct = np.unique(values)
     if len(distinct) == 0:
         return None
@@ -555,10 +559,10 @@ def _key_of_function(colorize: Colorize, values: FloatArray, low: float, high: f
     if np.isfinite(distinct).all() and high > low:  # the nearest existing value at even steps
         wanted = np.linspace(low, high, _STEPS)
         shown = distinct[np.abs(distinct[:, None] - wanted).argmin(axis=0)]
-    return _bar(title, [rgba(colorize(value))[:3] for value in shown.tolist()], low, high)
+    return _make_color_bar(title, [rgba(colorize(value))[:3] for value in shown.tolist()], low, high)
 
 
-def _bar(title: str, colors: list[Rgb], low: float, high: float) -> Block:
+def _make_color_bar(title: str, colors: list[Rgb], low: float, high: float) -> Block:
     if high <= low:
         return LegendRows(title, (LegendRow(colors[LEVELS // 2 if len(colors) == LEVELS else 0], f"{low:g}"),))
     thinned = [colors[place] for place in np.rint(np.linspace(0, len(colors) - 1, _STEPS)).astype(int).tolist()]

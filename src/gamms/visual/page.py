@@ -17,17 +17,17 @@ from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
-from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
+from gamms.visual.appearance import PAPER, Rgb, Rgba, choose_inks, rgba
 from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_bar, draw_card
-from gamms.visual.drawers.streets import in_metres
-from gamms.visual.drawing import joined
-from gamms.visual.font import shortened, words_width
+from gamms.visual.drawers.streets import is_in_metres
+from gamms.visual.drawing import join_drawings
+from gamms.visual.font import measure_words, shorten_text
 from gamms.visual.labels import AUTO, Choice, Labels, as_choice, draw_names
 from gamms.visual.layout import Layout
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.shown_turn import as_turns
-from gamms.visual.themes import THEMES, Theme, theme_called
+from gamms.visual.themes import THEMES, Theme, find_theme
 
 _FITS = "page", "tight"
 _AREA = 560_000.0  # square pixels of the map on a page of no given size
@@ -72,7 +72,7 @@ class PageStyle:
     has_legend: bool = True
 
 
-def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
+def make_style(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     """Check the options of a picture; the source of the map is added to the note unless the note names it already.
 
     Raises:
@@ -82,8 +82,8 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     fit = one_of(options.get("fit", _FITS[0]), "fit", _FITS)
     scale_bar = options.get("scale_bar")
     columns = ctx.graph.columns()
-    theme = theme_called(options.get("theme", "light"))
-    has_bar = in_metres(columns) if scale_bar is None else as_bool(scale_bar, "scale_bar")
+    theme = find_theme(options.get("theme", "light"))
+    has_bar = is_in_metres(columns) if scale_bar is None else as_bool(scale_bar, "scale_bar")
     unit = " m" if columns.crs else ""
     return PageStyle(
         title=as_text(options.get("title", ""), "title"),
@@ -140,11 +140,11 @@ class Page:
         self._size = (width / fine, height / fine)
         self._margin = min(_MARGIN_PX, _MARGIN * max(self._size))
         room = self._size[0] - 2 * self._margin
-        title = shortened(style.title, _TITLE_PX, room, is_title=True)
-        note = shortened(style.note, _NOTE_PX, room, is_title=True)
+        title = shorten_text(style.title, _TITLE_PX, room, is_title=True)
+        note = shorten_text(style.note, _NOTE_PX, room, is_title=True)
         self._style = replace(style, title=title, note=note)
         self._bar_px = min(_BAR_PX, _BAR * self._size[0])
-        self._feet = self._feet_px()
+        self._feet = self._measure_feet_px()
         self._foot = 2.0 if not any(self._feet) else _ROW_PX * self._rows
         foot = self._margin if not any(self._feet) else _ROW_PX * self._rows + _GAP_PX
         self._lines = sum(self._size[1] >= least for least in _LEAST_HEIGHTS_PX) if style.has_captions else 0
@@ -159,7 +159,7 @@ class Page:
 
     def fit(self, low: FloatArray, high: FloatArray) -> tuple[Camera, Point]:
         """Return a camera that sees all from corner to corner, and the pixel of the map's upper right corner."""
-        left, top, right, bottom = (margin * self._fine for margin in self._around())
+        left, top, right, bottom = (margin * self._fine for margin in self._compute_margins())
         width, height = (round(side * self._fine) for side in self._size)
         camera = fit_box(low, high, width, height, (left, top, right, bottom))
         x, y = camera.to_screen(high[None])[0].tolist()
@@ -181,7 +181,7 @@ class Page:
         """The width of the column of the legend on a page that the map fills otherwise."""
         return self.legend.width + 2 * self._margin if self.legend.width else 0.0
 
-    def _around(self) -> Margins:
+    def _compute_margins(self) -> Margins:
         """Return the margins around the map, for the parts there and for signs that reach beyond the map."""
         left, top, right, bottom = (
             margin + max(reach - _GAP_PX, 0.0) for margin, reach in zip(self._margins, self.spill, strict=True)
@@ -196,15 +196,15 @@ class Page:
 
     def around(self, across: float, up: float) -> tuple[float, float]:
         """Return how large a page is around a map of a size, both in 96ths of an inch."""
-        left, top, right, bottom = self._around()
-        title = words_width(self._style.title, _TITLE_PX) + 2 * self._margin if self._style.title else 0.0
+        left, top, right, bottom = self._compute_margins()
+        title = measure_words(self._style.title, _TITLE_PX) + 2 * self._margin if self._style.title else 0.0
         foot = (max if self._rows > 1 else sum)(self._feet) + 2 * _EDGE_PX
         width, height = self.legend.least
         return max(across + left + right, foot, title, width), max(up, height) + top + bottom
 
     def pen(self, camera: Camera) -> Pen:
         """Return a pen for this page."""
-        return Pen(camera, self._fine, inks(self._style.background)[0])
+        return Pen(camera, self._fine, choose_inks(self._style.background)[0])
 
     # -- parts around the map --------------------------------------------------------------------------
 
@@ -216,11 +216,11 @@ class Page:
             corner: the upper right corner of the map, beside which the legend stands; None: that of the page.
         """
         style = self._style
-        _, faint = inks(self._style.background)
+        _, faint = choose_inks(self._style.background)
         pen = self.pen(camera)
         if style.title:
             pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
-        left, top = self._legend_at(corner)
+        left, top = self._place_legend(corner)
         is_beside = corner is None or left > corner[0] / self._fine
         if corner is None and self.legend.width:
             width, height = self._size
@@ -229,7 +229,7 @@ class Page:
         self._draw_foot(pen, faint, camera.scale / self._fine)
         return pen.commands.freeze()
 
-    def _legend_at(self, corner: Point | None) -> Point:
+    def _place_legend(self, corner: Point | None) -> Point:
         """Return the upper left corner of the legend; it stays on the page where it grows after the map is placed."""
         _, top, _, bottom = self._margins
         width, height = self._size
@@ -259,10 +259,10 @@ class Page:
             labels: place the names of agents.
             bar: the captions.
         """
-        around = joined(self._names(camera, corner, ctx, artists, labels), self.commands(camera, corner))
-        return joined(around, self._captions(camera, bar, corner)) if self.has_captions else around
+        around = join_drawings(self._draw_names(camera, corner, ctx, artists, labels), self.commands(camera, corner))
+        return join_drawings(around, self._draw_captions(camera, bar, corner)) if self.has_captions else around
 
-    def _names(
+    def _draw_names(
         self, camera: Camera, corner: Point | None, ctx: IContext, artists: Mapping[str, IArtist], labels: Labels
     ) -> DrawCommands:
         """Return the names of streets, and the labels beside agents, for the position of the map on this page."""
@@ -279,13 +279,13 @@ class Page:
         if self.legend.width and corner is None:
             layout.cover((width - self._column_px, 0.0, width, height))
         elif self.legend.width:
-            left, top = self._legend_at(corner)
+            left, top = self._place_legend(corner)
             right = left + self.legend.width
             bottom = top + self.legend.height
             layout.cover((left - self._margin, top - self._margin, right, bottom + self._margin))
         return layout
 
-    def _captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
+    def _draw_captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
         """Return the captions of the turn, below the map, or on the map if the page has no free corner."""
         width, height = self._size
         (left, *_, foot) = self._margins
@@ -295,7 +295,7 @@ class Page:
         if corner is None:
             pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
         scores = not self.legend.width
-        _, faint = inks(self._style.background)
+        _, faint = choose_inks(self._style.background)
         draw_caption_bar(pen, bar, (left, top, width - 2 * left), lines, faint, scores=scores)
         return pen.commands.freeze()
 
@@ -305,7 +305,7 @@ class Page:
         (left, top, right, bottom) = self._margins
         width, height = self._size
         center = (left + width - right) / 2, top + 0.4 * (height - top - bottom)
-        draw_card(pen, card, center, self._style.background[:3], inks(self._style.background)[1])
+        draw_card(pen, card, center, self._style.background[:3], choose_inks(self._style.background)[1])
         return pen.commands.freeze()
 
     @property
@@ -314,11 +314,11 @@ class Page:
         is_much = sum(self._feet) + 3 * _EDGE_PX > self._size[0]
         return 2 if all(self._feet) and is_much else int(any(self._feet))
 
-    def _feet_px(self) -> tuple[float, float]:
+    def _measure_feet_px(self) -> tuple[float, float]:
         """Return how broad the bar and north are, and the note."""
         style = self._style
         bar = self._bar_px + _LABEL_PX if style.unit is not None and self._size[0] >= _LEAST_PX else 0.0
-        note = words_width(style.note, _NOTE_PX)
+        note = measure_words(style.note, _NOTE_PX)
         return bar + _NORTH_PX * style.north, note + 2 * _EDGE_PX if note else 0.0
 
     def _draw_foot(self, pen: Pen, ink: Rgb, scale: float) -> None:
@@ -337,13 +337,13 @@ class Page:
         middle -= _ROW_PX * (self._rows - 1)
         pen.rectangle(x - _EDGE_PX, middle - 0.4 * _ROW_PX, mark_px + _EDGE_PX, 0.8 * _ROW_PX, ground)
         if mark_px > _NORTH_PX:
-            length = round_length(self._bar_px / scale)
+            length = find_round_length(self._bar_px / scale)
             end = x + length * scale
             low = middle + 4.0
             pen.line([(x, low - 5.0), (x, low), (end, low), (end, low - 5.0)], ink, 1.5)
             words = f"{length / 1000:g} km" if self._style.unit and length >= 1000 else f"{length:g}{self._style.unit}"
             pen.text(words, end + 6.0, middle, _NOTE_PX, ink)
-            x = end + 6.0 + words_width(words, _NOTE_PX) + 16.0
+            x = end + 6.0 + measure_words(words, _NOTE_PX) + 16.0
         if self._style.north:
             pen.polygon(
                 [(x, middle + 5.0), (x + 4.0, middle - 7.0), (x + 8.0, middle + 5.0), (x + 4.0, middle + 2.0)], ink
@@ -351,13 +351,13 @@ class Page:
             pen.text("N", x + 12.0, middle, _NOTE_PX, ink)
 
 
-def round_length(longest: float) -> float:
+def find_round_length(longest: float) -> float:
     """Return the longest of 1, 2, 5, 10, 20, 50 … and of their tenths that is not longer than this."""
     ten = 10.0 ** floor(log10(longest))
     return max(ten * step for step in (1, 2, 5) if ten * step <= longest * (1 + 1e-9))
 
 
-def page_size(
+def compute_page_size(
     box: Box,
     asked: tuple[int | None, int | None],
     blocks: tuple[Block, ...],

@@ -4,8 +4,8 @@ import os
 from base64 import b64encode
 from typing import TYPE_CHECKING, Unpack
 
-from gamms.arguments import as_target, with_options
-from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.arguments import as_target, spell_out_options
+from gamms.deciding import Guarded, Protected, get_phase, lift_decide_phase, refuse_while_deciding
 from gamms.errors import ContextTerminated, MissingExtra
 from gamms.typing import IContext, PictureOptions
 from gamms.visual.artists import Artists
@@ -39,7 +39,7 @@ class Pictures(Guarded):
     _films: list["Film"]
 
     def __init__(self, ctx: IContext, drawing: Drawing, artists: Artists, turn_seconds: float) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._ctx = ctx
         self._drawing = drawing
         self._artists = artists
@@ -61,8 +61,8 @@ class Pictures(Guarded):
         for film in tuple(self.films):
             film.finish()
 
-    @outside_of_deciding
-    @with_options()
+    @lift_decide_phase
+    @spell_out_options()
     def save(
         self,
         path: str | os.PathLike[str],
@@ -93,8 +93,8 @@ class Pictures(Guarded):
         content = self.picture(file, width, height, dpi=dpi, **options)
         write_whole(file, content, through_links=True)
 
-    @outside_of_deciding
-    @with_options()
+    @lift_decide_phase
+    @spell_out_options()
     def picture(
         self,
         format: str | os.PathLike[str],
@@ -120,14 +120,14 @@ class Pictures(Guarded):
             ContextTerminated: the context has ended.
         """
         from gamms.visual import files
-        from gamms.visual.page import style_of
+        from gamms.visual.page import make_style
 
-        sheet = files.sheet(format, width, height, dpi)
-        style = style_of(self._ctx, **options)
+        sheet = files.check_sheet(format, width, height, dpi)
+        style = make_style(self._ctx, **options)
         with self._drawing.themed(style.theme):
-            return files.painted(files.FrameSource(self._ctx, self._drawing, self._artists), sheet, style)
+            return files.paint_picture(files.FrameSource(self._ctx, self._drawing, self._artists), sheet, style)
 
-    @outside_of_deciding
+    @lift_decide_phase
     def as_png(self) -> bytes | None:
         """Return the current state as PNG bytes for a notebook; None if no library can make it."""
         try:
@@ -135,7 +135,7 @@ class Pictures(Guarded):
         except MissingExtra:
             return None
 
-    @outside_of_deciding
+    @lift_decide_phase
     def as_html(self) -> str:
         """Return the present state as an element of a page: a PNG, or an SVG where that cannot be made."""
         kind = "png"
@@ -146,8 +146,8 @@ class Pictures(Guarded):
         source = f"data:image/{kind};base64,{b64encode(content).decode()}"
         return f'<img alt="the present state" src="{source}"/>'
 
-    @outside_of_deciding
-    @with_options()
+    @lift_decide_phase
+    @spell_out_options()
     def frame(
         self,
         width: int | None = None,
@@ -175,8 +175,8 @@ class Pictures(Guarded):
         self._scene = frames.scene
         return frames.at(1.0).pixels().copy()  # which may be written to
 
-    @refused_while_deciding
-    @with_options()
+    @refuse_while_deciding
+    @spell_out_options()
     def film(
         self,
         path: str | os.PathLike[str],
@@ -218,9 +218,9 @@ class Pictures(Guarded):
         **options: Unpack[PictureOptions],
     ) -> "Film":
         """Begin a film; see `film`."""
-        from gamms.visual.files import Film, Frames, FrameSource, film_plan
+        from gamms.visual.files import Film, Frames, FrameSource, check_film_plan
 
-        plan = film_plan(path, fps, width, height, frames_per_turn)
+        plan = check_film_plan(path, fps, width, height, frames_per_turn)
         source = FrameSource(self._ctx, self._drawing, self._artists)
         options.setdefault("captions", True)
         frames = Frames(source, plan.asked, options, is_even=plan.path.suffix.lower() == ".mp4", is_film=True)

@@ -11,9 +11,9 @@ from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.text import reason
 from gamms.typing import ArtistType, IArtist, IContext
-from gamms.visual.artist import ArtistGroup, state_of
-from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import Block, block_from_plain, blocks_of, plain_block
+from gamms.visual.artist import ArtistGroup, make_state_key
+from gamms.visual.drawing import get_drawing
+from gamms.visual.legend import Block, blocks_of, make_block, make_plain_block
 
 Recorded = dict[str, Any]  # `artist`, `layer`, `visible`, and, if it is visible, `commands` and `legend`
 _POINT_BYTES = 200  # memory per point: columns, and the data painted from these
@@ -40,7 +40,7 @@ class RecordedDrawer:
         """Draw the commands; drawings that were elsewhere at the beginning of the turn move in a straight line."""
         commands = self._drawings.commands.get(self._name)
         start = self._drawings.starts.get(self._name)
-        target = drawing_of(ctx).commands
+        target = get_drawing(ctx).commands
         share = float(data.get("_alpha", 1.0))
         if commands is None or target is None:
             return
@@ -96,7 +96,7 @@ class RecordedDrawings:
         drawings = [one for other, one in drawn_before if other != name]
         points = sum(len(one.points) for one in (*drawings, drawn, start) if one is not None)
         refuse_above(_POINT_BYTES * points, "What the artists of this recording draw")
-        self.legends[name] = [block_from_plain(block) for block in legend]
+        self.legends[name] = [make_block(block) for block in legend]
         self.commands[name] = drawn
         self._plain[name] = {key: recorded[key] for key in ("commands", "start", "legend") if key in recorded}
         self.starts.pop(name, None)
@@ -116,26 +116,26 @@ class RecordedDrawings:
         if isinstance(artist.get_drawer(), RecordedDrawer):
             return found | self._plain.get(name, {})
         if artist.get_artist_type() is not ArtistType.STATIC:
-            return found | self._drawn(name, artist)
-        key = drawing_of(self._ctx).map_version(), state_of(name, artist)
+            return found | self._draw_artist(name, artist)
+        key = get_drawing(self._ctx).map_version(), make_state_key(name, artist)
         known = self._static.get(name)
         if known is None or known[0] != key:
-            known = key, self._drawn(name, artist)
+            known = key, self._draw_artist(name, artist)
             self._static[name] = known
         return found | known[1]
 
-    def _drawn(self, name: str, artist: IArtist) -> Recorded:
+    def _draw_artist(self, name: str, artist: IArtist) -> Recorded:
         try:
             start = self._start(name, artist)
             drawn: Recorded = {"commands": ArtistGroup(self._ctx, {name: artist}).commands().to_plain()}
-            if start is not None and _differs_by_points(start, drawn["commands"]):
+            if start is not None and _has_moved_only(start, drawn["commands"]):
                 drawn["start"] = start["points"]
         except BadValue as error:
             self._refused.add(name)
             self._ctx.logger.warning(f"Artist {name!r}: {reason(error)}")
             return {}
         try:
-            legend = [plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
+            legend = [make_plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
         except Exception as error:  # noqa: BLE001 - a function of the user's, as a drawer is
             self._ctx.logger.error(f"The legend of artist {name!r} failed: {type(error).__name__}: {reason(error)}")  # noqa: TRY400 - ILogger has no `exception`
             legend = []
@@ -146,12 +146,12 @@ class RecordedDrawings:
         is_still = artist.get_artist_type() is ArtistType.STATIC or getattr(artist.get_drawer(), "once_a_turn", False)
         if is_still:
             return None
-        motion = drawing_of(self._ctx).motion
+        motion = get_drawing(self._ctx).motion
         motion.begin_turn()
         return ArtistGroup(self._ctx, {name: artist}).commands(0.0).to_plain() if motion.moves.rows else None
 
 
-def _differs_by_points(start: dict[str, Any], end: dict[str, Any]) -> bool:
+def _has_moved_only(start: dict[str, Any], end: dict[str, Any]) -> bool:
     """Return whether two drawings are the same commands at other points."""
     are_alike = all(np.array_equal(start[name], end[name]) for name in ("kind", "counts"))
     return are_alike and not np.array_equal(start["points"], end["points"])

@@ -14,10 +14,10 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import Rgba
-from gamms.visual.artist import ArtistGroup, in_painting_order, state_of
-from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
+from gamms.visual.artist import ArtistGroup, in_painting_order, make_state_key
+from gamms.visual.backends.pygame_backend import Canvas, load, paint_transparent
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, bounds, framed, spill
+from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, bounds, frame_drawings, spill
 from gamms.visual.constants import CACHE_ZOOM_MAX
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class FrameBudget:
         self._is_first = False
 
 
-def whole_frame() -> FrameBudget:
+def make_whole_budget() -> FrameBudget:
     """Return a budget without a time limit: everything in view is painted at once."""
     return FrameBudget(0.0, is_leaping=True)
 
@@ -161,7 +161,7 @@ class Tiles:
 
     def show(self, canvas: Canvas, camera: Camera, budget: FrameBudget) -> None:
         """Show the view of a camera; with the background None, over the present contents."""
-        level = self._level_for(camera, budget)
+        level = self._choose_level(camera, budget)
         area = level.view(camera)
         if budget.is_leaping:
             for place in level.rough.intersection(area.tiles().places()):
@@ -174,21 +174,23 @@ class Tiles:
         if level.scale == camera.scale:
             self._blit(canvas.surface, level, area)
             return
-        canvas.surface.blit(self._scaled(level, area, (camera.width, camera.height)), (0, 0), special_flags=self._flags)
+        canvas.surface.blit(
+            self._scale_area(level, area, (camera.width, camera.height)), (0, 0), special_flags=self._flags
+        )
 
     def is_sharp(self, camera: Camera) -> bool:
         """Return whether everything in view is painted at the scale of the camera."""
-        level = self._levels.get(_grid_of(camera))
+        level = self._levels.get(_compute_grid(camera))
         return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
 
-    def _level_for(self, camera: Camera, budget: FrameBudget) -> _Level:
+    def _choose_level(self, camera: Camera, budget: FrameBudget) -> _Level:
         """Return the level to show: that of the camera's scale, or while zooming one that is near."""
         last = next(reversed(self._levels.values()), None)
         if budget.is_zooming and last is not None:
             share = camera.scale / last.scale
             if 1 / CACHE_ZOOM_MAX <= share <= CACHE_ZOOM_MAX:
                 return last
-        grid = _grid_of(camera)
+        grid = _compute_grid(camera)
         level = self._levels.pop(grid, None) or _Level(*grid)
         self._levels[grid] = level
         return level
@@ -229,17 +231,17 @@ class Tiles:
         return True
 
     def _paint(self, level: _Level, tiles: _Area) -> None:
-        surface = self._painted(level.camera(tiles))
+        surface = self._paint_tiles(level.camera(tiles))
         for place in tiles.places():
-            level.tiles[place] = _part(surface, tiles, place)
+            level.tiles[place] = _copy_tile(surface, tiles, place)
             level.rough.discard(place)
 
-    def _painted(self, camera: Camera) -> Any:
+    def _paint_tiles(self, camera: Camera) -> Any:
         if self.background is None:
-            return painted_transparent(lambda color: self._painted_on(camera, color))
-        return self._painted_on(camera, self.background)
+            return paint_transparent(lambda color: self._paint_on_color(camera, color))
+        return self._paint_on_color(camera, self.background)
 
-    def _painted_on(self, camera: Camera, color: Rgba) -> Any:
+    def _paint_on_color(self, camera: Camera, color: Rgba) -> Any:
         canvas = Canvas(camera.width, camera.height, self._pool.surface(str(color), camera.width, camera.height))
         canvas.fill(color)
         self.painting.paint(canvas, camera)
@@ -278,11 +280,11 @@ class Tiles:
         return all(there in other.tiles for there in area.tiles().places())
 
     def _cut_out_of(self, source: _Level, level: _Level, found: list[Place]) -> None:
-        tiles = _around(found)
+        tiles = _enclose_places(found)
         camera = level.camera(tiles)
-        surface = self._scaled(source, source.view(camera), (camera.width, camera.height))
+        surface = self._scale_area(source, source.view(camera), (camera.width, camera.height))
         for place in found:
-            level.tiles[place] = _part(surface, tiles, place)
+            level.tiles[place] = _copy_tile(surface, tiles, place)
             level.rough.add(place)
 
     def _evict(self, level: _Level, tiles: _Area) -> None:
@@ -301,7 +303,7 @@ class Tiles:
 
     # -- surfaces --------------------------------------------------------------------------------------------
 
-    def _scaled(self, level: _Level, area: _Area, size: tuple[int, int]) -> Any:
+    def _scale_area(self, level: _Level, area: _Area, size: tuple[int, int]) -> Any:
         """Return an area in another size; the brightness that shrinking costs is given back."""
         pygame = load()
         flags = pygame.SRCALPHA if self.background is None else 0
@@ -330,7 +332,7 @@ class Tiles:
 _Grid = tuple[float, tuple[float, float]]  # scale and phase
 
 
-def _grid_of(camera: Camera) -> _Grid:
+def _compute_grid(camera: Camera) -> _Grid:
     """Return the scale of a camera, and by how much it lies right of and below whole pixels of the world."""
     across = camera.left * camera.scale
     down = -camera.top * camera.scale
@@ -338,12 +340,12 @@ def _grid_of(camera: Camera) -> _Grid:
     return camera.scale, (x if abs(x) > _ROUNDING_PX else 0.0, y if abs(y) > _ROUNDING_PX else 0.0)
 
 
-def _around(places: list[Place]) -> _Area:
+def _enclose_places(places: list[Place]) -> _Area:
     columns, rows = zip(*places, strict=True)
     return _Area(min(columns), min(rows), max(columns) + 1, max(rows) + 1)
 
 
-def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
+def _copy_tile(surface: "Surface", tiles: _Area, place: Place) -> Any:
     """Return a copy of a tile, so that it does not keep the whole surface alive."""
     x = (place[0] - tiles.left) * SIDE
     y = (place[1] - tiles.top) * SIDE
@@ -434,24 +436,24 @@ class Scene:
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
         self._before = self._parts
         self._parts = []
-        for rate, members, group in self._groups(artists):
+        for rate, members, group in self._group_artists(artists):
             if rate is not _DrawRate.FRAME and group.artists in asked:
                 part = asked[group.artists]
             elif rate is _DrawRate.STATIC:
-                key = (world, *(state_of(name, artist) for name, artist in members.items()))
+                key = (world, *(make_state_key(name, artist) for name, artist in members.items()))
                 part = known.get(key) or ScenePart(group, draw(group), key)
             else:
-                part = self._moving_part(group, draw, is_new_turn=is_new_turn)
+                part = self._make_moving_part(group, draw, is_new_turn=is_new_turn)
             part.lasts = rate is not _DrawRate.FRAME
             self._parts.append(part)
 
-    def _groups(self, artists: Mapping[str, IArtist]) -> _Groups:
+    def _group_artists(self, artists: Mapping[str, IArtist]) -> _Groups:
         """Return artists in painting order, grouped by parts."""
         by_likeness = groupby(in_painting_order(artists), _group_key)
         parts = [(rate, dict(members)) for (rate, *_), members in by_likeness]
         return [(rate, members, ArtistGroup(self._ctx, members)) for rate, members in parts]
 
-    def _moving_part(self, group: ArtistGroup, draw: Draw, *, is_new_turn: bool) -> ScenePart:
+    def _make_moving_part(self, group: ArtistGroup, draw: Draw, *, is_new_turn: bool) -> ScenePart:
         """Return a part: that of the frame before, where it would look the same."""
         commands = draw(group)
         for part in self._before:
@@ -464,7 +466,7 @@ class Scene:
 
     def box(self) -> Box:
         """Return the corners of what a picture of all parts shows."""
-        return framed(*(part.painting.commands for part in self._parts))
+        return frame_drawings(*(part.painting.commands for part in self._parts))
 
     def spill(self, box: Box) -> Margins:
         """Return how many pixels signs at the sides of a box reach beyond it: left, top, right and bottom."""
@@ -489,15 +491,15 @@ class Scene:
             budget: the time limit for a moving camera; None: the camera is at rest, and whole surfaces are cached.
         """
         # Parts that are constant for a turn are above parts that are constant for the game; only these two are cached.
-        stops = set() if budget else {_leading(part.is_static for part in self._parts)}
-        stops |= set() if budget else {_leading(part.lasts for part in self._parts)}
-        begin = self._from_stage(canvas, camera, background, stops)
+        stops = set() if budget else {_count_leading(part.is_static for part in self._parts)}
+        stops |= set() if budget else {_count_leading(part.lasts for part in self._parts)}
+        begin = self._show_stage(canvas, camera, background, stops)
         tiled = [part for part in self._parts[begin:] if self._is_tiled(part, is_moving=budget is not None)]
         if begin == 0 and not (budget and self._parts[:1] == tiled[:1]):
             canvas.fill(background)
         for place, part in enumerate(self._parts[begin:], begin):
             if part in tiled and (budget or place):  # rear parts are cached as a whole surface
-                part.show(canvas, camera, None if place else background, budget or whole_frame(), self._pool)
+                part.show(canvas, camera, None if place else background, budget or make_whole_budget(), self._pool)
             else:
                 part.paint(canvas, camera)
             overlay = self._overlays.get(part.artists)
@@ -515,7 +517,7 @@ class Scene:
         is_kept = part.is_static or (part.lasts if self._tiles_turns else is_moving and part.is_old)
         return part.is_much and is_kept
 
-    def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, stops: set[int]) -> int:
+    def _show_stage(self, canvas: Canvas, camera: Camera, background: Rgba, stops: set[int]) -> int:
         """Show the cached painting of the most leading parts, and return their number."""
         if not stops:
             return 0
@@ -531,7 +533,7 @@ class Scene:
         return len(parts)
 
 
-def _leading(are_so: Iterable[bool]) -> int:
+def _count_leading(are_so: Iterable[bool]) -> int:
     """Return the number of leading items that are true."""
     return sum(takewhile(bool, are_so))
 

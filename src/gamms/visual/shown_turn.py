@@ -13,13 +13,13 @@ from gamms import kernels
 from gamms.arguments import as_int, as_key
 from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.progress import Progress, steps_along
+from gamms.ir.progress import Progress, find_steps_along
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.looks import Report, data_of
+from gamms.knowledge.looks import Report, restore_data
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType
-from gamms.typing.on_edges import line_along, located
+from gamms.typing.on_edges import cut_line, locate
 from gamms.typing.recorder import Step
 
 _Point = tuple[float, float]
@@ -40,7 +40,7 @@ class MovePaths(NamedTuple):
         shares = np.column_stack([np.zeros(len(straight)), is_long]).ravel()
         points = np.concatenate([straight.reshape(-1, 2), *bends])
         offsets = np.concatenate(([0], np.cumsum(counts)))
-        return cls(points, np.concatenate([shares, *map(_shares, bends)]), offsets)
+        return cls(points, np.concatenate([shares, *map(_compute_shares, bends)]), offsets)
 
     def at(self, share: float) -> FloatArray:
         """Return the points (paths, 2) after a share of each path's length."""
@@ -63,7 +63,7 @@ class MovePaths(NamedTuple):
         return points if share >= 1.0 else [*points[: bisect_right(self.shares[part].tolist(), share)], end]
 
 
-def _shares(points: FloatArray) -> FloatArray:
+def _compute_shares(points: FloatArray) -> FloatArray:
     lengths = np.hypot(*np.diff(points, axis=0).T)
     return np.concatenate([[0.0], np.cumsum(lengths)]) / (float(lengths.sum()) or 1.0)
 
@@ -213,8 +213,8 @@ class LastMoves:
         for place in range(max(len(entries) - turns, 0), len(entries)):
             entry = entries[place]
             if not isinstance(entry, MovedAgents):
-                steps = self._steps_of(entry)
-                entries[place] = self.moves_between(steps | steps_along(steps, entry[-1]))
+                steps = self._find_steps(entry)
+                entries[place] = self.moves_between(steps | find_steps_along(steps, entry[-1]))
         return [moves for moves in reversed(entries) if isinstance(moves, MovedAgents)][:turns]
 
     def begin_turn(self) -> None:
@@ -228,12 +228,12 @@ class LastMoves:
         if latest is not None:
             positions = self._ctx.agent.positions
             previous = dict(zip(positions.names, positions.previous_places, strict=True))
-            steps = self._steps_of(latest).items()
+            steps = self._find_steps(latest).items()
             # An agent whose previous node is its node was put there.
             moved = {name: step for name, step in steps if previous.get(name) != step[1]}
-            self.moves = self.moves_between(moved | steps_along(moved, latest[-1]))
+            self.moves = self.moves_between(moved | find_steps_along(moved, latest[-1]))
 
-    def _steps_of(self, turn: _Turn) -> dict[str, Step]:
+    def _find_steps(self, turn: _Turn) -> dict[str, Step]:
         """Return where each agent was at the begin and at the end of a turn, but for agents that were put elsewhere."""
         names, places, number, names_before, places_before, _ = turn
         was = dict(zip(names_before, places_before, strict=True))
@@ -248,16 +248,16 @@ class LastMoves:
         moved = {name: step for name, step in steps.items() if step[0] != step[1]}
         others = {name: step for name, step in moved.items() if any(isinstance(end, tuple) for end in step)}
         lines_of = {
-            name: self._travelled(*step)
+            name: self._find_traveled_points(*step)
             for name, step in others.items()
             if any(isinstance(end, Progress) for end in step)
         }
         travels = {name: line for name, line in lines_of.items() if line is not None}
         flights = {name: step for name, step in others.items() if name not in lines_of}
         names = [name for name in moved if name not in others]
-        ends = self._rows_of([moved[name] for name in names])
+        ends = self._find_rows([moved[name] for name in names])
         is_known = (ends >= 0).all(axis=1)  # or else the node that it came from is gone
-        bends = self._bends(ends) if is_known.any() else {}
+        bends = self._find_polylines(ends) if is_known.any() else {}
         straight = [row for row in np.flatnonzero(is_known).tolist() if row not in bends]
         lines = np.array([(before[:2], now[:2]) for before, now in flights.values()], np.float64).reshape(-1, 2, 2)
         if straight:
@@ -267,21 +267,21 @@ class LastMoves:
         rows = {name: row_of[name] for name in moved if name in row_of}
         return MovedAgents(rows, MovePaths.through(lines, [*bends.values(), *travels.values()]))
 
-    def _travelled(self, before: Any, now: Any) -> FloatArray | None:
+    def _find_traveled_points(self, before: Any, now: Any) -> FloatArray | None:
         """Return the points between two positions, one of them or both on edges; None if the edge was removed."""
         graph = self._ctx.graph.graph
         try:
             if isinstance(before, Progress) and isinstance(now, Progress) and before.edge == now.edge:
-                line = line_along(graph.get_edge(now.edge).points, before.share, now.share)
+                line = cut_line(graph.get_edge(now.edge).points, before.share, now.share)
                 return np.array(line)[:, 1:]
             came_by = now.source if isinstance(now, Progress) else now
-            left = self._part(before, lambda share: (share, float(came_by != before.source)))
-            entered = self._part(now, lambda share: (0.0, share))
+            left = self._cut_edge(before, lambda share: (share, float(came_by != before.source)))
+            entered = self._cut_edge(now, lambda share: (0.0, share))
         except UnknownName:
             return None
         return np.array([*left, *entered])[:, 1:]
 
-    def _part(
+    def _cut_edge(
         self, place: Progress | int, of: Callable[[float], tuple[float, float]]
     ) -> list[tuple[float, float, float]]:
         """Return the corners of a part of the agent's edge, (share, x, y) each; on a node, its position.
@@ -290,7 +290,7 @@ class LastMoves:
         """
         graph = self._ctx.graph.graph
         if isinstance(place, Progress):
-            return line_along(graph.get_edge(place.edge).points, *of(place.share))
+            return cut_line(graph.get_edge(place.edge).points, *of(place.share))
         node = graph.get_node(place)
         return [(0.0, node.x, node.y)]
 
@@ -302,7 +302,7 @@ class LastMoves:
         """
         row = self.moves.rows.get(as_key(name, "The name of an agent")) if share < 1.0 else None
         if row is not None:
-            x, y = self._moved(share)[row].tolist()
+            x, y = self._compute_positions(share)[row].tolist()
             return x, y
         agent = self._ctx.agent.get_agent(name)
         if agent.type == AgentType.AERIAL:
@@ -325,7 +325,7 @@ class LastMoves:
             positions[row] = on_edges.get(name, positions[row])
         if share < 1.0 and self.moves.rows:
             rows = self.paths_of(names)
-            positions[rows >= 0] = self._moved(share)[rows[rows >= 0]]
+            positions[rows >= 0] = self._compute_positions(share)[rows[rows >= 0]]
         return positions
 
     def paths_of(self, names: Sequence[str]) -> IntArray:
@@ -343,18 +343,18 @@ class LastMoves:
         graph = self._ctx.graph.graph
         key = positions, positions.version, graph.revision
         if key != self._on_edges[0] or graph.revision is None:
-            found = {row: located(graph, progress) for row, progress in positions.on_edges.items()}
+            found = {row: locate(graph, progress) for row, progress in positions.on_edges.items()}
             names = positions.names
             self._on_edges = key, {names[row]: place.xy for row, place in found.items() if place is not None}
         return self._on_edges[1]
 
-    def _moved(self, share: float) -> FloatArray:
+    def _compute_positions(self, share: float) -> FloatArray:
         """Return where all that moved are, (paths, 2)."""
         if self._now is None or self._now[0] != share:
             self._now = share, self.moves.paths.at(share)
         return self._now[1]
 
-    def _rows_of(self, steps: list[tuple[int, int]]) -> IntArray:
+    def _find_rows(self, steps: list[tuple[int, int]]) -> IntArray:
         """Return the rows (steps, 2) of the nodes of steps; -1 is a node that is gone."""
         if not steps:
             return np.empty((0, 2), np.int64)
@@ -364,7 +364,7 @@ class LastMoves:
             return np.full((len(steps), 2), -1)
         return kernels.rows_of(columns.node_ids, np.array(steps, np.int64), columns.node_order)
 
-    def _bends(self, ends: IntArray) -> dict[int, FloatArray]:
+    def _find_polylines(self, ends: IntArray) -> dict[int, FloatArray]:
         """Return the polylines of the first edges between nodes, for the steps (steps, 2) that have one."""
         columns = self._ctx.graph.columns()
         if not columns.polylines:
@@ -389,13 +389,13 @@ class TurnEvents:
 
     def of_turn(self) -> list[dict[str, Any]]:
         """Return the events of the last turn."""
-        return list(self._latest(1))[::-1]
+        return list(self._list_latest(1))[::-1]
 
     def of_turns(self, kind: str, turns: int) -> list[dict[str, Any]]:
         """Return the events of a kind in the last turns, up to a limit, the latest first."""
-        return [event for event in self._latest(turns) if event.get("kind") == kind]
+        return [event for event in self._list_latest(turns) if event.get("kind") == kind]
 
-    def _latest(self, turns: int) -> Iterator[dict[str, Any]]:
+    def _list_latest(self, turns: int) -> Iterator[dict[str, Any]]:
         game = self._ctx.current_game
         if game is not None and game.turn:
             first = game.turn - turns
@@ -486,10 +486,10 @@ class SensorCarriers:
 
     def sights(self, most: int) -> list[ShownView]:
         """Return the views of sensors that have sensed; empty if there are more than the limit."""
-        found = list(islice(self._looking(), most + 1))
+        found = list(islice(self._list_looking_sensors(), most + 1))
         return [] if len(found) > most else [self.sight(*one) for one in found]
 
-    def _looking(self) -> Iterator[tuple[Any, Any]]:
+    def _list_looking_sensors(self) -> Iterator[tuple[Any, Any]]:
         """Yield the sensors that have sensed, with each living carrier, or with None."""
         game = self._ctx.current_game
         is_played = game is not None and game.turn > 0  # here or in a recording: then all have looked
@@ -508,7 +508,7 @@ class SensorCarriers:
         reports = self.read_reports()
         try:
             if agent is None:
-                return self._shown(sensor, agent, view_of(sensor))
+                return self._shown(sensor, agent, get_view(sensor))
             return self._look(sensor, agent, reports)
         except NotOffered:
             view: SensorView | None = SensorView()
@@ -526,22 +526,22 @@ class SensorCarriers:
         preview = getattr(sensor, "preview", None)
         if preview is None or not sensor.sees_world_only:
             look = getattr(sensor, "view_from", None)  # classes that do not inherit from ISensor have none
-            view = view_of(sensor) if look is None else look(place, agent.name)
+            view = get_view(sensor) if look is None else look(place, agent.name)
             return self._shown(sensor, agent, view, report, getattr(sensor, "data", None))
         if report is None:
             data, view = preview(place, agent.name)
             return self._shown(sensor, agent, view, None, data)
-        seen = data_of(report.look, self._ctx.graph.graph, report.names)
+        seen = restore_data(report.look, self._ctx.graph.graph, report.names)
         return self._shown(sensor, agent, sensor.view_of(seen, place, agent.name), report)
 
     def _shown(
         self, sensor: ISensor, agent: IAgent | None, view: object, report: Report | None = None, data: object = None
     ) -> ShownView:
         name = None if agent is None else agent.name
-        shown_view = self._of_carrier(view, sensor, agent) if isinstance(view, SensorView) else None
+        shown_view = self._exclude_own_team(view, sensor, agent) if isinstance(view, SensorView) else None
         return ShownView(sensor, name, shown_view, report, data)
 
-    def _of_carrier(self, view: SensorView, sensor: ISensor, agent: IAgent | None) -> SensorView:
+    def _exclude_own_team(self, view: SensorView, sensor: ISensor, agent: IAgent | None) -> SensorView:
         """Return a view without the carrier's own team, whose field moves with the carrier if nothing blocks it."""
         if agent is None:
             return view
@@ -556,7 +556,7 @@ class SensorCarriers:
         return replace(view, agents=view.agents[is_other], names=names)
 
 
-def view_of(sensor: ISensor) -> SensorView:
+def get_view(sensor: ISensor) -> SensorView:
     """Return the last view of a sensor.
 
     Raises:
@@ -573,7 +573,7 @@ def view_of(sensor: ISensor) -> SensorView:
 
 def _has_looked(sensor: ISensor) -> bool:
     try:
-        return has_content(view_of(sensor))
+        return has_content(get_view(sensor))
     except NotOffered:
         return False
     except Exception:  # noqa: BLE001 - see above

@@ -114,7 +114,7 @@ THEMES = {
 }
 
 
-def theme_called(name: object) -> Theme:
+def find_theme(name: object) -> Theme:
     """Return the theme of that name.
 
     Raises:

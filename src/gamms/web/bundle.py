@@ -26,7 +26,7 @@ _COMMENTS = re.compile(r"^\s*(?://.*|/\*\*(?:(?!\*/).)*\*/|/\*\*$(?s:.*?)\*/)\s*
 
 
 @cache
-def page_called(name: str) -> str:
+def read_page(name: str) -> str:
     """Return the page "viewer" or "places", with placeholders for its data."""
     entry, styles = PAGES[name]
     modules: dict[str, str] = {}
@@ -36,33 +36,33 @@ def page_called(name: str) -> str:
     script = re.sub(r"[^\x00-\x7f]", lambda match: f"\\u{ord(match[0]):04x}", script)
     style = "".join(_read(f"{one}.css") for one in styles)
     parts = {"script_hash": hash_of(script), "style_hash": hash_of(style), "script": script, "style": style}
-    parts["themes"] = json.dumps({name: _table_of(name) for name in VIEWER_THEMES})
+    parts["themes"] = json.dumps({name: _make_color_table(name) for name in VIEWER_THEMES})
     parts["keys"] = json.dumps({"actions": find_actions("page"), "help": explain_keys("page")})
     return re.sub(r"\{(\w+)\}", lambda match: parts.get(match[1], match[0]), _read("page.html"))
 
 
-def _table_of(name: str) -> dict[str, Any]:
+def _make_color_table(name: str) -> dict[str, Any]:
     """Return the colors of a theme for the viewer: as CSS, or as numbers if the viewer interpolates them."""
     theme = THEMES[name]
     walls = theme.map.walls
     ground = theme.map.ground
     return {
         "name": name,
-        "background": css(theme.background),
-        "ink": css(theme.ink),
-        "faint": css(theme.faint),
-        "card": css(theme.card),
-        "streets": css(theme.map.streets),
-        "nodes": css(theme.map.nodes),
+        "background": format_css(theme.background),
+        "ink": format_css(theme.ink),
+        "faint": format_css(theme.faint),
+        "card": format_css(theme.card),
+        "streets": format_css(theme.map.streets),
+        "nodes": format_css(theme.map.nodes),
         "walls": [walls.low, walls.high],
-        "outline": css(walls.outline),
-        "wall": css(walls.wall),
-        **{part: css(color) for part, color in ground._asdict().items()},
-        "fog": [css(color) for color in theme.fog],
+        "outline": format_css(walls.outline),
+        "wall": format_css(walls.wall),
+        **{part: format_css(color) for part, color in ground._asdict().items()},
+        "fog": [format_css(color) for color in theme.fog],
     }
 
 
-def css(color: Sequence[int]) -> str:
+def format_css(color: Sequence[int]) -> str:
     """Return an RGB or RGBA color, 0 to 255 each, as CSS."""
     return "#" + bytes(color).hex().removesuffix("ff" if len(color) > 3 else "")
 

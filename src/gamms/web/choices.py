@@ -12,8 +12,8 @@ from typing import Any
 from gamms import recorder
 from gamms.context import Context
 from gamms.errors import BadFile, BadValue, GammsError
-from gamms.game.channels import checked_outboxes, receivers_of
-from gamms.game.deeds import field_of, wanted_deeds
+from gamms.game.channels import check_outboxes, receivers_of
+from gamms.game.deeds import check_wanted_deeds, parse_field
 from gamms.plain import Plain, as_json
 from gamms.text import reason, shown
 from gamms.typing.actions import find_parallel_edges
@@ -130,7 +130,7 @@ class Choice:
 # -- questions ------------------------------------------------------------------------------------------------------
 
 
-def moves_of(state: Mapping[str, Any]) -> tuple[int | None, ...] | None:
+def list_moves(state: Mapping[str, Any]) -> tuple[int | None, ...] | None:
     """Return the legal nodes of an agent, its own node first, and None for stopping on an edge; None: it flies."""
     here = state["curr_pos"]
     if isinstance(here, tuple):
@@ -139,7 +139,7 @@ def moves_of(state: Mapping[str, Any]) -> tuple[int | None, ...] | None:
     return (*(state.get("legal") or (here,)), *on_edge)[:_MOST_MOVES]
 
 
-def edges_of(state: Mapping[str, Any], ctx: Context) -> list[dict[str, Plain]]:
+def list_edges(state: Mapping[str, Any], ctx: Context) -> list[dict[str, Plain]]:
     """Return the edges among which a person can choose: those to nodes to which several edges lead."""
     graph = ctx.graph.graph
     edges = chain.from_iterable(find_parallel_edges(state, ctx).values())
@@ -149,21 +149,21 @@ def edges_of(state: Mapping[str, Any], ctx: Context) -> list[dict[str, Plain]]:
     ]
 
 
-def _names_in_sight(state: Mapping[str, Any]) -> Iterator[str]:
+def _list_names_in_sight(state: Mapping[str, Any]) -> Iterator[str]:
     """Yield the names of agents in the sensor data of a state."""
     for _, data in state.get("sensor", {}).values():
         if isinstance(data, Mapping):
             yield from (name for name in data if isinstance(name, str))
 
 
-def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, dict[str, Plain]]]:
+def list_deeds(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, dict[str, Plain]]]:
     """Return the deeds that a person can choose; agents in fields are the person's or visible, sensors the person's."""
-    known = {*own, *_names_in_sight(state)}
+    known = {*own, *_list_names_in_sight(state)}
     offered: dict[str, dict[str, dict[str, Plain]]] = {}
     for deed, fields in state.get("deeds", {}).items():
         offered[deed] = {}
         for key, declared in fields.items():
-            kind, choices, is_required = field_of(declared)
+            kind, choices, is_required = parse_field(declared)
             given: list[Plain] | None = [as_json(one) for one in choices] if kind == "choice" else None
             if kind == "agent":
                 given = [name for name in sorted(known) if name in ctx.agent.agents]
@@ -186,7 +186,7 @@ def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) ->
     me = state["name"]
     heard = [message["sender"] for message in state["inbox"]]
     teams = {agent.name: agent.team for agent in ctx.agent.create_iter()}
-    known = sorted(({*own, *heard, *_names_in_sight(state)} - {me}) & teams.keys())
+    known = sorted(({*own, *heard, *_list_names_in_sight(state)} - {me}) & teams.keys())
     offered: dict[str, dict[str, Plain]] = {}
     for name, channel in ctx.game.channels.items():
         if channel.is_for(teams[me]):
@@ -200,7 +200,7 @@ def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) ->
     return offered
 
 
-def inbox_of(state: Mapping[str, Any]) -> list[Plain]:
+def list_inbox(state: Mapping[str, Any]) -> list[Plain]:
     """Return the last received messages of a state, as JSON."""
     return [as_json(dict(message)) for message in state.get("inbox", ())[-_MOST_HEARD:]]
 
@@ -217,7 +217,7 @@ def written(choice: Mapping[str, Plain]) -> dict[str, Plain]:
     }
 
 
-def messages_of(choice: Choice) -> list[Any]:
+def list_messages(choice: Choice) -> list[Any]:
     """Return the messages in a choice."""
     return [] if choice.action is None else json.loads(choice.action).get("messages", [])
 
@@ -236,7 +236,7 @@ def as_action(choice: Mapping[str, Any]) -> Any:
     return do or choice["move"]
 
 
-def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | None) -> Any:
+def make_action(choice: Mapping[str, Plain], question: Question, ctx: Context | None) -> Any:
     """Check a choice, and convert it to a value for `state["action"]`.
 
     A choice has `question`; `move`, and perhaps `edge`, or `direction` and `distance`; `do`; and `messages`.
@@ -261,7 +261,7 @@ def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | No
             "illegal",
             f"Agent {shown(question.agent)} may not take edge {shown(edge)} to {shown(choice.get('move'))} now.",
         )
-    do = _checked_deeds(choice.get("do") or {}, question, ctx)
+    do = _check_deeds(choice.get("do") or {}, question, ctx)
     _check_messages(choice.get("messages") or [], question, ctx)
     return as_action({**choice, "do": do})
 
@@ -278,7 +278,7 @@ def _check_flight(choice: Mapping[str, Plain], question: Question) -> None:
         )
 
 
-def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dict[str, Any]:
+def _check_deeds(given: Plain, question: Question, ctx: Context | None) -> dict[str, Any]:
     if not isinstance(given, Mapping):
         raise RefusedChoice(
             "illegal", f"The deeds of an agent must be a mapping from deeds to fields, not {shown(given)}."
@@ -297,7 +297,7 @@ def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dic
     if not done or ctx is None:
         return {}
     try:
-        return wanted_deeds(done, ctx.game.deeds, ctx)
+        return check_wanted_deeds(done, ctx.game.deeds, ctx)
     except GammsError as error:
         raise RefusedChoice("illegal", reason(error)) from None
 
@@ -319,7 +319,7 @@ def _check_messages(given: Plain, question: Question, ctx: Context | None) -> No
             )
     if given and ctx is not None:
         teams = {agent.name: agent.team for agent in ctx.agent.create_iter()}
-        _, flaws = checked_outboxes([(ctx.agent.get_agent(question.agent), given)], ctx.game.channels, teams)
+        _, flaws = check_outboxes([(ctx.agent.get_agent(question.agent), given)], ctx.game.channels, teams)
         if flaws:
             raise RefusedChoice("illegal", flaws[0][1].partition("]: ")[2])
 
@@ -327,7 +327,7 @@ def _check_messages(given: Plain, question: Question, ctx: Context | None) -> No
 # -- recordings ------------------------------------------------------------------------------------------------------
 
 
-def choices_in(path: str | os.PathLike[str]) -> dict[tuple[int, str], list[Choice]]:
+def read_choices(path: str | os.PathLike[str]) -> dict[tuple[int, str], list[Choice]]:
     """Return the choices in a recording: (turn, agent) -> choices in order.
 
     Raises:
@@ -337,13 +337,13 @@ def choices_in(path: str | os.PathLike[str]) -> dict[tuple[int, str], list[Choic
     with recorder.open(path) as recording:
         for event in recording.events():
             if event["kind"] == EVENT:
-                found.setdefault((event["turn"], str(event.get("agent"))), []).append(_choice_of(event))
+                found.setdefault((event["turn"], str(event.get("agent"))), []).append(_read_choice(event))
     if not found:
         raise BadValue(f"{str(path)!r} contains no choices of people: only strategies played.")
     return found
 
 
-def _choice_of(event: Mapping[str, Plain]) -> Choice:
+def _read_choice(event: Mapping[str, Plain]) -> Choice:
     """Convert an event, possibly from an untrusted file, to a choice."""
     turn = event["turn"]
     seconds = event.get("seconds")

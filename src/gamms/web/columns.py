@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.graph.map_file import MAGIC as MAP_MAGIC
-from gamms.graph.map_file import VERSION, base_map_of, scenery_called, unframed
+from gamms.graph.map_file import VERSION, load_scenery, pack_base_map, unframe_file
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.packing import to_bytes
-from gamms.ir.scenery import ground_of
+from gamms.ir.scenery import find_ground
 from gamms.plain import Plain
 from gamms.web.knowledge import SensedTurn
 
@@ -129,18 +129,18 @@ def part_of(
         for name, *fact in turn.facts:
             facts += (at, row_of.get(name, name), *fact)
     body: dict[str, Plain] = {
-        **_states(turns, rows, len(names)),
-        "on_edges": _joined(turns, rows, _on_edges),
-        "in_air": _joined(turns, rows, lambda turn: _in_air(turn, step)),
-        "ways": _ways(turns, rows),
-        "messages": _messages(turns, row_of),
+        **_make_state_columns(turns, rows, len(names)),
+        "on_edges": _join_sparse_columns(turns, rows, _find_agents_on_edges),
+        "in_air": _join_sparse_columns(turns, rows, lambda turn: _find_agents_in_air(turn, step)),
+        "ways": _make_way_columns(turns, rows),
+        "messages": _make_message_columns(turns, row_of),
         "captions": captions,
     }
     if any(turn.named for turn in turns):
-        body["named_edges"] = _named_edges(turns, rows)
+        body["named_edges"] = _make_named_edge_columns(turns, rows)
     sensed = [turn.sensed for turn in turns] + [rest]
     if any(one is not None for one in sensed):
-        body |= _sensed(sensed, row_of) | {"is_early": is_early}
+        body |= _make_sensor_columns(sensed, row_of) | {"is_early": is_early}
     return {
         "first": first,
         "step": step,
@@ -153,7 +153,7 @@ def part_of(
     }
 
 
-def _states(turns: Sequence[Turn], rows: list[IntArray], agents: int) -> dict[str, Plain]:
+def _make_state_columns(turns: Sequence[Turn], rows: list[IntArray], agents: int) -> dict[str, Plain]:
     """Return the columns of all agents, (agents, turns): neighboring values differ little, which compresses well."""
     status = np.zeros((agents, len(turns)), np.uint8)
     nodes = np.full((agents, len(turns)), -1, np.int64)
@@ -166,7 +166,7 @@ def _states(turns: Sequence[Turn], rows: list[IntArray], agents: int) -> dict[st
     return {"status": status, "nodes": narrow(nodes), "side": narrow(sides), "sides": list(texts)}
 
 
-def _joined(
+def _join_sparse_columns(
     turns: Sequence[Turn], rows: list[IntArray], columns_of: Callable[[Turn], tuple[IntArray, dict[str, Any]]]
 ) -> dict[str, Plain]:
     """Return sparse columns: `at`, the indices in a flattened column (agents, turns), and the items there."""
@@ -180,13 +180,13 @@ def _joined(
     return {"at": narrow(at[order]), **{key: narrow(column) for key, column in columns.items()}}
 
 
-def _on_edges(turn: Turn) -> tuple[IntArray, dict[str, Any]]:
+def _find_agents_on_edges(turn: Turn) -> tuple[IntArray, dict[str, Any]]:
     agents, ends, shares = turn.on_edges
     numbers = np.rint(np.asarray(shares) * _SHARES).astype(np.int64)
     return agents, {"from": ends[:, 0], "to": ends[:, 1], "share": numbers}
 
 
-def _in_air(turn: Turn, step: float) -> tuple[IntArray, dict[str, Any]]:
+def _find_agents_in_air(turn: Turn, step: float) -> tuple[IntArray, dict[str, Any]]:
     agents, places, headings = turn.in_air
     counted = np.rint(places / step).astype(np.int64)
     turned = np.rint(np.nan_to_num(headings) / (2.0 * np.pi) * _TURN).astype(np.int64) % _TURN
@@ -196,8 +196,8 @@ def _in_air(turn: Turn, step: float) -> tuple[IntArray, dict[str, Any]]:
     }
 
 
-def _ways(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
-    """Return the paths in `Turn.ways` as columns: `at`, see `_joined`, the counts of nodes, and the nodes."""
+def _make_way_columns(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
+    """Return the paths in `Turn.ways` as columns: `at`, see `_join_sparse_columns`, counts of nodes, and nodes."""
     found = dict[int, Sequence[int]]()
     for at, (turn, row) in enumerate(zip(turns, rows, strict=True)):
         found |= {int(row[agent]) * len(turns) + at: way for agent, way in turn.ways.items()}
@@ -210,8 +210,8 @@ def _ways(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
     }
 
 
-def _named_edges(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
-    """Return the edges in `Turn.named` as columns: `at`, see `_joined`, and the edges."""
+def _make_named_edge_columns(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
+    """Return the edges in `Turn.named` as columns: `at`, see `_join_sparse_columns`, and the edges."""
     found = dict[int, int]()
     for at, (turn, row) in enumerate(zip(turns, rows, strict=True)):
         found |= {int(row[agent]) * len(turns) + at: edge for agent, edge in turn.named.items() if edge >= 0}
@@ -219,7 +219,7 @@ def _named_edges(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain
     return {"at": narrow(list(ordered)), "edges": narrow(list(ordered.values()))}
 
 
-def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[Any, Any]":
+def _make_message_columns(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[Any, Any]":
     """Return the messages, (4, messages): turn in the part, row of the sender, row of the receiver, and fate."""
     found = list[tuple[int, int, int, int]]()
     for at, turn in enumerate(turns):
@@ -229,7 +229,7 @@ def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[A
     return narrow(np.array(found, np.int64).reshape(-1, 4).T)
 
 
-def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
+def _make_sensor_columns(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
     """Return the columns of sensor reports: at the beginning of each turn, and after the last one."""
     found = [one for one in sensed if one is not None]
     shapes: dict[int, int] = {}
@@ -258,15 +258,15 @@ def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> d
         "sensors": [list(sensor) for sensor in sensors],
         "shapes": kept,
         "looks": narrow(np.array(looks, np.int64).reshape(-1, 6).T),
-        "seen_nodes": _concatenated([look.seen.nodes for look in every]),
-        "seen_edges": _concatenated([look.seen.edges for look in every]),
+        "seen_nodes": _concatenate([look.seen.nodes for look in every]),
+        "seen_edges": _concatenate([look.seen.edges for look in every]),
         "seen_agents": narrow(np.array(pairs, np.int64).reshape(-1, 2).T),
         "words": words,
-        "sights": {side: _sights(side, sensed, row_of) for side in sides},
+        "sights": {side: _make_sight_columns(side, sensed, row_of) for side in sides},
     }
 
 
-def _sights(side: str, sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
+def _make_sight_columns(side: str, sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
     """Return the columns of a side's knowledge: the nodes whose visibility changes in each turn, and visible agents."""
     before = np.zeros(0, np.int64)
     changed = list[IntArray]()
@@ -279,13 +279,13 @@ def _sights(side: str, sensed: Sequence[SensedTurn | None], row_of: Mapping[str,
         before = now
     return {
         "node_counts": narrow([len(part) for part in changed]),
-        "nodes": _concatenated(changed),
+        "nodes": _concatenate(changed),
         "agent_counts": narrow([len(part) for part in agents]),
         "agents": narrow(list(chain.from_iterable(agents))),
     }
 
 
-def _concatenated(parts: Sequence[IntArray]) -> "np.ndarray[Any, Any]":
+def _concatenate(parts: Sequence[IntArray]) -> "np.ndarray[Any, Any]":
     return narrow(np.concatenate([np.zeros(0, np.int64), *parts]))
 
 
@@ -302,8 +302,8 @@ def drawn_map(
         attributes: the attributes of nodes and edges to include; None: all.
         lat_lon: (nodes, 2) the coordinates of nodes in degrees, to be included; rounded to a centimetre.
     """
-    state = unframed(world, MAP_MAGIC, VERSION)
-    base = state["base_map"] if "base_map" in state else base_map_of(scenery_called(state.get("scenery")))
+    state = unframe_file(world, MAP_MAGIC, VERSION)
+    base = state["base_map"] if "base_map" in state else pack_base_map(load_scenery(state.get("scenery")))
     if len(state["face_ids"]):  # obstacles are drawn instead of buildings
         base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
     step = _step(state["xy"])
@@ -317,18 +317,18 @@ def drawn_map(
         (base, "face_corners", 3),
     ):
         to = drawn if of is state else drawn["base_map"]
-        to[name] = in_steps(of[name].reshape(-1, width), step)
+        to[name] = convert_to_steps(of[name].reshape(-1, width), step)
     walls = (state if len(state["face_ids"]) else base)["face_corners"].reshape(-1, 3)[:, :2]
-    ground = ground_of(base["points"].reshape(-1, 2), state["xy"], state["bend_points"].reshape(-1, 2), walls)
-    drawn["base_map"]["ground"] = in_steps(ground, step)
+    ground = find_ground(base["points"].reshape(-1, 2), state["xy"], state["bend_points"].reshape(-1, 2), walls)
+    drawn["base_map"]["ground"] = convert_to_steps(ground, step)
     if attributes is not None:
-        drawn |= {kind: _chosen(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
+        drawn |= {kind: _select_attributes(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
     if lat_lon is not None:
         drawn["lat_lon"] = np.round(lat_lon / _LAT_LON_STEP) * _LAT_LON_STEP
     return to_bytes(drawn, "A map")
 
 
-def in_steps(points: FloatArray, step: float) -> "np.ndarray[Any, Any]":
+def convert_to_steps(points: FloatArray, step: float) -> "np.ndarray[Any, Any]":
     """Convert points (points, axes) to integer multiples of `step`, (axes, points); along lines they compress well."""
     return narrow(np.rint(points.T / step).astype(np.int64))
 
@@ -340,7 +340,7 @@ def narrow(numbers: "Sequence[int] | np.ndarray[Any, Any]") -> "np.ndarray[Any, 
     return wide.astype(np.promote_types(np.min_scalar_type(min(low, -1)), np.min_scalar_type(-1 - max(high, 0))))
 
 
-def _chosen(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any]:
+def _select_attributes(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any]:
     return {name: column for name, column in attributes.items() if name in names}
 
 

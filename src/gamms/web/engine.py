@@ -4,9 +4,9 @@ import sys
 from contextlib import suppress
 from time import sleep
 
-from gamms.arguments import as_bool, as_range, misspelt
+from gamms.arguments import as_bool, as_range, explain_misspelled
 from gamms.context import Context
-from gamms.deciding import refused_while_deciding
+from gamms.deciding import refuse_while_deciding
 from gamms.typing.visualization_engine import live_engines
 from gamms.visual import PictureEngine
 from gamms.web.live import Live, ServeOptions
@@ -39,7 +39,7 @@ class WebEngine(PictureEngine):
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
         seconds = as_range(simulation_time_constant, "simulation_time_constant")
         self._stays_open = as_bool(stay_open, "stay_open")
-        for sentence in misspelt(options, _OPTIONS):
+        for sentence in explain_misspelled(options, _OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
         chosen: ServeOptions = {"speed": 1.0 / seconds if seconds > 0.0 else None}
         for name in ("port", "host", "allow_network", "title"):
@@ -49,7 +49,7 @@ class WebEngine(PictureEngine):
         # Not logged, because anyone who has the link can use it.
         sys.stderr.write(f"The game is served: {self.live.links['admin']} (to look on: {self.live.url})\n")
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def simulate(self) -> None:
         """End the turn, show it, and wait until the next turn may begin."""
         super().simulate()
@@ -65,7 +65,7 @@ class WebEngine(PictureEngine):
             while self._stays_open and self.live.connections:
                 sleep(_LOOK_S)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def terminate(self) -> None:
         """Stop the server, and finish open films."""
         self.live.close()

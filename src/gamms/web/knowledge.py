@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir import events as kinds
-from gamms.ir.events import Log, events_of
+from gamms.ir.events import Log, list_events
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.fields import FieldTable, find_field, find_node_rows, find_places, find_pose
-from gamms.knowledge.looks import Look, Report, looks_of
+from gamms.knowledge.looks import Look, Report, decode_looks
 from gamms.knowledge.sides import (
     AgentPlaces,
     SeenParts,
@@ -145,9 +145,9 @@ class KnowledgeTracker:
         nodes = find_node_rows(self._ctx.graph, state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
         with reporting_damage("What was sensed is not right", with_type=True):
-            found = list(chain.from_iterable(looks_of(data, fields=self._fields) for data in looked))
+            found = list(chain.from_iterable(decode_looks(data, fields=self._fields) for data in looked))
             looks = [self._describe(names[number], look, names, at) for number, look in found if number in names]
-        return SensedTurn([look for look, _ in looks], self._sides([part for _, part in looks], state))
+        return SensedTurn([look for look, _ in looks], self._list_sides([part for _, part in looks], state))
 
     def _describe(
         self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]
@@ -158,23 +158,25 @@ class KnowledgeTracker:
         seen = find_seen(Report(look, names), sensor, now, self._ctx.graph)
         has_end = isfinite(getattr(sensor, "range", inf))
         pose = find_pose(sensor, agent) if has_end else (None, None)
-        shape = self._shape(agent, sensor, pose) if has_end else None
-        field = self._field(look, agent, sensor, pose) if has_end else _NONE
-        words = None if seen.other is None else words_of(seen.other)
+        shape = self._outline_unblocked_field(agent, sensor, pose) if has_end else None
+        field = self._find_field_rows(look, agent, sensor, pose) if has_end else _NONE
+        words = None if seen.other is None else format_words(seen.other)
         described = SensorLook(name, as_text(look.sensor), as_text(look.kind), shape, seen, words)
         return described, as_side_look(name, sensor, seen, field)
 
     # -- fields of view -----------------------------------------------------------------------------------------
 
-    def _shape(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> FieldOutline | None:
+    def _outline_unblocked_field(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> FieldOutline | None:
         """Return the outline of a sensor's field of view, as if nothing blocked it; None if it has none."""
         place, look = pose
         key = sensor.sensor_id, look
         if key not in self._shapes:
-            self._shapes[key] = self._outline(sensor.view_of({}, agent.current_node_id, agent.name), sensor, place)
+            self._shapes[key] = self._outline_field(
+                sensor.view_of({}, agent.current_node_id, agent.name), sensor, place
+            )
         return self._shapes[key]
 
-    def _outline(self, view: SensorView, sensor: ISensor, place: "int | Sequence[float]") -> FieldOutline | None:
+    def _outline_field(self, view: SensorView, sensor: ISensor, place: "int | Sequence[float]") -> FieldOutline | None:
         is_blocked = len(view.reach) > 0
         outline = view.reach if is_blocked else view.outline
         if len(outline) < 3 or not np.isfinite(outline).all():
@@ -186,7 +188,7 @@ class KnowledgeTracker:
         corners = np.rint((outline - place[:2] if is_carried else outline) / self._step())
         return FieldOutline(is_carried, is_blocked, corners.astype(np.int64).T)
 
-    def _field(self, look: Look, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
+    def _find_field_rows(self, look: Look, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
         """Return the rows of the nodes that a sensor of agents covers; empty for other sensors."""
         key = look.field or (sensor.sensor_id, *pose, self._on_edges.get(agent.name))
         known = self._covered.get(key)
@@ -201,10 +203,10 @@ class KnowledgeTracker:
 
     # -- sides --------------------------------------------------------------------------------------------------
 
-    def _sides(self, looks: Sequence[SideLook], state: DetachedState) -> dict[str, SideKnowledge]:
+    def _list_sides(self, looks: Sequence[SideLook], state: DetachedState) -> dict[str, SideKnowledge]:
         """Return side -> its knowledge; empty if there are more than `MOST_SIDES` sides."""
         columns = state.agents.columns
-        all_sides = sides_in(columns)
+        all_sides = list_side_names(columns)
         sides = dict.fromkeys(all_sides)
         if len(sides) > MOST_SIDES:
             return {}
@@ -218,7 +220,7 @@ class KnowledgeTracker:
         return find_known(sides, looks, places, len(self._ctx.graph.columns().node_ids))
 
 
-def sides_in(columns: Mapping[str, Any]) -> list[str]:
+def list_side_names(columns: Mapping[str, Any]) -> list[str]:
     """Return the name of the side of each agent."""
     return list(map(name_side, columns["names"], columns["teams"]))
 
@@ -226,21 +228,21 @@ def sides_in(columns: Mapping[str, Any]) -> list[str]:
 # -- facts in words -----------------------------------------------------------------------------------------------
 
 
-def words_of(value: object, most: int = _MOST_WORDS) -> str:
+def format_words(value: object, most: int = _MOST_WORDS) -> str:
     """Return a plain value as text of at most `most` characters."""
-    words = _text_of(value, 4)
+    words = _format_value(value, 4)
     return words if len(words) <= most else f"{words[: most - 1]}…"
 
 
-def _text_of(value: object, depth: int) -> str:
+def _format_value(value: object, depth: int) -> str:
     if isinstance(value, dict):
-        return _text_of_items([(f"{as_text(key)}: ", one) for key, one in value.items()], _MOST_PAIRS, depth)
+        return _format_items([(f"{as_text(key)}: ", one) for key, one in value.items()], _MOST_PAIRS, depth)
     if isinstance(value, set | frozenset):
         value = sorted(value, key=as_text)
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return _text_of_items([("", one) for one in value], _MOST_ITEMS, depth)
+        return _format_items([("", one) for one in value], _MOST_ITEMS, depth)
     if isinstance(value, bytes):
         return f"{len(value)} bytes"
     if isinstance(value, float):
@@ -250,11 +252,11 @@ def _text_of(value: object, depth: int) -> str:
     return as_text(value).lower() if isinstance(value, bool) else as_text(value)
 
 
-def _text_of_items(items: Sequence[tuple[str, Any]], most: int, depth: int) -> str:
+def _format_items(items: Sequence[tuple[str, Any]], most: int, depth: int) -> str:
     """Return the first items as text, each after its label."""
     if not items or not depth:
         return "…" if items else _NOTHING
-    shown = ", ".join(f"{label}{_text_of(one, depth - 1)}" for label, one in items[:most])
+    shown = ", ".join(f"{label}{_format_value(one, depth - 1)}" for label, one in items[:most])
     return f"{shown}, … ({len(items)})" if len(items) > most else shown
 
 
@@ -285,19 +287,19 @@ class AgentFacts:
             log: the log of the turn that was applied to the state; None: any fact may have changed.
             turn: the turn number of the game.
         """
-        for name in self._about(log):
-            now = self._of(self._state.agents.row(name))
-            yield from _differences(name, self._known.get(name, {}), now)
+        for name in self._find_changed_agents(log):
+            now = self._list_facts(self._state.agents.row(name))
+            yield from _list_differences(name, self._known.get(name, {}), now)
             self._known[name] = now
-        momentary = self._of_turn(log or [], turn)
+        momentary = self._list_facts_of_turn(log or [], turn)
         for name in {**self._momentary, **momentary}:
-            yield from _differences(name, self._momentary.get(name, {}), momentary.get(name, {}))
+            yield from _list_differences(name, self._momentary.get(name, {}), momentary.get(name, {}))
         self._momentary = momentary
 
-    def _about(self, log: Log | None) -> list[str]:
+    def _find_changed_agents(self, log: Log | None) -> list[str]:
         """Return the agents whose lasting facts may have changed."""
         names = self._state.agents.columns["names"]
-        events = [] if log is None else list(events_of(log))
+        events = [] if log is None else list(list_events(log))
         wanted: set[str] = set()
         if log is None or any(kind in _OF_ALL for kind, _ in events):
             self._known = {name: self._known[name] for name in names if name in self._known}
@@ -312,7 +314,7 @@ class AgentFacts:
                 wanted.update(name for name, team in own if team in teams)
         return [name for name in names if name in wanted] if wanted else []
 
-    def _of(self, row: int) -> Facts:
+    def _list_facts(self, row: int) -> Facts:
         """Return the lasting facts about the agent in a row: team, speed, strategy, sensors, memories, attributes."""
         columns = self._state.agents.columns
         game = self._state.game
@@ -324,7 +326,7 @@ class AgentFacts:
             strategy = strategy.partition(".<locals>")[0]  # the function that made it
         for key, value in (("team", team), ("speed", columns["speed"][row]), ("strategy", strategy)):
             if value is not None:
-                facts[_OPEN, key] = words_of(value)
+                facts[_OPEN, key] = format_words(value)
         for sensor, sensor_id in columns["sensors"][row].items():
             facts["Sensors", as_text(sensor)] = as_text(self._state.sensors.get(sensor_id, {}).get("type", ""))
         memories: dict[str, Any] = {"Memory": game.memories.get(name)}
@@ -334,23 +336,23 @@ class AgentFacts:
         for heading, values in memories.items():
             if isinstance(values, Mapping):
                 pairs = list(values.items())[:_MOST_ROWS]
-                facts.update(((heading, as_text(key)), words_of(value)) for key, value in pairs)
+                facts.update(((heading, as_text(key)), format_words(value)) for key, value in pairs)
         return facts
 
     # -- of one turn --------------------------------------------------------------------------------------------
 
-    def _of_turn(self, log: Log, turn: int) -> dict[str, Facts]:
+    def _list_facts_of_turn(self, log: Log, turn: int) -> dict[str, Facts]:
         """Return agent -> facts about this turn: deeds, refused actions and messages."""
         found: dict[str, Facts] = {}
         self.messages = []
-        for kind, data in events_of(log):
+        for kind, data in list_events(log):
             if kind == kinds.GAME_DEED:
                 rest = {key: value for key, value in data.items() if key not in ("turn", "agent")}
-                _put(found, data["agent"], _DECISION, "deed", words_of(rest))
+                _put(found, data["agent"], _DECISION, "deed", format_words(rest))
             elif kind == kinds.GAME_MESSAGE:
                 self._send(data, found)
         for name, why in dict(self._state.game.blocked).items():
-            _put(found, name, _DECISION, "blocked", words_of(why))
+            _put(found, name, _DECISION, "blocked", format_words(why))
         for sender, receiver, fate, key, body in self._sent.pop(turn + 1, ()):
             self.messages.append((sender, receiver, fate))
             _put(found, receiver, _MESSAGES, key, body)
@@ -360,11 +362,11 @@ class AgentFacts:
     def _send(self, message: Mapping[str, Any], found: dict[str, Facts]) -> None:
         """Add the facts about a message that was sent: to its sender now, and to its receivers on arrival."""
         sender = message["sender"]
-        body = words_of(message["body"], _MOST_BODY)
+        body = format_words(message["body"], _MOST_BODY)
         fates = {key: list(message.get(key) or ()) for key in (*ARRIVALS, "lost", "jammed")}
         fate = "; ".join(f"{key} by {', '.join(map(as_text, to[:6]))}" for key, to in fates.items() if to)
         words = f"{body} ({fate})" if fate else body
-        _put(found, sender, _MESSAGES, f"to {words_of(message.get('to'))}", words)
+        _put(found, sender, _MESSAGES, f"to {format_words(message.get('to'))}", words)
         for number, key in enumerate(ARRIVALS):
             for receiver, when in dict(message.get(key) or {}).items():
                 self._sent.setdefault(when, []).append((sender, receiver, number, f"{key} from {sender}", body))
@@ -381,7 +383,7 @@ def _put(found: dict[str, Facts], name: str, heading: str, key: str, words: str)
     facts[heading, key] = words if known is None else f"{known}; {words}"[:_MOST_WORDS]
 
 
-def _differences(name: str, before: Facts, now: Facts) -> Iterable[tuple[str, str, str, str | None]]:
+def _list_differences(name: str, before: Facts, now: Facts) -> Iterable[tuple[str, str, str, str | None]]:
     """Yield new and changed facts, then removed ones with None as text."""
     for key, words in now.items():
         if before.get(key) != words:

@@ -75,7 +75,7 @@ class Audience:
 
 
 @dataclass(frozen=True)
-class Grant:
+class LinkPermissions:
     """The permissions of the holder of a link.
 
     Attributes:
@@ -95,17 +95,17 @@ class Links:
     """Grants by token; only digests of the tokens are stored."""
 
     def __init__(self) -> None:
-        self._grants: dict[str, Grant] = {}
+        self._grants: dict[str, LinkPermissions] = {}
         self._lock = threading.Lock()
 
-    def add(self, grant: Grant) -> str:
+    def add(self, grant: LinkPermissions) -> str:
         """Create a token for a grant, and return it."""
         token = secrets.token_urlsafe(24)
         with self._lock:
             self._grants[digest_of(token)] = grant
         return token
 
-    def find(self, token: object) -> Grant | None:
+    def find(self, token: object) -> LinkPermissions | None:
         """Return the grant of a token, in constant time; None if the token is unknown."""
         if not isinstance(token, str) or len(token) > 200:
             return None

@@ -4,7 +4,7 @@ The game thread passes each turn to `Streams` and then waits as `TurnPacing` say
 to browsers. `Live` connects both: it is the `SocketHandler` of the server and a follower of `ctx.record`.
 
 To extend it: add functions to `Live.handlers`, by the `type` of the client messages that they handle; add functions to
-`Live.when_joined`, which are called with each new connection; make links for any `Grant` with `Live.link`; read
+`Live.when_joined`, called with each new connection; make links for any `LinkPermissions` with `Live.link`; read
 `Live.streams` and `Live.connections`. Handlers run in the server thread.
 """
 
@@ -27,11 +27,11 @@ from gamms.ir.graph import GraphColumns
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
 from gamms.text import as_text, reason, shown
-from gamms.web.links import Audience, Grant, Handle, Links, PartOfServer, Refused
-from gamms.web.pages import live_page
+from gamms.web.links import Audience, Handle, LinkPermissions, Links, PartOfServer, Refused
+from gamms.web.pages import make_live_page
 from gamms.web.people import People
 from gamms.web.server import Connection, Json, Page, Server, Site
-from gamms.web.streams import Streams, news
+from gamms.web.streams import Streams, list_news
 from gamms.workers import SIGNALS_S
 
 Handler = Callable[[Connection, Json], None]
@@ -225,11 +225,11 @@ class Live(Handle):
         if of_scenarios and not is_scenario:
             raise BadValue(f"{of_scenarios[0]}= is for a scenario; the game of a context is played by the program.")
         self.pace = TurnPacing(
-            _speed(options.get("speed", 4.0)), is_paused=as_bool(options.get("is_paused", False), "is_paused")
+            _check_speed(options.get("speed", 4.0)), is_paused=as_bool(options.get("is_paused", False), "is_paused")
         )
         self.scenario: Scenario | None = game if isinstance(game, Scenario) else None
         self.ctx: Context | None = game if isinstance(game, Context) else None
-        self.streams = Streams(self._columns)
+        self.streams = Streams(self._get_columns)
         self.handlers: dict[str, Handler] = {
             "pause": self._pause,
             "step": self._step,
@@ -250,8 +250,8 @@ class Live(Handle):
         self._wanted = threading.Event()
         self._asking = threading.Lock()
         self._is_following = False
-        self._tokens = dict[Grant, str]()
-        self._server: Host = self._own_server(game, options) if host is None else host
+        self._tokens = dict[LinkPermissions, str]()
+        self._server: Host = self._make_server(game, options) if host is None else host
         self._thread: threading.Thread | None = None
         try:
             self._begin()
@@ -259,15 +259,15 @@ class Live(Handle):
             self.close()
             raise
 
-    def _own_server(self, game: Context | Scenario, options: ServeOptions) -> Server:
-        title = options.get("title") or _title_of(game)
-        site = Site(Links(), {"/": Page(live_page(title))}, talk=self)
+    def _make_server(self, game: Context | Scenario, options: ServeOptions) -> Server:
+        title = options.get("title") or _make_title(game)
+        site = Site(Links(), {"/": Page(make_live_page(title))}, talk=self)
         network = as_bool(options.get("allow_network", False), "allow_network")
         return Server(site, host=options.get("host", "127.0.0.1"), port=options.get("port", 0), allow_network=network)
 
     # -- links ----------------------------------------------------------------------------------------------------
 
-    def link(self, grant: Grant) -> str:
+    def link(self, grant: LinkPermissions) -> str:
         """Return the address for a grant; equal grants have the same address."""
         if grant not in self._tokens:
             self._tokens[grant] = self._server.links.add(grant)
@@ -281,8 +281,8 @@ class Live(Handle):
     @property
     def links(self) -> dict[str, str]:
         """The addresses by name: "admin" may pause and change the game; "everything" sees all; teams see their part."""
-        grants = [Grant("admin", may_control=True), Grant("everything")]
-        grants += [Grant(team, Audience(team)) for team in self._teams()]
+        grants = [LinkPermissions("admin", may_control=True), LinkPermissions("everything")]
+        grants += [LinkPermissions(team, Audience(team)) for team in self._list_teams()]
         by_name = {grant.name: grant for grant in reversed(grants)}
         return {name: self.link(by_name[name]) for name in dict.fromkeys(grant.name for grant in grants)}
 
@@ -291,7 +291,7 @@ class Live(Handle):
         """The addresses by name of the people whose agents have the strategy `gamms.web.human()`."""
         return self._players.links()
 
-    def _teams(self) -> list[str]:
+    def _list_teams(self) -> list[str]:
         if self.scenario is not None:
             return list(self.scenario.spec.teams)
         block = self._context.agent.block
@@ -348,7 +348,7 @@ class Live(Handle):
             raise ContextTerminated("A served game")
         return self.ctx
 
-    def _columns(self) -> GraphColumns:
+    def _get_columns(self) -> GraphColumns:
         return self._context.graph.columns()
 
     def _begin(self) -> None:
@@ -364,7 +364,7 @@ class Live(Handle):
             raise self._error
         if watched := self._options.get("watch"):
             source = watched if callable(watched) else partial(load, self.scenario.file or "", self.scenario.allow)
-            args = source, _stamps(self._watched_folder())  # before a program can change them
+            args = source, _read_stamps(self._find_watched_folder())  # before a program can change them
             threading.Thread(target=self._watch_files, args=args, name="gamms files", daemon=True).start()
 
     def follow(self) -> None:
@@ -374,15 +374,15 @@ class Live(Handle):
             self._context.record.follow(self)
             self._players.open(self._context)
 
-    def _watched_folder(self) -> Path:
+    def _find_watched_folder(self) -> Path:
         return Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
 
     def _watch_files(self, source: Callable[[], Scenario], known: dict[str, tuple[int, int]]) -> None:
         """Restart the game whenever a file in the folder of the scenario changes; report errors in the files."""
-        folder = self._watched_folder()
+        folder = self._find_watched_folder()
         while not self._is_closed.wait(_FILES_S):
             try:
-                stamps = _stamps(folder)
+                stamps = _read_stamps(folder)
                 if stamps == known:
                     continue
                 known = stamps
@@ -482,7 +482,7 @@ class Live(Handle):
     def news(self, connection: Connection) -> Iterable[bytes]:
         """Yield the data that a client has not received yet (called by the server)."""
         before = connection.counts["dropped"]
-        yield from news(self.streams, connection)
+        yield from list_news(self.streams, connection)
         if connection.counts["dropped"] != before:
             self._tell_status(connection)
 
@@ -536,7 +536,7 @@ class Live(Handle):
         chosen = message.get("numbers", {})
         if seed is not None and not (isinstance(seed, int) and not isinstance(seed, bool) and abs(seed) < 1 << 53):
             raise Refused("A seed is a whole number.")
-        self.scenario = _with_numbers(self.scenario, chosen)
+        self.scenario = _replace_numbers(self.scenario, chosen)
         self._seed = seed
         self._play_again()
 
@@ -550,7 +550,9 @@ class Live(Handle):
 
 def numbers_of(scenario: Scenario) -> Iterator[dict[str, Plain]]:
     """Yield the numbers of a scenario that can be changed in the browser: `path`, `value`, `low`, `high`, `step`."""
-    found = ((path, value) for path, value in _leaves(scenario.to_dict()) if path.partition(".")[0] not in _NO_NUMBERS)
+    found = (
+        (path, value) for path, value in _list_numbers(scenario.to_dict()) if path.partition(".")[0] not in _NO_NUMBERS
+    )
     for (path, value), _ in zip(found, range(_MOST_NUMBERS), strict=False):
         is_whole = isinstance(value, int)
         low = 0 if value >= 0 else 4 * value
@@ -573,14 +575,14 @@ class Players:
         self._live = live
         self._people: People | None = None
         live.handlers["choose"] = self._choose
-        live.when_joined.append(self._joined)
+        live.when_joined.append(self._add_connection)
 
     def open(self, ctx: Context) -> None:
         """Open a new game, so that people can join it."""
         self._people = People.open(ctx)
         self._people.changed.append(self._tell_all)
         for connection in self._live.connections:
-            self._joined(connection)
+            self._add_connection(connection)
 
     def links(self) -> dict[str, str]:
         """Return the links of the people of the game, by name."""
@@ -589,7 +591,7 @@ class Players:
         self._people.look_up()
         return {
             person.name: self._live.link(
-                Grant(person.name, Audience(agents=frozenset(person.agents)), may_play=True),
+                LinkPermissions(person.name, Audience(agents=frozenset(person.agents)), may_play=True),
             )
             for person in self._people.persons.values()
         }
@@ -599,7 +601,7 @@ class Players:
         if self._people is not None:
             self._people.let_go()
 
-    def _joined(self, connection: Connection) -> None:
+    def _add_connection(self, connection: Connection) -> None:
         if self._people is not None and connection.grant.may_play:
             self._people.come(connection.grant.name)
             self._tell_sharers(connection.grant)
@@ -609,12 +611,12 @@ class Players:
         if connection.grant.may_play:
             self._tell_sharers(connection.grant)
 
-    def _sharers(self, grant: Grant) -> list[Connection]:
+    def _list_open_pages(self, grant: LinkPermissions) -> list[Connection]:
         """Return the open pages of a link."""
         return [one for one in self._live.connections if one.grant == grant]
 
-    def _tell_sharers(self, grant: Grant) -> None:
-        for connection in self._sharers(grant):
+    def _tell_sharers(self, grant: LinkPermissions) -> None:
+        for connection in self._list_open_pages(grant):
             if self._people is not None:
                 self._tell(connection, self._people)
 
@@ -634,12 +636,12 @@ class Players:
             "type": "questions",
             "questions": people.asked(connection.grant.name),
             "waiting": people.is_waiting,
-            "pages": len(self._sharers(connection.grant)),
+            "pages": len(self._list_open_pages(connection.grant)),
         }
         connection.tell(asked)
 
 
-def _leaves(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, int | float]]:
+def _list_numbers(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, int | float]]:
     """Yield the numbers in nested mappings, with their paths for `Scenario.replace`."""
     for key, value in values.items():
         if key in _NO_KEYS or "." in key:
@@ -647,13 +649,13 @@ def _leaves(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, in
         if _is_number(value):
             yield path + key, value
         elif isinstance(value, Mapping):
-            yield from _leaves(value, f"{path}{key}.")
+            yield from _list_numbers(value, f"{path}{key}.")
         elif isinstance(value, list):
             items = {str(number): item for number, item in enumerate(value) if isinstance(item, Mapping)}
-            yield from _leaves(items, f"{path}{key}.")
+            yield from _list_numbers(items, f"{path}{key}.")
 
 
-def _with_numbers(scenario: Scenario, chosen: object) -> Scenario:
+def _replace_numbers(scenario: Scenario, chosen: object) -> Scenario:
     """Return a copy of a scenario with the chosen numbers, path -> number, after checking them."""
     known = {one["path"]: one for one in numbers_of(scenario)}
     if not isinstance(chosen, dict):
@@ -688,7 +690,7 @@ def _check_control(connection: Connection) -> None:
         raise Refused("This link only allows watching.")
 
 
-def _stamps(folder: Path) -> dict[str, tuple[int, int]]:
+def _read_stamps(folder: Path) -> dict[str, tuple[int, int]]:
     """Return file name -> (modification time in ns, size) of the code and scenario files in a folder."""
     found = {}
     for file in folder.iterdir():
@@ -698,7 +700,7 @@ def _stamps(folder: Path) -> dict[str, tuple[int, int]]:
     return found
 
 
-def _speed(speed: float | None) -> float | None:
+def _check_speed(speed: float | None) -> float | None:
     if speed is None:
         return None
     found = as_float(speed, "speed")
@@ -707,7 +709,7 @@ def _speed(speed: float | None) -> float | None:
     return found
 
 
-def _title_of(game: Context | Scenario) -> str:
+def _make_title(game: Context | Scenario) -> str:
     if isinstance(game, Context):
         return "A live game"
     return game.spec.name or (game.file.stem if game.file else "A live game")

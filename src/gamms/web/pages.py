@@ -18,11 +18,11 @@ from gamms.errors import BadValue
 from gamms.plain import Plain
 from gamms.recorder import Recording
 from gamms.recorder import open as opened
-from gamms.recorder.cut import sides_of
+from gamms.recorder.cut import list_sides
 from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
-from gamms.web.bundle import page_called
+from gamms.web.bundle import read_page
 from gamms.web.columns import MAGIC, frame
 from gamms.web.painter import Painter, map_for_viewer
 
@@ -51,10 +51,10 @@ def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
         UnknownName (KeyError): the team does not exist.
         RecordingError (ValueError): the recording is damaged, or lacks its map.
     """
-    look = _checked(options, as_recording(recording, "page").turns, recording.title)
+    look = _check_options(options, as_recording(recording, "page").turns, recording.title)
     if recording.warning is not None:
         look["warnings"] = [recording.warning]
-    return _assembled(look, options.get("still"), [_rewritten(recording, options.get("audience"))])
+    return _assemble_page(look, options.get("still"), [_encode_for_viewer(recording, options.get("audience"))])
 
 
 def page_of_two(
@@ -72,24 +72,24 @@ def page_of_two(
         BadValue, UnknownName, RecordingError: see `page`.
     """
     turns = max(as_recording(one, "page_of_two").turns for one in (first, second))
-    look = _checked(options, turns, f"{names[0]} and {names[1]}")
+    look = _check_options(options, turns, f"{names[0]} and {names[1]}")
     found = first_difference(first, second)
     look |= {"names": list(names), **({} if found is None else {"parts": found.turn})}
     pairs = zip(names, (first, second), strict=True)
     warnings = [f"{name}: {one.warning}" for name, one in pairs if one.warning is not None]
     look |= {"warnings": warnings} if warnings else {}
-    recordings = [_rewritten(one, options.get("audience")) for one in (first, second)]
-    return _assembled(look, options.get("still"), recordings)
+    recordings = [_encode_for_viewer(one, options.get("audience")) for one in (first, second)]
+    return _assemble_page(look, options.get("still"), recordings)
 
 
-def live_page(title: str) -> bytes:
+def make_live_page(title: str) -> bytes:
     """Return the page of a live game: the viewer, which requests the game from its server."""
     words = escape(f"{title}. A browser with JavaScript shows it.")
     data = f'<script type="application/json" id="options">{as_json({"title": title, "live": True})}</script>'
-    return filled("viewer", {"title": escape(title), "still": words, "connect": "'self'"}, data)
+    return fill_page("viewer", {"title": escape(title), "still": words, "connect": "'self'"}, data)
 
 
-def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
+def _check_options(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
     """Check options, and return those of the viewer that are set; `title` is the default title."""
     if unknown := sorted(options.keys() - _OPTIONS):
         raise BadValue(f"A page has no {shown(unknown[0])}; there are: {', '.join(sorted(_OPTIONS))}.")
@@ -115,7 +115,7 @@ def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, An
     return {name: value for name, value in look.items() if value is not None}
 
 
-def _assembled(look: dict[str, Any], still: bytes | None, recordings: list[bytes]) -> bytes:
+def _assemble_page(look: dict[str, Any], still: bytes | None, recordings: list[bytes]) -> bytes:
     """Return the page with the data of one or two recordings."""
     held = "\n".join(
         f'<script type="application/x-gamms-recording" class="recording">{as_text_of(one)}</script>'
@@ -124,20 +124,20 @@ def _assembled(look: dict[str, Any], still: bytes | None, recordings: list[bytes
     words = escape(f"{look['title']}. A browser with JavaScript replays it.")
     parts = {
         "title": escape(look["title"]),
-        "still": words if still is None else _image(still, words),
+        "still": words if still is None else _write_image(still, words),
         "connect": "'none'",
     }
     data = f'<script type="application/json" id="options">{as_json(look)}</script>\n{held}'
-    return filled("viewer", parts, data)
+    return fill_page("viewer", parts, data)
 
 
-def _image(picture: bytes, words: str) -> str:
+def _write_image(picture: bytes, words: str) -> str:
     """Return a PNG or SVG picture as an HTML element with an alternative text."""
     kind = "png" if picture.startswith(b"\x89PNG") else "svg+xml"
     return f'<img alt="{words}" src="data:image/{kind};base64,{base64.b64encode(picture).decode()}">'
 
 
-def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
+def fill_page(name: str, parts: Mapping[str, str], data: str) -> bytes:
     """Fill the placeholders of a page, each of which occurs once.
 
     Args:
@@ -146,7 +146,7 @@ def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
         data: script elements with data.
     """
     left = {**parts, "data": data}  # in one pass, so that a placeholder in a title is not filled
-    text = re.sub(r"\{(\w+)\}", lambda mark: left.pop(mark[1], mark[0]), page_called(name))
+    text = re.sub(r"\{(\w+)\}", lambda mark: left.pop(mark[1], mark[0]), read_page(name))
     return text.encode("utf-8", "replace")
 
 
@@ -163,7 +163,7 @@ def as_json(value: object) -> str:
 # -- the recording ------------------------------------------------------------------------------------------------
 
 
-def _rewritten(recording: Recording, team: str | None) -> bytes:
+def _encode_for_viewer(recording: Recording, team: str | None) -> bytes:
     """Encode a recording for the viewer, in parts of several turns, so that the viewer can seek quickly."""
     if team is not None:
         known = BytesIO()
@@ -171,10 +171,10 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
         recording = opened(BytesIO(known.getvalue()))
     state = recording.detached(0).keyframe(0)
     every = min(max(_PART_MOVES // max(len(state["names"]), 1), _FEWEST_TURNS), _MOST_TURNS)
-    sides = recording.header.get("sides") or sides_of(recording.header, state)
+    sides = recording.header.get("sides") or list_sides(recording.header, state)
     whole = {**recording.header, "world": recording.graph.packed, "sides": sides}
     with Painter(whole, state) as painter:
-        parts = [MAGIC, frame(drawn_header(whole))]
+        parts = [MAGIC, frame(select_header(whole))]
         painter.begin()
         for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
             if turn and turn % every == 0:
@@ -183,7 +183,7 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
         return b"".join([*parts, painter.part()])
 
 
-def drawn_header(header: Mapping[str, Plain]) -> dict[str, Plain]:
+def select_header(header: Mapping[str, Plain]) -> dict[str, Plain]:
     """Return the part of a header that the viewer reads, and the map."""
     chosen = {name: header[name] for name in _HEADER if header.get(name) is not None}
     return {**chosen, "world": map_for_viewer(header["world"])}

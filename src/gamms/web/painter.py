@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
-from gamms.ir.events import Log, events_of
+from gamms.ir.events import Log, list_events
 from gamms.ir.game_state import as_named_edges
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.packing import to_bytes
@@ -22,15 +22,15 @@ from gamms.knowledge.fields import find_edge_rows, find_node_rows
 from gamms.plain import Plain, is_same
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.replaying import Replayer
-from gamms.recorder.resuming import opened_context
+from gamms.recorder.resuming import open_context
 from gamms.text import as_text
 from gamms.typing import IArtist
-from gamms.visual.artist import ArtistGroup, state_of
-from gamms.visual.captions import UNMARKED, captions_of, ending, rises
+from gamms.visual.artist import ArtistGroup, make_state_key
+from gamms.visual.captions import UNMARKED, ending, list_rises, write_captions
 from gamms.visual.charts import select_charts
-from gamms.visual.drawers.marks import drawn_marks
-from gamms.visual.drawers.rules import teams_of_rules
-from gamms.visual.legend import LegendRow, blocks_of, plain_block
+from gamms.visual.drawers.marks import get_drawn_marks
+from gamms.visual.drawers.rules import find_teams_of_rules
+from gamms.visual.legend import LegendRow, blocks_of, make_plain_block
 from gamms.visual.recorded_drawings import RecordedDrawer
 from gamms.visual.themes import THEMES
 from gamms.web.bundle import VIEWER_THEMES
@@ -43,12 +43,12 @@ from gamms.web.columns import (
     InAir,
     OnEdges,
     Turn,
+    convert_to_steps,
     drawn_map,
     frame,
-    in_steps,
     part_of,
 )
-from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, sides_in
+from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, list_side_names
 
 _STEPS = 1 << 15  # parts of the larger side of the map, some centimetres for a city
 _PIXEL_STEP = 2.0**-4
@@ -114,7 +114,7 @@ class Painter:
     """
 
     def __init__(self, header: Mapping[str, Plain], state: dict[str, Plain], turns: int = 0) -> None:
-        self._ctx: Any = opened_context(0, None, is_quiet=True)
+        self._ctx: Any = open_context(0, None, is_quiet=True)
         self._ctx.record.is_replaying = True  # keeps recorded drawings
         self._replayer = Replayer(self._ctx)
         self._replayer.begin_with(dict(header), state)
@@ -138,8 +138,8 @@ class Painter:
         self._following: Sequence[Mapping[str, Any]] = ()  # the data of those that follow the last turn, if known
         self._turns: list[Turn] = []  # turns for the next part
         self._last: Turn | None = None
-        list(self._changes())
-        list(self._facts.changes(None, self._game_turn()))
+        list(self._list_changes())
+        list(self._facts.changes(None, self._get_game_turn()))
 
     def __enter__(self) -> Self:
         return self
@@ -155,7 +155,7 @@ class Painter:
         """Begin a part that can be read without earlier parts; it repeats the last turn."""
         changes = list(self._slots.items())
         facts = list(self._facts.present())
-        last = self._turn({}, {}, [], [], [], None) if self._last is None else self._last
+        last = self._make_turn({}, {}, [], [], [], None) if self._last is None else self._last
         self._turns = [last._replace(changes=changes, facts=facts, captions=[])]
         self._is_whole = True
 
@@ -166,12 +166,12 @@ class Painter:
         self._edition += 1
         self._edited_at = self._at
         self._last = None
-        list(self._changes())
-        list(self._facts.changes(None, self._game_turn()))
+        list(self._list_changes())
+        list(self._facts.changes(None, self._get_game_turn()))
 
     def add(self, log: Log) -> None:
         """Apply the log of a turn, and add the turn to the next part."""
-        events = list(events_of(log))
+        events = list(list_events(log))
         self._looked = [data for kind, data in events if kind == kinds.SENSED] or self._looked
         self._following = ()
         has_sensed = any(kind == kinds.SENSED for kind, _ in events)
@@ -184,10 +184,12 @@ class Painter:
             self._edited_at = self._at
         if any(kind in (kinds.WORLD, kinds.SENSORS, kinds.SNAPSHOT) for kind, _ in events):
             self._sights.forget()
-        facts = list(self._facts.changes(log, self._game_turn()))
-        ways = self._ways(events)
-        named = self._named_edges(events)
-        self._last = self._turn(ways, named, list(self._changes(events)), facts, list(self._captions(events)), sensed)
+        facts = list(self._facts.changes(log, self._get_game_turn()))
+        ways = self._find_ways(events)
+        named = self._find_named_edges(events)
+        self._last = self._make_turn(
+            ways, named, list(self._list_changes(events)), facts, list(self._write_captions(events)), sensed
+        )
         self._turns.append(self._last)
 
     def look_ahead(self, looked: Sequence[Mapping[str, Any]]) -> None:
@@ -211,7 +213,7 @@ class Painter:
         self._is_whole = False
         return frame(found)
 
-    def _game_turn(self) -> int:
+    def _get_game_turn(self) -> int:
         game = self._ctx.current_game
         return 0 if game is None else int(game.turn)
 
@@ -221,7 +223,7 @@ class Painter:
 
     # -- columns ------------------------------------------------------------------------------------------------
 
-    def _turn(
+    def _make_turn(
         self,
         ways: Mapping[int, Sequence[int]],
         named: Mapping[int, int],
@@ -239,16 +241,16 @@ class Painter:
         ends = [find_node_rows(self._ctx.graph, columns[name][on_edge]) for name in ("edge_source", "edge_target")]
         on_edges = OnEdges(on_edge, np.column_stack(ends), columns["edge_share"][on_edge])
         in_air = np.flatnonzero(flies & np.isfinite(columns["position"]).all(axis=1))
-        headings = _headings(columns["quat"][in_air])
+        headings = _compute_headings(columns["quat"][in_air])
         air = InAir(in_air, columns["position"][in_air], headings)
         version = self._state.agents, self._state.agents.version
         if version != self._listed[0]:
-            self._listed = version, list(columns["names"]), sides_in(columns)
+            self._listed = version, list(columns["names"]), list_side_names(columns)
         _, names, sides = self._listed
         messages = self._facts.messages
         return Turn(names, status, nodes, sides, on_edges, air, ways, named, messages, changes, facts, captions, sensed)
 
-    def _named_edges(self, events: Sequence[tuple[int, Any]]) -> dict[int, int]:
+    def _find_named_edges(self, events: Sequence[tuple[int, Any]]) -> dict[int, int]:
         """Return row of an agent -> row of the edge that its action has named, for those that took one in a turn."""
         agents = self._state.agents
         named: dict[str, tuple[int, int]] = {}
@@ -259,7 +261,7 @@ class Painter:
         edges = find_edge_rows(self._ctx.graph, [*there.values()]).tolist()
         return dict(zip(map(agents.row, there), edges, strict=True))
 
-    def _ways(self, events: Sequence[tuple[int, Any]]) -> dict[int, list[int]]:
+    def _find_ways(self, events: Sequence[tuple[int, Any]]) -> dict[int, list[int]]:
         """Return row of an agent -> rows of passed nodes, see `columns.Turn.ways`."""
         agents = self._state.agents
         passed: dict[int, list[int] | None] = {}  # agent number -> node ids; None: its position was set
@@ -281,7 +283,7 @@ class Painter:
 
     # -- slots --------------------------------------------------------------------------------------------------
 
-    def _changes(self, events: Sequence[tuple[int, Any]] = ()) -> Iterator[Change]:
+    def _list_changes(self, events: Sequence[tuple[int, Any]] = ()) -> Iterator[Change]:
         """Yield the changed slots."""
         game = self._state.game
         scores = {as_text(of): score for of, score in dict(game.scores).items()}
@@ -290,7 +292,7 @@ class Painter:
             values["charts"] = dict[str, Plain](select_charts(game.collected))
         if self._values.get("edition") != self._edition:
             self._values["edition"] = self._edition
-            values["colors"] = self._team_colors()
+            values["colors"] = self._find_team_colors()
         for slot, value in values.items():
             if slot not in self._slots or not is_same(value, self._values[slot]):
                 self._values[slot] = value
@@ -298,7 +300,7 @@ class Painter:
         for kind, data in events:
             if kind == kinds.WORLD:
                 yield self._put("world", map_for_viewer(data["world"]))
-        for drawing in self._changed_drawings():
+        for drawing in self._list_changed_drawings():
             slot = f"drawing {drawing['artist']}"
             if "commands" in drawing:
                 yield self._put(slot, drawing)
@@ -310,10 +312,10 @@ class Painter:
         self._slots[slot] = to_bytes(value, f"The {slot} of a page")
         return slot, self._slots[slot]
 
-    def _team_colors(self) -> dict[str, Any]:
+    def _find_team_colors(self) -> dict[str, Any]:
         """Return side -> theme -> color, 0 to 255."""
         drawing = self._ctx.visual.drawing
-        more = [*self._sides, *sorted(teams_of_rules(self._ctx))]
+        more = [*self._sides, *sorted(find_teams_of_rules(self._ctx))]
         found: dict[str, Any] = {}
         for theme in VIEWER_THEMES:
             with drawing.themed(THEMES[theme]):
@@ -323,24 +325,24 @@ class Painter:
 
     # -- drawings -----------------------------------------------------------------------------------------------
 
-    def _changed_drawings(self) -> list[Drawn]:
+    def _list_changed_drawings(self) -> list[Drawn]:
         """Return the changed drawings; removed drawings have only the name of their artist."""
         first, second = VIEWER_THEMES
-        artists = self._signs(first)
-        drawn = {name: self._drawn(name, artist, first) for name, artist in artists.items()}
+        artists = self._list_signs(first)
+        drawn = {name: self._get_drawing(name, artist, first) for name, artist in artists.items()}
         now = {name: commands for name, commands in drawn.items() if commands is not None}
         before = self._commands
         self._commands = now
         changed = [name for name, one in now.items() if not is_same(one, before.get(name))]
         gone = [name for name in before if name not in now]
-        others = self._signs(second) if changed else {}
+        others = self._list_signs(second) if changed else {}
         found: list[Drawn] = [{"artist": name} for name in gone]
         for name in changed:
-            other = self._commands_of(name, others.get(name, artists[name]), second) or now[name]
-            found.append(self._drawing(name, artists[name], now[name], other))
+            other = self._draw_artist(name, others.get(name, artists[name]), second) or now[name]
+            found.append(self._make_drawing(name, artists[name], now[name], other))
         return found
 
-    def _signs(self, theme: str) -> dict[str, IArtist]:
+    def _list_signs(self, theme: str) -> dict[str, IArtist]:
         artists = self._ctx.visual.artists
         key = (self._edition, self._ctx.visual.artists.edits)
         if self._artists.get(theme, (None,))[0] != key:
@@ -348,23 +350,23 @@ class Painter:
                 self._artists[theme] = key, artists.signs()
         return self._artists[theme][1]
 
-    def _drawn(self, name: str, artist: IArtist, theme: str) -> Drawn | None:
+    def _get_drawing(self, name: str, artist: IArtist, theme: str) -> Drawn | None:
         """Return the drawing of an artist; if its inputs are unchanged, artists with `settles_in` are not called."""
         settles = getattr(artist.get_drawer(), "settles_in", None)
-        key = self._edition, state_of(name, artist), artist.get_visible()
+        key = self._edition, make_state_key(name, artist), artist.get_visible()
         is_settled = settles is not None and self._at - self._edited_at > settles
         if not is_settled or self._read.get(name) != key:
             self._read[name] = key
-            return self._commands_of(name, artist, theme)
+            return self._draw_artist(name, artist, theme)
         return self._commands.get(name)
 
-    def _commands_of(self, name: str, artist: IArtist, theme: str) -> Drawn | None:
+    def _draw_artist(self, name: str, artist: IArtist, theme: str) -> Drawn | None:
         """Return the drawing of an artist in a theme: plain commands, layer and legend; None: it draws nothing."""
         if not artist.get_visible():
             return None
         with self._ctx.visual.drawing.themed(THEMES[theme]):
             commands = ArtistGroup(self._ctx, {name: artist}).commands()
-            legend = [plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
+            legend = [make_plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
         try:
             plain = commands.to_plain()
         except BadValue:  # the drawing has too many points
@@ -379,7 +381,7 @@ class Painter:
             "facts": {} if facts is None else facts(self._ctx),
         }
 
-    def _drawing(self, name: str, artist: IArtist, first: Drawn, second: Drawn) -> Drawn:
+    def _make_drawing(self, name: str, artist: IArtist, first: Drawn, second: Drawn) -> Drawn:
         """Return a drawing in the format of pages, with the colors of both themes."""
         drawer = artist.get_drawer()
         step = self._step()
@@ -388,14 +390,14 @@ class Painter:
             "layer": int(first["layer"]),
             "in_fog": bool(getattr(drawer, "is_in_fog", False)),
             "follows": not getattr(drawer, "once_a_turn", False),
-            **painted(first["commands"], second["commands"], step),
+            **convert_drawing(first["commands"], second["commands"], step),
         }
-        legend = [_with_letters(block) for block in first["legend"]]
+        legend = [_replace_signs(block) for block in first["legend"]]
         if legend:
             found["legend"] = legend
         if first["facts"]:
             found["facts"] = first["facts"]
-        marks = drawn_marks(artist)
+        marks = get_drawn_marks(artist)
         if marks:
             shifts = [(one.shift[0] * one.least_px, one.shift[1] * one.least_px) for one in marks]
             found["marks"] = {
@@ -405,12 +407,12 @@ class Painter:
                 "radius": float(marks[0].least_px),
             }
         if isinstance(drawer, RecordedDrawer) and name in self._ctx.visual.artists.drawings.starts:
-            found["start"] = in_steps(self._ctx.visual.artists.drawings.starts[name].points, step)
+            found["start"] = convert_to_steps(self._ctx.visual.artists.drawings.starts[name].points, step)
         return found
 
     # -- captions -----------------------------------------------------------------------------------------------
 
-    def _captions(self, happened: Sequence[tuple[int, Any]]) -> Iterator[Drawn]:
+    def _write_captions(self, happened: Sequence[tuple[int, Any]]) -> Iterator[Drawn]:
         """Yield the captions of a turn: `words`, the `agent` or side, and whether it is `marked` and `major`."""
         events = list[Any]()
         later = list[Drawn]()
@@ -418,14 +420,14 @@ class Painter:
             if kind in (kinds.GAME_EVENT, kinds.USER_EVENT):
                 events.append(data)
             elif kind == kinds.GAME_SCORES:
-                risen = rises(data["scores"], self._scores)
+                risen = list_rises(data["scores"], self._scores)
                 later += [{"words": words, "agent": of, "major": True, "marked": True} for words, of in risen]
             elif kind == kinds.GAME_OVER and data:
                 winner = data.get("winner")
                 agent = None if winner is None else as_text(winner)
                 later.append({"words": ": ".join(ending(data)), "agent": agent, "major": True, "marked": True})
         is_marked = any(event.get("kind") not in UNMARKED for event in events)
-        for words, name in captions_of(events):
+        for words, name in write_captions(events):
             yield {"words": words, "agent": None if name is None else str(name), "major": False, "marked": is_marked}
         yield from later
 
@@ -436,7 +438,7 @@ def _step(columns: GraphColumns) -> float:
     return min(_PIXEL_STEP, float(2.0 ** np.floor(np.log2(extent / _STEPS)))) if extent > 0.0 else _PIXEL_STEP
 
 
-def _headings(quat: FloatArray) -> FloatArray:
+def _compute_headings(quat: FloatArray) -> FloatArray:
     """Return headings (agents,) in radians from quaternions (agents, 4); NaN: straight up or down, or undefined."""
     w, x, y, z = quat.T
     cos = 1.0 - 2.0 * (y * y + z * z)
@@ -452,7 +454,7 @@ def map_for_viewer(world: bytes) -> bytes:
     return drawn_map(world, _ATTRIBUTES)
 
 
-def painted(light: Drawn, dark: Drawn, step: float) -> Drawn:
+def convert_drawing(light: Drawn, dark: Drawn, step: float) -> Drawn:
     """Return the `commands` of a drawing in the format of pages, and the `colors` of their styles by theme.
 
     Args:
@@ -460,7 +462,7 @@ def painted(light: Drawn, dark: Drawn, step: float) -> Drawn:
         dark: the commands in the dark theme.
         step: the unit of points.
     """
-    commands = {**light, "step": step, "points": in_steps(light["points"], step)}
+    commands = {**light, "step": step, "points": convert_to_steps(light["points"], step)}
     del commands["color"]
     inks = [light["color"], dark["color"] if len(dark["color"]) == len(light["color"]) else light["color"]]
     styles, rows = np.unique(np.concatenate(inks, axis=1), axis=0, return_inverse=True)
@@ -469,7 +471,7 @@ def painted(light: Drawn, dark: Drawn, step: float) -> Drawn:
     return {"commands": commands, "colors": colors}
 
 
-def _with_letters(block: dict[str, Any]) -> dict[str, Any]:
+def _replace_signs(block: dict[str, Any]) -> dict[str, Any]:
     """Replace the signs in a block of a legend by characters."""
     if "rows" not in block:
         return block

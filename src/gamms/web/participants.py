@@ -16,7 +16,7 @@ from typing import Any, NotRequired, TypedDict
 
 from gamms import kernels
 from gamms.errors import BadFile, BadValue
-from gamms.folders import add_lines, as_kind, damaged, lines_in
+from gamms.folders import add_lines, as_kind, damaged, read_json_lines
 from gamms.text import shown
 from gamms.web.links import Refused, digest_of
 from gamms.web.live import Live
@@ -146,7 +146,7 @@ class Participants:
         self.by_code: dict[str, Participant] = {}
         self.groups: list[Group] = []
         self._agreed = 0  # consents, including those of removed participants
-        for place, line in enumerate(lines_in(file, _OF_STUDY), 1):
+        for place, line in enumerate(read_json_lines(file, _OF_STUDY), 1):
             try:
                 self._apply(line)
             except BadFile as error:
@@ -253,7 +253,7 @@ class Participants:
         number = len(self.groups)
         members = waiting[: self._size]
         order = kernels.stream(self._seed, "people of a study", number).permutation(len(members)).tolist()
-        place = self._next_place()
+        place = self._find_next_place()
         group = Group(number, self.condition_of(place), tuple(members[one].code for one in order), place=place)
         line: Json = {"group": number, "condition": group.condition, "members": list(group.members)}
         if place != number:
@@ -264,7 +264,7 @@ class Participants:
             member.group = group
         return group
 
-    def _next_place(self) -> int:
+    def _find_next_place(self) -> int:
         """Return the first index in the sequence of conditions that no present group has."""
         taken = {group.place for group in self.groups if any(code in self.by_code for code in group.members)}
         return next(place for place in range(len(taken) + 1) if place not in taken)
@@ -337,7 +337,9 @@ class RemovedCodes:
         if size == self._size:
             return False
         self._size = size
-        self._patterns = [line["out"] for line in lines_in(self._file, "a code that was taken out", _RemovalLine)]
+        self._patterns = [
+            line["out"] for line in read_json_lines(self._file, "a code that was taken out", _RemovalLine)
+        ]
         return True
 
     def has(self, code: str) -> bool:

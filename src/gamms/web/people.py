@@ -30,15 +30,15 @@ from gamms.web.choices import (
     Choice,
     Question,
     RefusedChoice,
-    action_of,
     as_action,
     channels_of,
-    choices_in,
-    deeds_of,
-    edges_of,
-    inbox_of,
-    messages_of,
-    moves_of,
+    list_deeds,
+    list_edges,
+    list_inbox,
+    list_messages,
+    list_moves,
+    make_action,
+    read_choices,
     written,
 )
 from gamms.web.links import PartOfServer
@@ -124,8 +124,8 @@ class People(PartOfServer):
         if self._ctx is None:
             return
         found: dict[str, Person] = {}
-        for human, agents in _humans_of(self._ctx):
-            name = human.name or _name_of(agents, self._ctx)
+        for human, agents in _list_humans(self._ctx):
+            name = human.name or _find_name(agents, self._ctx)
             if name in found:
                 raise Duplicate("a person", name)
             known = self._persons.get(name)
@@ -184,14 +184,14 @@ class People(PartOfServer):
             return any(question.chosen is None for _, question in self._questions.values())
 
     def choose(self, person: str, choice: Mapping[str, Plain]) -> None:
-        """Accept the choice of a person, a dict: see `choices.action_of`.
+        """Accept the choice of a person, a dict: see `choices.make_action`.
 
         Raises:
             RefusedChoice: the choice is late, foreign, illegal or a duplicate; nothing has changed.
         """
         with self._lock:
             question = self._open_question(person, choice)
-            action = action_of(choice, question, self._ctx)
+            action = make_action(choice, question, self._ctx)
             question.took_s = monotonic() - question.began
             question.action = action
             question.chosen = json.dumps(as_json(written(choice)), sort_keys=True)
@@ -282,13 +282,13 @@ class People(PartOfServer):
                 self._last,
                 state["name"],
                 state["turn"],
-                moves_of(state),
+                list_moves(state),
                 ctx.agent.get_agent(state["name"]).speed or 0.0,
                 as_json(state["curr_pos"]),
-                edges_of(state, ctx),
-                deeds_of(state, person.agents, ctx),
+                list_edges(state, ctx),
+                list_deeds(state, person.agents, ctx),
                 channels_of(state, person.agents, ctx),
-                inbox_of(state),
+                list_inbox(state),
                 as_json(state.get("doing")),
                 *(min(seconds, latest), now, until, wake),
             )
@@ -344,7 +344,7 @@ class Human:
             return
         self._people = People.of(ctx)
         if self._people is None or not self._people.is_open:
-            played = [agents for human, agents in _humans_of(ctx) if human is self]
+            played = [agents for human, agents in _list_humans(ctx) if human is self]
             names = ", ".join(map(shown, played[0])) if played else "This agent"
             raise BadValue(
                 f"{names}: a person plays, and nothing lets a person in here. Play it in the browser, with gamms run "
@@ -360,18 +360,20 @@ class Human:
         if self._choices is None:
             action, choice = await self._people.answer(state, self._seconds, self._joins_within)
         else:
-            action, choice = self._recorded(state, self._choices)
+            action, choice = self._find_recorded_choice(state, self._choices)
         self._people.note(choice)
         if choice.outcome == CHOSEN:
             state["action"] = action
-            if messages := messages_of(choice):
+            if messages := list_messages(choice):
                 state["outbox"] += messages
             return
         answer = self._otherwise(state)
         if answer is not None:
             await answer
 
-    def _recorded(self, state: Mapping[str, Any], choices: "dict[tuple[int, str], list[Choice]]") -> tuple[Any, Choice]:
+    def _find_recorded_choice(
+        self, state: Mapping[str, Any], choices: "dict[tuple[int, str], list[Choice]]"
+    ) -> tuple[Any, Choice]:
         """Return the recorded action and choice of an agent in this turn."""
         key = state["turn"] + 1, state["name"]
         known = choices.get(key)
@@ -410,11 +412,11 @@ def human(
         as_positive(seconds, "seconds"),
         as_positive(joins_within, "joins_within"),
         as_function_of(otherwise, "otherwise", "the state"),
-        None if choices is None else choices_in(choices),
+        None if choices is None else read_choices(choices),
     )
 
 
-def _humans_of(ctx: Context) -> Iterator[tuple[Human, tuple[str, ...]]]:
+def _list_humans(ctx: Context) -> Iterator[tuple[Human, tuple[str, ...]]]:
     """Yield each human strategy of a game, with the sorted names of its agents."""
     agents: dict[int, list[str]] = {}
     humans: dict[int, Human] = {}
@@ -426,6 +428,6 @@ def _humans_of(ctx: Context) -> Iterator[tuple[Human, tuple[str, ...]]]:
         yield one, tuple(sorted(agents[key]))
 
 
-def _name_of(agents: tuple[str, ...], ctx: Context) -> str:
+def _find_name(agents: tuple[str, ...], ctx: Context) -> str:
     """Return the name of a single agent, or the team of several agents."""
     return agents[0] if len(agents) == 1 else str(ctx.agent.get_agent(agents[0]).team)

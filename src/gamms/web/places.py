@@ -21,9 +21,9 @@ from gamms.scenario.spec import LatLon, Rule, Team
 from gamms.text import shown
 from gamms.visual.appearance import team_colors
 from gamms.visual.themes import THEMES
-from gamms.web.bundle import VIEWER_THEMES, css
+from gamms.web.bundle import VIEWER_THEMES, format_css
 from gamms.web.columns import drawn_map
-from gamms.web.pages import as_json, as_text_of, filled
+from gamms.web.pages import as_json, as_text_of, fill_page
 
 _SCENARIOS = (".yaml", ".yml", ".json")
 _TEAMS = ("red", "blue")  # the teams of a map without a scenario
@@ -46,19 +46,19 @@ def map_page(source: str | os.PathLike[str] | Scenario, *, title: str = "", them
     """
     if theme not in (None, "light", "dark"):
         raise BadValue(f"Unknown theme {shown(theme)} of a page; there are: light, dark, and None.")
-    game, is_scenario = _opened(source)
-    options = _options_of(game, is_scenario=is_scenario)
+    game, is_scenario = _open_scenario(source)
+    options = _make_options(game, is_scenario=is_scenario)
     if title:
         options["title"] = title
     if theme is not None:
         options["theme"] = theme
-    packed = as_text_of(_packed_map(game))
+    packed = as_text_of(_encode_map(game))
     data = f'<script type="application/json" id="options">{as_json(options)}</script>\n'
     words = {"title": escape(options["title"]), "still": "This page needs JavaScript.", "connect": "'none'"}
-    return filled("places", words, f'{data}<script type="application/x-gamms-map" id="map">{packed}</script>')
+    return fill_page("places", words, f'{data}<script type="application/x-gamms-map" id="map">{packed}</script>')
 
 
-def _opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
+def _open_scenario(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
     """Return a scenario with the map, and whether the source was a scenario.
 
     Raises:
@@ -81,7 +81,7 @@ def _opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
     return Scenario(folder=file.absolute().parent, name=file.name, map=map, teams=teams), False
 
 
-def _starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
+def _find_starts(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
     """Return the `names` of agents, and `seeds`: seed -> their start nodes, or the error message of the placement."""
     try:
         found = game.starts(seeds)
@@ -90,39 +90,39 @@ def _starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
     except ScenarioError as error:
         if len(seeds) == 1:
             return {"names": [], "seeds": {str(seeds[0]): str(error)}}
-    each = [_starts_of(game, [seed]) for seed in seeds]
+    each = [_find_starts(game, [seed]) for seed in seeds]
     names = max((one["names"] for one in each), key=len)
     return {"names": names, "seeds": dict(ChainMap(*(one["seeds"] for one in reversed(each))))}
 
 
-def _options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
+def _make_options(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
     """Return the options of the page: title, teams, rules with nodes, and start nodes."""
     plain = game.to_dict()
     spec = game.spec
     found: dict[str, Any] = {"title": spec.name or ("A scenario" if game.file is None else game.file.name)}
     if not is_scenario:
         teams = [{"name": name, "count": 0, "agents": []} for name in _TEAMS]
-        return found | {"map": {"file": plain["map"]["file"]["path"]}, "teams": _colored(teams)}
-    found["teams"] = _colored([_team(game, name, team) for name, team in spec.teams.items()])
+        return found | {"map": {"file": plain["map"]["file"]["path"]}, "teams": _add_colors(teams)}
+    found["teams"] = _add_colors([_describe_team(game, name, team) for name, team in spec.teams.items()])
     rules = [(number, one) for number, one in enumerate(spec.rules) if isinstance(one, Rule) and "nodes" in one.with_]
     found["rules"] = [{"path": f"rules.{number}.with.nodes", "name": one.name or one.rule} for number, one in rules]
     agents = sum(team.count + len(team.agents) for team in spec.teams.values())
     own = 0 if spec.seed is None else spec.seed
     others = [seed for seed in range(min(_SEEDS, _MOST_PLACES // max(agents, 1))) if seed != own]
-    return found | {"seed": own, "starts": _starts_of(game, [own, *others])}
+    return found | {"seed": own, "starts": _find_starts(game, [own, *others])}
 
 
-def _colored(teams: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _add_colors(teams: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return teams with their colors in each theme."""
     names = [team["name"] for team in teams]
     by_theme = {theme: team_colors(names, palette=THEMES[theme].teams) for theme in VIEWER_THEMES}
     return [
-        {**team, "colors": {theme: css(colors[str(team["name"])]) for theme, colors in by_theme.items()}}
+        {**team, "colors": {theme: format_css(colors[str(team["name"])]) for theme, colors in by_theme.items()}}
         for team in teams
     ]
 
 
-def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
+def _describe_team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
     """Return the name, the agents and the placement area of a team."""
     found: dict[str, Any] = {"name": name, "count": team.count, "agents": [one.name for one in team.agents]}
     if team.near is not None and team.within is not None:
@@ -135,7 +135,7 @@ def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
     return found
 
 
-def _packed_map(game: Scenario) -> bytes:
+def _encode_map(game: Scenario) -> bytes:
     """Encode the map of a scenario with all attributes, and with latitude and longitude if the map has a CRS."""
     with create_context(logger_config={"level": "ERROR"}) as ctx:
         ctx.graph.storage.copy_from(game.map_snapshot())

@@ -3,7 +3,7 @@
 Live games (`live.py`) and studies (`study.py`) build on it.
 
 * A **link** (`links.py`) is an address with a token after `#`. Browsers do not send this part when they request a page,
-  so that it appears in no log. `Links.add(grant)` makes a token; the `Grant` holds the permissions of its holder and
+  so that it appears in no log. `Links.add(grant)` makes a token; `LinkPermissions` are those of its holder, with
   the knowledge that the holder receives: an `Audience` of everything, of a team, or of agents by name.
 * A **site** (`Site`) is the content of a server: `pages` by path; `calls` by path, functions that a page calls by POST
   with JSON and the header `Authorization: Bearer TOKEN`; and `talk`, the handler of the WebSocket at `/live`.
@@ -35,7 +35,7 @@ from gamms.errors import BadType, BadValue, GammsError, NetworkError
 from gamms.plain import Plain
 from gamms.plugins import needing
 from gamms.text import shown
-from gamms.web.links import Grant, Links, Refused
+from gamms.web.links import LinkPermissions, Links, Refused
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -87,7 +87,7 @@ class Connection:
         counts: the numbers of "received", "bad" and "refused" messages, and of "dropped" turns.
     """
 
-    def __init__(self, grant: Grant) -> None:
+    def __init__(self, grant: LinkPermissions) -> None:
         self.grant = grant
         self.place: Any = None  # Any: the handler chooses the type
         self.counts: Counter[str] = Counter()
@@ -153,7 +153,7 @@ class Page:
         return f"{found[1].decode('ascii')}; frame-ancestors 'none'"
 
 
-Call = Callable[[Grant, Json, str], Plain]
+Call = Callable[[LinkPermissions, Json, str], Plain]
 
 
 @dataclass
@@ -209,14 +209,14 @@ class Server:
                 f"host={shown(host)} lets other machines in. Say that you want that: allow_network=True, or "
                 f"--allow-network; without, use host='127.0.0.1'."
             )
-        listener = _listener(host, as_int(port, "port"))
+        listener = _open_listener(host, as_int(port, "port"))
         port = listener.getsockname()[1]
         name = f"[{host}]" if ":" in host else host
         self.address = f"http://{name}:{port}"
         self.links = site.links
         self._hub = _SiteRouter(site)
         idle = IdleTimeout(_MOST_QUIET, _QUIET_S)
-        guard = _Guard(self._hub.application(), _own_names(port) if is_local else None, idle)
+        guard = _Guard(self._hub.application(), _list_own_names(port) if is_local else None, idle)
 
         def protocol(**keywords: Any) -> WatchedConnection:  # called by uvicorn
             return WatchedConnection(H11Protocol(**keywords), idle)
@@ -225,7 +225,7 @@ class Server:
             guard,
             loop="asyncio",
             http=protocol,  # type: ignore[arg-type] # it makes one
-            ws=counting_frames(WebSocketsSansIOProtocol),
+            ws=limit_frames(WebSocketsSansIOProtocol),
             ws_max_size=MOST_MESSAGE,
             ws_per_message_deflate=False,  # messages are compressed already
             ws_ping_interval=None,  # pings would draw from the global random generator, which games seed
@@ -280,11 +280,11 @@ def _is_loopback(host: str) -> bool:
     return host == "localhost"
 
 
-def _own_names(port: int) -> frozenset[str]:
+def _list_own_names(port: int) -> frozenset[str]:
     return frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
 
 
-def _listener(host: str, port: int) -> socket.socket:
+def _open_listener(host: str, port: int) -> socket.socket:
     """Open a listening socket.
 
     Raises:
@@ -334,7 +334,7 @@ class IdleTimeout:
             counts = Counter(host for host, _ in self._quiet)
             most = max(counts.values())
             self._end(next(one for one in self._quiet if counts[one[0]] == most))
-        self._look_later()
+        self._schedule_check()
 
     def asks(self, client: Client) -> None:
         """Mark a connection as busy with a request."""
@@ -345,7 +345,7 @@ class IdleTimeout:
         """Mark a connection as idle, after a response."""
         if (known := self._busy.pop(client, None)) is not None:
             self._quiet[client] = monotonic(), known[1]
-            self._look_later()
+            self._schedule_check()
 
     def gone(self, client: Client) -> None:
         """Stop watching a connection."""
@@ -356,11 +356,11 @@ class IdleTimeout:
         _, end = (self._quiet if client in self._quiet else self._busy).pop(client)
         end()
 
-    def _look_later(self) -> None:
+    def _schedule_check(self) -> None:
         if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(self._seconds / 4, self._look)
+            self._timer = asyncio.get_running_loop().call_later(self._seconds / 4, self._close_idle_connections)
 
-    def _look(self) -> None:
+    def _close_idle_connections(self) -> None:
         """Close the connections whose time is over."""
         now = monotonic()
         self._timer = None
@@ -368,7 +368,7 @@ class IdleTimeout:
             for client in [client for client, (since, _) in known.items() if now - since > most]:
                 self._end(client)
         if self._quiet or self._busy:
-            self._look_later()
+            self._schedule_check()
 
 
 class WatchedConnection(asyncio.Protocol):
@@ -429,7 +429,7 @@ class _Guard:
         self._idle = idle
 
     async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
-        client = _client_of(scope)
+        client = _get_client(scope)
         if scope["type"] == "websocket":  # WebSockets have their own limits
             self._idle.gone(client)
             await self._answer(scope, receive, send)
@@ -480,7 +480,7 @@ _HEADERS = {
 }
 
 
-def _client_of(scope: "Scope") -> Client:
+def _get_client(scope: "Scope") -> Client:
     return tuple(scope["client"] or ("", 0))
 
 
@@ -501,7 +501,7 @@ class _SiteRouter:
         from starlette.routing import Route, WebSocketRoute
 
         routes: list[Route | WebSocketRoute] = [
-            Route(path, _page_route(page), methods=["GET"]) for path, page in self._site.pages.items()
+            Route(path, _make_page_route(page), methods=["GET"]) for path, page in self._site.pages.items()
         ]
         routes += [Route(path, self._call_route(call), methods=["POST"]) for path, call in self._site.calls.items()]
         if self._site.talk is not None:
@@ -515,7 +515,7 @@ class _SiteRouter:
             from starlette.concurrency import run_in_threadpool
             from starlette.responses import JSONResponse
 
-            client = _client_of(request.scope)
+            client = _get_client(request.scope)
             _, _, token = request.headers.get("authorization", "").partition("Bearer ")
             grant = self._site.links.find(token)
             if grant is None:
@@ -548,7 +548,7 @@ class _SiteRouter:
 
     async def _talk(self, websocket: "WebSocket") -> None:
         self._begin()
-        client = _client_of(websocket.scope)
+        client = _get_client(websocket.scope)
         try:
             grant = await self._grant_of(websocket, client)
         except TimeoutError:
@@ -571,7 +571,7 @@ class _SiteRouter:
             self._loop = asyncio.get_running_loop()
             self._pump = self._loop.create_task(self._send_in_rounds())
 
-    async def _grant_of(self, websocket: "WebSocket", client: Client) -> Grant | None:
+    async def _grant_of(self, websocket: "WebSocket", client: Client) -> LinkPermissions | None:
         """Wait for the first message of a client, which contains its token; None: the token is unknown.
 
         Raises:
@@ -658,7 +658,7 @@ async def _send_all(websocket: "WebSocket", connection: Connection, talk: Socket
                     await websocket.send_bytes(piece)
 
 
-def _page_route(page: Page) -> Callable[["Request"], Any]:
+def _make_page_route(page: Page) -> Callable[["Request"], Any]:
     from starlette.responses import HTMLResponse
 
     answer = HTMLResponse(page.body, headers={"content-security-policy": page.policy})
@@ -676,7 +676,7 @@ def _as_message(text: object) -> Json:
         Refused: it is no JSON object, or nested too deeply.
     """
     try:
-        found = json.loads(text, parse_constant=_no_number) if isinstance(text, str | bytes) else None
+        found = json.loads(text, parse_constant=_refuse_constant) if isinstance(text, str | bytes) else None
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict) or not _is_shallow(found, _MOST_DEPTH):
@@ -684,7 +684,7 @@ def _as_message(text: object) -> Json:
     return found
 
 
-def _no_number(name: str) -> float:
+def _refuse_constant(name: str) -> float:
     raise ValueError(name)
 
 
@@ -710,7 +710,7 @@ class _RateLimit:
         return self._left >= 0.0
 
 
-def counting_frames(protocol: type[Any]) -> type[Any]:  # classes of uvicorn, which one file imports
+def limit_frames(protocol: type[Any]) -> type[Any]:  # classes of uvicorn, which one file imports
     """Return a subclass of uvicorn's protocol that aborts connections with too many pings, pongs or fragments.
 
     The protocol answers pings and joins fragments itself, so that the application cannot count them.

@@ -19,14 +19,14 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 from gamms.ir import events as kinds
-from gamms.ir.events import Log, events_of
+from gamms.ir.events import Log, list_events
 from gamms.ir.graph import GraphColumns
-from gamms.knowledge.looks import Nearest, nearest_on
-from gamms.recorder.cut import KnowledgeFilter, cut_header, sides_of
+from gamms.knowledge.looks import Nearest, make_nearest
+from gamms.recorder.cut import KnowledgeFilter, cut_header, list_sides
 from gamms.recorder.detached import DetachedState
 from gamms.web.columns import MAGIC, frame
 from gamms.web.links import Audience, PartOfServer
-from gamms.web.pages import drawn_header
+from gamms.web.pages import select_header
 from gamms.web.painter import Painter
 from gamms.web.server import Connection
 
@@ -75,7 +75,7 @@ class AudienceStream:
         self._turns = turns  # that were written
         self._begun_at = turns
         self._is_seen = False  # whether what agents see at the beginning was written
-        self.opening = _messages(MAGIC + frame(drawn_header(header)))
+        self.opening = _split_messages(MAGIC + frame(select_header(header)))
         self._lock = Lock()
         self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and the number of turns played after them
         self._first = 0  # the number of the first stored part
@@ -135,7 +135,7 @@ class AudienceStream:
         self._add(self._painter.part(), is_keyframe=True)
 
     def _add(self, part: bytes, *, is_keyframe: bool = False) -> None:
-        messages = _messages(part)
+        messages = _split_messages(part)
         size = sum(map(len, messages))
         with self._lock:
             self._parts.append((messages, self._turns))
@@ -200,11 +200,11 @@ class Streams(PartOfServer):
             self.turns = 0
             self._turns = 0
             self._drawings = {one["artist"]: one for one in header.get("drawings", [])}
-            self._sides = partial(sides_of, header, {name: state[name] for name in ("names", "teams")})
+            self._sides = partial(list_sides, header, {name: state[name] for name in ("names", "teams")})
             self._state = DetachedState(deepcopy(state))
             self._error = None
             self._close()
-            self._streams = {audience: self._begun(audience) for audience in self._streams}
+            self._streams = {audience: self._begin_stream(audience) for audience in self._streams}
 
     def hear(self, log: Log, *, is_over: bool) -> None:
         """Queue events for the next reader; encode them now if the queue is full. See `Follower`.
@@ -242,7 +242,7 @@ class Streams(PartOfServer):
         if is_over:
             state.apply(self._since)
             self._turns += 1
-            for kind, data in events_of(self._since):
+            for kind, data in list_events(self._since):
                 if kind == kinds.VISUALS:
                     self._header = self._header | {"visuals": data}
                 elif kind == kinds.VISUAL_COMMANDS:
@@ -264,7 +264,7 @@ class Streams(PartOfServer):
         with self._lock:
             self._catch_up()
             if self._streams.get(audience) is None:
-                self._streams[audience] = None if self._state is None else self._begun(audience)
+                self._streams[audience] = None if self._state is None else self._begin_stream(audience)
             return self._streams[audience]
 
     @property
@@ -290,19 +290,19 @@ class Streams(PartOfServer):
         for stream in filter(None, self._streams.values()):
             stream.close()
 
-    def _begun(self, audience: Audience) -> AudienceStream:
+    def _begin_stream(self, audience: Audience) -> AudienceStream:
         assert self._state is not None  # noqa: S101 - callers look
         state = self._state.keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
         header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
-        stream = AudienceStream(audience, header, state, self._turns, nearest_on(self._columns))
+        stream = AudienceStream(audience, header, state, self._turns, make_nearest(self._columns))
         if self._since:
             stream.hear(self._since, self._since, is_over=False)
             stream.write()
         return stream
 
 
-def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
+def list_news(streams: Streams, connection: Connection) -> Iterator[bytes]:
     """Yield the messages that a connection has not received yet, and update its position."""
     stream = streams.of(connection.grant.audience)
     if stream is None:
@@ -323,6 +323,6 @@ def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
         yield from messages
 
 
-def _messages(data: bytes) -> list[bytes]:
+def _split_messages(data: bytes) -> list[bytes]:
     """Split bytes into messages, each of which is compressed separately."""
     return [zlib.compress(data[at : at + _PIECE]) for at in range(0, len(data), _PIECE)]

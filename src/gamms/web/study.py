@@ -26,11 +26,11 @@ from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.folders import (
     add_lines,
     cut_torn_line,
-    lines_in,
-    locked,
+    lock_folder,
+    open_whole_file,
+    read_json_lines,
     refuse_link,
-    whole_file,
-    without_link,
+    remove_link,
     write_csv,
 )
 from gamms.game.result import Result
@@ -40,9 +40,9 @@ from gamms.text import reason, shown
 from gamms.versions import versions
 from gamms.web.bundle import hash_of
 from gamms.web.choices import CHOSEN, EVENT
-from gamms.web.links import Grant, Handle, Links, Refused
+from gamms.web.links import Handle, LinkPermissions, Links, Refused
 from gamms.web.live import Live, ServeOptions
-from gamms.web.pages import live_page
+from gamms.web.pages import make_live_page
 from gamms.web.participants import ConsentRateLimit, Group, Line, Participant, Participants, RemovedCodes, take_out
 from gamms.web.people import People, human
 from gamms.web.server import Connection, Json, Page, Server, Site
@@ -164,10 +164,10 @@ class Study(Handle):
         self._partner_within = as_positive(options.get("partner_within", 300.0), "partner_within")
         given = as_mapping(options.get("conditions") or {"all": {}}, "conditions")
         self._variants = {
-            as_text(name, "a condition"): _changed(scenario, name, changes) for name, changes in given.items()
+            as_text(name, "a condition"): _change_scenario(scenario, name, changes) for name, changes in given.items()
         }
-        self.codes = _checked_codes(options.get("codes"))
-        self._people = self._people_of(scenario, people)
+        self.codes = _check_codes(options.get("codes"))
+        self._people = self._find_people(scenario, people)
         for variant in self._variants.values():
             self._check(variant)
         self._lock = threading.RLock()
@@ -186,25 +186,25 @@ class Study(Handle):
         self._title = title
         self._links = Links()
         self._tokens = {
-            name: self._links.add(Grant(f"participants {name}"))
+            name: self._links.add(LinkPermissions(f"participants {name}"))
             for name in ((_ALL,) if self.codes is None else self.codes)
         }
         self._taken_out = RemovedCodes(self.folder)
-        pages = {"/": Page(_page(title)), "/play": Page(live_page(title))}
+        pages = {"/": Page(_make_page(title)), "/play": Page(make_live_page(title))}
         site = Site(self._links, pages, {"/participant": self._answer}, talk=self)
         keywords: Any = {name: options[name] for name in ("port", "host", "allow_network") if name in options}
         with ExitStack() as ending:
-            ending.enter_context(locked(self.folder))
+            ending.enter_context(lock_folder(self.folder))
             refuse_link(self.folder / "games")
             self._known = self._resume(about)
             self._read_taken_out()
             self._server = Server(site, **keywords)
             ending.callback(self._server.close)
-            if not lines_in(self.folder / "study.jsonl", _LINE):  # written last, after everything that may raise
+            if not read_json_lines(self.folder / "study.jsonl", _LINE):  # written last, after everything that may raise
                 add_lines(self.folder / "study.jsonl", [about])
             self._ending = ending.pop_all()
 
-    def _people_of(self, scenario: Scenario, people: str | Sequence[str] | None) -> tuple[str, ...]:
+    def _find_people(self, scenario: Scenario, people: str | Sequence[str] | None) -> tuple[str, ...]:
         """Return the teams and agents that participants play.
 
         Raises:
@@ -226,7 +226,7 @@ class Study(Handle):
             BadValue: they are not.
         """
         named = [f"participant {number}" for number in range(len(self._people))]
-        with variant.build(self._seed, dict(zip(self._people, map(self._human, named), strict=True))) as ctx:
+        with variant.build(self._seed, dict(zip(self._people, map(self._make_human, named), strict=True))) as ctx:
             persons = People.open(ctx).persons
         if others := ", ".join(shown(name) for name in persons if name not in named):
             raise BadValue(
@@ -256,10 +256,10 @@ class Study(Handle):
             BadValue: the code is invalid.
             UnknownName (KeyError): the code is not in `codes`.
         """
-        name = _ALL if self.codes is None else _checked_code(code)
+        name = _ALL if self.codes is None else _check_code(code)
         if name not in self._tokens:
             raise UnknownName("code", code, self._tokens)
-        return self._server.link(self._tokens[name], f"/?code={_checked_code(code)}")
+        return self._server.link(self._tokens[name], f"/?code={_check_code(code)}")
 
     @property
     def rows(self) -> list[Row]:
@@ -355,7 +355,7 @@ class Study(Handle):
 
     # -- requests of participants ---------------------------------------------------------------------------------
 
-    def _answer(self, grant: Grant, message: Json, address: str) -> Plain:
+    def _answer(self, grant: LinkPermissions, message: Json, address: str) -> Plain:
         """Return the stage of a participant: "consent", "wait", "alone", "ready", "play" or "end"."""
         code = message.get("code")
         if not isinstance(code, str) or not self._is_known(grant, code):
@@ -369,7 +369,7 @@ class Study(Handle):
             one = self._known.known(code, message)
             return {"stage": "consent", "text": self._consent} if one is None else self._stage(one, message)
 
-    def _is_known(self, grant: Grant, code: str) -> bool:
+    def _is_known(self, grant: LinkPermissions, code: str) -> bool:
         """Return whether a link and a code belong to this study."""
         name = _ALL if self.codes is None else code
         return grant.name == f"participants {name}" and _CODE.fullmatch(code) is not None
@@ -407,7 +407,7 @@ class Study(Handle):
         there = sum(code in self._known.by_code for code in group.members)
         return len(group.ready) == there or monotonic() - group.ready_at > self._partner_within
 
-    def _human(self, name: str) -> Any:  # a strategy, which `Scenario.build` takes
+    def _make_human(self, name: str) -> Any:  # a strategy, which `Scenario.build` takes
         keywords: Any = {key: self._options[key] for key in ("seconds", "otherwise") if key in self._options}
         if len(self._people) > 1:  # limits the wait for a participant who does not join a round
             keywords["joins_within"] = keywords.get("seconds", 60.0)
@@ -427,11 +427,11 @@ class Study(Handle):
             self._forget(group)
         group.attempts += 1
         self._known.note_round(group)
-        file = without_link(self.folder / "games" / f"{group.number}-{group.played}.ggr")
+        file = remove_link(self.folder / "games" / f"{group.number}-{group.played}.ggr")
         file.parent.mkdir(parents=True, exist_ok=True)
         keywords: ServeOptions = {
             "seed": self._seed + group.played,
-            "strategies": dict(zip(self._people, map(self._human, group.members), strict=True)),
+            "strategies": dict(zip(self._people, map(self._make_human, group.members), strict=True)),
             "record": file,
             "speed": None,
             "title": self._title,
@@ -473,7 +473,7 @@ class Study(Handle):
             if group.live is not live:
                 return  # the game was ended by `_end`
             there = [one for code in group.members if (one := self._known.by_code.get(code)) is not None]
-            rows = [self._row_of(one, group, result, error, file) for one in there]
+            rows = [self._make_row(one, group, result, error, file) for one in there]
             add_lines(self.folder / "rows.jsonl", rows)
             self._rows += rows
             self._write_csv()
@@ -487,7 +487,7 @@ class Study(Handle):
             if len(self._shown) > _MOST_AT_ONCE:
                 self._forget(self._shown[0])
 
-    def _row_of(self, one: Participant, group: Group, result: Result | None, error: str | None, file: Path) -> Row:
+    def _make_row(self, one: Participant, group: Group, result: Result | None, error: str | None, file: Path) -> Row:
         is_practice = group.played < self._practice
         row: Row = {"participant": one.code, "number": one.number, "condition": group.condition}
         if len(self._people) > 1:
@@ -521,13 +521,13 @@ class Study(Handle):
             BadFile: a line of a file is damaged.
             BadValue: the folder contains another study.
         """
-        before = lines_in(self.folder / "study.jsonl", _LINE)
+        before = read_json_lines(self.folder / "study.jsonl", _LINE)
         if before and before[0] != about:
             raise BadValue(
                 f"{str(self.folder)!r} holds another study: {shown(before[0])}; this one is "
                 f"{about}. Give another folder as out."
             )
-        self._rows = lines_in(self.folder / "rows.jsonl", "a row of a study", _Row)
+        self._rows = read_json_lines(self.folder / "rows.jsonl", "a row of a study", _Row)
         counts = Counter(row["participant"] for row in self._rows)
         known = Participants(
             self.folder / "participants.jsonl",
@@ -548,18 +548,18 @@ class Study(Handle):
 
     def _write_csv(self) -> None:
         columns = list(dict.fromkeys(chain.from_iterable(self._rows)))
-        with whole_file(self.folder / "rows.csv") as whole:
+        with open_whole_file(self.folder / "rows.csv") as whole:
             write_csv(whole, columns, ([row.get(name) for name in columns] for row in self._rows))
 
     # -- connections, each of which belongs to the game of its participant -------------------------------------------
 
-    def _live_of(self, connection: Connection) -> Live | None:
+    def _find_live(self, connection: Connection) -> Live | None:
         one = self._known.by_code.get(connection.grant.name)
         return None if one is None or one.group is None else one.group.live or one.group.ended
 
     def joined(self, connection: Connection) -> None:
         """Connect a participant to the current round (called by the server)."""
-        live = self._live_of(connection)
+        live = self._find_live(connection)
         if live is not None:
             group = self._known.by_code[connection.grant.name].group
             assert group is not None  # noqa: S101 - it has a game
@@ -568,32 +568,32 @@ class Study(Handle):
 
     def left(self, connection: Connection) -> None:
         """Disconnect a participant from the current round (called by the server)."""
-        live = self._live_of(connection)
+        live = self._find_live(connection)
         if live is not None:
             live.left(connection)
 
     def received(self, connection: Connection, message: Json) -> None:
         """Pass a message of a participant to the current round (called by the server)."""
-        live = self._live_of(connection)
+        live = self._find_live(connection)
         if live is None:
             raise Refused("No round is played now.")
         live.received(connection, message)
 
     def news(self, connection: Connection) -> Iterable[bytes]:
         """Return the data that a participant has not received yet, in pieces (called by the server)."""
-        live = self._live_of(connection)
+        live = self._find_live(connection)
         return () if live is None else live.news(connection)
 
 
-def _checked_codes(codes: Iterable[str] | None) -> tuple[str, ...] | None:
+def _check_codes(codes: Iterable[str] | None) -> tuple[str, ...] | None:
     """Check codes and remove duplicates; None: participants choose their codes."""
     if codes is None:
         return None
     given = as_items(codes, "codes", "codes of participants")
-    return tuple(dict.fromkeys(map(_checked_code, given)))
+    return tuple(dict.fromkeys(map(_check_code, given)))
 
 
-def _checked_code(code: object) -> str:
+def _check_code(code: object) -> str:
     """Return a code if it is valid.
 
     Raises:
@@ -604,7 +604,7 @@ def _checked_code(code: object) -> str:
     return code
 
 
-def _changed(scenario: Scenario, condition: str, changes: object) -> Scenario:
+def _change_scenario(scenario: Scenario, condition: str, changes: object) -> Scenario:
     """Return a scenario with the changes of a condition."""
     try:
         return scenario.replace(**{str(path): value for path, value in as_mapping(changes, "what changes").items()})
@@ -613,7 +613,7 @@ def _changed(scenario: Scenario, condition: str, changes: object) -> Scenario:
         raise
 
 
-def _page(title: str) -> bytes:
+def _make_page(title: str) -> bytes:
     """Return the page on which participants consent and start rounds."""
     page = (Path(__file__).parent.parent / "data" / "study.html").read_text(encoding="utf-8")
     for name in ("script", "style"):

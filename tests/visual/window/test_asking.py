@@ -283,7 +283,7 @@ def test_one_who_has_no_sensor_sees_all(hunt, person):
     assert shown_in_a_question(hunt(), person, "far") == ["anna", "near", "far"]
 
 
-def test_a_program_that_declares_its_graph_shows_what_it_declares(hunt, person):
+def test_a_program_that_declares_its_graph_shows_its_declarations(hunt, person):
     ctx = hunt()
     ctx.visual.set_graph_visual()
     for name in ("anna", "near", "far"):

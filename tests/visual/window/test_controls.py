@@ -180,5 +180,5 @@ def test_panels_of_agents_cover_neither_the_turn_nor_the_agent(ctx, person, monk
 def test_each_key_of_the_table_does_something_in_a_window(ctx):
     bound = {*ctx.visual.input._keys, *ctx.visual.input._ways}
     assert bound == {*window_input._bind_keys(pygame)}
-    known = {*ctx.visual._handlers().actions, *window_input._MOVES}
+    known = {*ctx.visual._make_handlers().actions, *window_input._MOVES}
     assert known == set(find_actions("window").values())

@@ -97,7 +97,7 @@ def test_there_is_always_time_for_one_thing():
     assert not budget.has_time(0.0)
 
 
-def test_what_was_done_already_takes_the_time_of_the_first_thing():
+def test_a_repeated_action_takes_the_time_of_the_first():
     budget = FrameBudget(-1.0)
     budget.spend()
     assert not budget.has_time(0.0)

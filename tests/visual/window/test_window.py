@@ -109,7 +109,7 @@ def test_errors_of_declarations(ctx):
     ctx.visual.update()
 
 
-def test_a_sensor_that_cannot_say_what_it_saw_is_refused(ctx):
+def test_a_sensor_that_cannot_describe_its_view_is_refused(ctx):
     class Mute(ISensor):
         sensor_id, type, data = "mute", gamms.sensor.SensorType.CUSTOM, None
 
@@ -284,7 +284,7 @@ def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail
 def test_an_option_of_the_wrong_type_is_refused_before_a_window_opens(open_window, options, said):
     with pytest.raises(TypeError, match=said):
         open_window(**options)
-    assert display.window_surface() is None
+    assert display.get_window_surface() is None
 
 
 def test_a_misspelt_part_of_the_look_of_choices_is_warned_about(open_window, caplog):

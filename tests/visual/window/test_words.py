@@ -46,7 +46,7 @@ def test_those_who_are_left_are_counted_once_an_agent_is_out(ctx, said):
     assert "left: red 1 · blue 0" in frame(ctx, said)
 
 
-def test_pointing_at_an_agent_shows_what_it_knows(ctx, said, person):
+def test_pointing_at_an_agent_shows_its_knowledge(ctx, said, person):
     ctx.agent.get_agent("red_0").get_state()
     frame(ctx, said)
     person.point(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
@@ -121,14 +121,14 @@ def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, sai
     ],
 )
 def test_what_a_sensor_found_in_a_few_words(data, words):
-    assert overlay._summary(data) == words
+    assert overlay._summarize_data(data) == words
 
 
 def test_the_nearest_point_within_reach_is_found():
     points = np.array([(0.0, 0.0), (10.0, 0.0)])
-    assert overlay.nearest_point(points, 7.0, 0.0) == 1
-    assert overlay.nearest_point(points, 30.0, 0.0) is None
-    assert overlay.nearest_point(np.empty((0, 2)), 0.0, 0.0) is None
+    assert overlay.find_nearest_point(points, 7.0, 0.0) == 1
+    assert overlay.find_nearest_point(points, 30.0, 0.0) is None
+    assert overlay.find_nearest_point(np.empty((0, 2)), 0.0, 0.0) is None
 
 
 def test_a_sensor_without_a_view_is_left_out_quietly(ctx, person, caplog):

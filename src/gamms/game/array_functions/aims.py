@@ -127,7 +127,7 @@ def _cut_path(nodes: list[int], legal: Sequence[int], is_allowed: Callable[[int]
     return free[: steps + 1]
 
 
-class Aims:
+class ActionFinder:
     """Finds the actions that lead agents of a single game toward nodes, as strategies do.
 
     Args:
@@ -177,10 +177,10 @@ class Aims:
                     options["weight"] = movement.terms.weight
                 step = step_towards(graph, here, legal, target, ends=ends, **options)
             if step is not None:
-                found[place] = self._number_of(step, legal)
+                found[place] = self._find_number(step, legal)
         return found
 
-    def _number_of(self, action: int | list[int] | EdgeAction, legal: list[int]) -> int:
+    def _find_number(self, action: int | list[int] | EdgeAction, legal: list[int]) -> int:
         if isinstance(action, int) and action in legal:
             return legal.index(action)
         self._actions.append(action)

@@ -12,33 +12,33 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms.arguments import as_context, as_function_of, as_numbers_of
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import BadType
-from gamms.game.array_functions.aims import Aims
-from gamms.game.array_functions.given import flown
+from gamms.game.array_functions.aims import ActionFinder
+from gamms.game.array_functions.given import make_flight_action
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
-from gamms.game.array_functions.view import ArrayStrategy, ArrayView, asked_view
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, mode_of
-from gamms.game.block.initial_state import LastTurn, movement_of
+from gamms.game.array_functions.view import ArrayStrategy, ArrayView, make_asked_view
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, mode_of
+from gamms.game.block.initial_state import LastTurn, make_movement
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
-from gamms.game.deeds import DeclaredDeeds, checked_value
+from gamms.game.deeds import DeclaredDeeds, check_value
 from gamms.game.lasting import DoingReader
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.noted_moves import NotedMoves
+from gamms.game.movement.noted_moves import CachedLegalMoves
 from gamms.game.movement.routes import RoutesWithTurns
 from gamms.game.movement.travel import find_usable_graph
 from gamms.game.settings import RuleSpec, declared
-from gamms.game.strategy_specs import F, StrategySpec, declare, key_of, strategy_spec_of
+from gamms.game.strategy_specs import F, StrategySpec, declare, get_strategy_spec, make_form_key
 from gamms.ir.game_state import KEPT
 from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
-from gamms.typing.on_edges import located
+from gamms.typing.on_edges import locate
 
 _CACHE = "array functions"  # the key of `ctx.game.internals.kept`
 _ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
@@ -73,9 +73,9 @@ def array_strategy(
             _act(cast("HostContext", ctx), state, function, name)
 
         declare(strategy, StrategySpec(array_form=function))
-        return _documented(strategy, function)
+        return _copy_docstring(strategy, function)
 
-    return _documented(make, function)
+    return _copy_docstring(make, function)
 
 
 def array_rule(
@@ -107,7 +107,7 @@ def array_rule(
         finally:
             turn._close()
 
-    return declared(_documented(rule, function), RuleSpec(array_form=function, is_array_function=True))
+    return declared(_copy_docstring(rule, function), RuleSpec(array_form=function, is_array_function=True))
 
 
 def _refuse_second_form(of: object, begins: object, decorator: str) -> None:
@@ -118,7 +118,7 @@ def _refuse_second_form(of: object, begins: object, decorator: str) -> None:
         )
 
 
-def _documented(function: F, form: Callable[..., object]) -> F:
+def _copy_docstring(function: F, form: Callable[..., object]) -> F:
     """Give a function the name and the docstring of a form, but not its annotations."""
     made: Any = update_wrapper(function, form, [one for one in WRAPPER_ASSIGNMENTS if "annot" not in one])
     del made.__wrapped__
@@ -142,26 +142,26 @@ class _CachedMapData(NamedTuple):
     shared: dict[Hashable, Any]
 
 
-def _world(ctx: HostContext, roster: AgentTable) -> _CachedMapData:
+def _get_map_data(ctx: HostContext, roster: AgentTable) -> _CachedMapData:
     """Return the movement of the agents of a game, and the data computed for its map."""
     revision = ctx.graph.graph.revision
     cache = ctx.game.internals.kept
-    version = revision, phase_of(ctx).epoch, tuple([agent.speed for agent in roster.agents])
+    version = revision, get_phase(ctx).epoch, tuple([agent.speed for agent in roster.agents])
     known: _CachedMapData | None = cache.get(_CACHE)
     if known is None or revision is None or known.version != version:
         is_same_map = known is not None and revision is not None and known.version[0] == revision
         shared = known.shared if known is not None and is_same_map else {}
-        known = _CachedMapData(version, movement_of(ctx.game, roster, may_reopen=True), shared)
+        known = _CachedMapData(version, make_movement(ctx.game, roster, may_reopen=True), shared)
         cache[_CACHE] = known
     return known
 
 
-def _block_of_one(ctx: HostContext) -> GameArrays:
+def _make_block(ctx: HostContext) -> GameArrays:
     """Return the game of a context as a block of one game."""
     game = ctx.game
     block = ctx.agent.block
     roster = AgentTable.of(ctx.agent.agents.values())
-    world = _world(ctx, roster)
+    world = _get_map_data(ctx, roster)
     streets = world.movement.streets
     nodes = streets.rows([[agent.current_node_id for agent in roster.agents]])
     state = GameArrays(roster, world.movement, [ctx.seed], nodes)
@@ -172,7 +172,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     state.facts = cast("dict[str, Any]", ReadOnlyMapping(game.facts))
     state.kept = game.data.get(KEPT, {})
     state.unchecked = game.internals.unchecked_arrays
-    state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster.names, streets)
+    state.deeds = DeclaredDeeds(game.deeds, partial(check_value, ctx=ctx), roster.names, streets)
     if state.deeds.lasting:
         values = game.internals.state
         state.doings = DoingReader(game.settings(), roster.names, roster.teams_by_agent(), lambda _: values.data)
@@ -188,7 +188,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
         state.movement.traffic.put_driven(roster.names, game.internals.state.driven)
     state.previous[0] = streets.rows([agent.prev_node_id for agent in roster.agents])
     if roster.obey_turns and state.movement.by_metres:
-        state.noted_moves = NotedMoves(state.node.shape)
+        state.noted_moves = CachedLegalMoves(state.node.shape)
         state.is_apart[0] = True
         note_moves(state, game, 0)
     return state
@@ -215,7 +215,7 @@ def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
         moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
         moves.place(number, i, (-1, -1, -1), 0.0, columns.xy[node])
         progress = block.on_edge(block.row_of(name)) if name in known else None
-        place = None if progress is None else located(game.ctx.graph.graph, progress)
+        place = None if progress is None else locate(game.ctx.graph.graph, progress)
         if place is not None:
             moves.place(number, i, *place[:3])
 
@@ -247,14 +247,14 @@ class _Decisions(NamedTuple):
 
 def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> None:
     """Set the action of an agent; the first one that is asked lets the function decide for all, as in a batch."""
-    with phase_of(ctx).suspended(changes_world=False):
+    with get_phase(ctx).suspended(changes_world=False):
         asked = ctx.game.internals.parts.turns.asked
         cache = ctx.game.internals.kept
-    key = (_CACHE, key_of(function), "quat" in state)
+    key = (_CACHE, make_form_key(function), "quat" in state)
     agent = state["name"]
     known: _Decisions | None = cache.get(key)
     if known is None or known.asked != asked or agent not in known.waiting:
-        known = _decided(ctx, state, function, name)
+        known = _decide_for_agents(ctx, state, function, name)
         cache[key] = known
     view = known.view
     place = known.waiting.pop(agent)
@@ -262,7 +262,7 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
     state["draw"].go_to(int(known.drawn[place]) or None)
     state.get("outbox", []).extend(known.messages.get(agent, ()))
     if view.flies:
-        state["action"] = flown(known.given[0, place].tolist(), ctx.agent.agents[agent].speed, done)
+        state["action"] = make_flight_action(known.given[0, place].tolist(), ctx.agent.agents[agent].speed, done)
         return
     edge = -1 if view._named is None else int(view._named[0, place])
     if edge >= 0:
@@ -278,22 +278,22 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
     state["action"] = {"node_id": action, "do": done} if done else action
 
 
-def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decisions:
+def _decide_for_agents(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decisions:
     """Call an array function for an agent that is asked, and for all others that it decides for at this moment."""
-    with phase_of(ctx).suspended(changes_world=False):
-        block = _block_of_one(ctx)
+    with get_phase(ctx).suspended(changes_world=False):
+        block = _make_block(ctx)
         turns = ctx.game.internals.parts.turns
         data = ctx.game.data
-        agents = _asked_with(ctx, block, state["name"], function)
+        agents = _find_agents_asked_together(ctx, block, state["name"], function)
         routes = {number: _find_routes(ctx, turns.legality, block.roster, number) for number in agents.tolist()}
         _show(ctx, block, state)
         asked = turns.asked if turns.is_deciding else -1
-        here, drawn = _deciding_now(ctx, block, state)
-    view = asked_view(block, _ONE, agents, here)
+        here, drawn = _find_deciding_agents(ctx, block, state)
+    view = make_asked_view(block, _ONE, agents, here)
     view._named = np.full(view.node.shape, -1)
     if view._movement.acts_by_paths or block.roster.obey_turns:
         graphs = [find_usable_graph(ctx, mode) for mode in (None, *view._movement.modes)]
-        view._aims = Aims(graphs, view._movement, routes)
+        view._aims = ActionFinder(graphs, view._movement, routes)
     view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
     given = view._call(function, name)
     if block.kept:
@@ -323,7 +323,7 @@ def _find_routes(ctx: HostContext, legality: Legality, roster: AgentTable, numbe
     return RoutesWithTurns(graph, mode, agent.current_node_id, legality.find_driven(agent.name), place)
 
 
-def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:
+def _find_agents_asked_together(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:
     """Return the numbers of the agents that a function decides for together with one that is asked.
 
     An agent is asked alone with a time budget, or outside of a turn, and if another strategy calls its array strategy.
@@ -333,15 +333,15 @@ def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayS
     own = np.array([roster.names.index(name)])
     if not game.internals.parts.turns.is_deciding or game.time_budget is not None:
         return own
-    key = key_of(function)
+    key = make_form_key(function)
     part_of = roster.part_of(game.order)
-    forms = [strategy_spec_of(decider_of(agent, game.plans)).array_form for agent in roster.agents]
-    has_function = np.array([form is not None and key_of(form) == key for form in forms], np.bool_)
+    forms = [get_strategy_spec(find_decider(agent, game.plans)).array_form for agent in roster.agents]
+    has_function = np.array([form is not None and make_form_key(form) == key for form in forms], np.bool_)
     found = np.flatnonzero(has_function & (part_of == part_of[own]) & (roster.flies == roster.flies[own]))
     return found if own[0] in found else own
 
 
-def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> tuple[BoolArray, IntArray]:
+def _find_deciding_agents(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> tuple[BoolArray, IntArray]:
     """Return which agents decide now with one that is asked, and how many numbers each has drawn, (1, all agents)."""
     turns = ctx.game.internals.parts.turns
     names = block.roster.names
@@ -358,7 +358,7 @@ def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) ->
 
 
 def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
-    """Add the data of a single game that views show beyond `_block_of_one`, for an agent that is asked."""
+    """Add the data of a single game that views show beyond `_make_block`, for an agent that is asked."""
     game = ctx.game
     roster = block.roster
     turns = game.internals.parts.turns
@@ -376,7 +376,7 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
                 note_sights(block, ctx, turns.looks, 0)
 
     block.look = look
-    block.reading = partial(phase_of(ctx).suspended, changes_world=False)
+    block.reading = partial(get_phase(ctx).suspended, changes_world=False)
     if game.channels:
         turns.messages.follow()
         gone = {name: team for name, (team, _) in game.internals.state.departed.items()}
@@ -390,7 +390,7 @@ class _SingleGameTurn(ArrayTurn):
     """The turn of a single game: its verbs change the game of the context immediately."""
 
     def __init__(self, ctx: HostContext) -> None:
-        state = _block_of_one(ctx)
+        state = _make_block(ctx)
         super().__init__(state, _ONE)
         game = ctx.game
         roster = state.roster
@@ -454,6 +454,6 @@ class _SingleGameTurn(ArrayTurn):
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, respawned or eliminated so far."""
-        at, agents = self._pairs(at, agents)
+        at, agents = self._check_pairs(at, agents)
         counts = Counter(one.get(STOPPED[one["kind"]]) for one in self._game.events if one["kind"] in STOPPED)
         return np.array([counts[self.roster.names[number]] for number in agents[at == 0].tolist()], np.int64)

@@ -11,7 +11,7 @@ from gamms.core.moves import NO_EDGE, STOP
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.view import ArrayView, as_actions, as_flights
 from gamms.game.block.columns import AgentTable, PlayedGame
-from gamms.game.deeds import field_of
+from gamms.game.deeds import parse_field
 from gamms.game.settings import Plan
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -232,7 +232,7 @@ class OutsideActor:
         self._taking = {}
 
 
-def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller has given
+def _select_value(value: Any, number: int, agent: int) -> Any:  # Any: what a caller has given
     """Return the value for one agent, from one value for all or an array that broadcasts to (games, agents)."""
     if not isinstance(value, np.ndarray) or not value.ndim:
         return value.item() if isinstance(value, np.ndarray | np.generic) else value
@@ -271,18 +271,18 @@ class _OutsideStrategy:
         moves, deeds, messages, flights = self.given[:4]
         number = self.number
         do = {
-            deed: self._plain_fields(deed, {key: _one_of(value, number, i) for key, value in fields.items()})
+            deed: self._convert_fields(deed, {key: _select_value(value, number, i) for key, value in fields.items()})
             for deed, (where, fields) in deeds.items()
             if where[number, i]
         }
         for channel, (where, body, to) in messages.items():
             if where[number, i]:
-                receiver = self._roster.names[_one_of(to, number, i)] if isinstance(to, np.ndarray) else to
-                message = {"channel": channel, "to": receiver, "body": _one_of(body, number, i)}
+                receiver = self._roster.names[_select_value(to, number, i)] if isinstance(to, np.ndarray) else to
+                message = {"channel": channel, "to": receiver, "body": _select_value(body, number, i)}
                 state.get("outbox", []).append(message)
         if "quat" in state:  # it flies
             flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
-            state["action"] = flown(flight, speed, do)
+            state["action"] = make_flight_action(flight, speed, do)
             return
         if self.given.edges is not None and self.given.edges[number, i] >= 0:
             edge = int(self.given.edges[number, i])
@@ -301,12 +301,12 @@ class _OutsideStrategy:
             move = 0
         state["action"] = {"node_id": legal[move], "do": do} if do else legal[move]
 
-    def _plain_fields(self, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
+    def _convert_fields(self, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
         """Return the fields of a deed of one agent as plain values."""
         declared = self._game.settings()["deeds"].get(deed, {})
         plain = dict[str, Any]()
         for key, value in fields.items():
-            kind = field_of(declared[key]).kind if key in declared else ""
+            kind = parse_field(declared[key]).kind if key in declared else ""
             known = {"agent": self._roster.names, "node": self._game.ctx.graph.columns().node_ids}.get(kind)
             if known is not None and value not in (None, -1):
                 plain[key] = known[value] if kind == "agent" else int(known[value])
@@ -315,7 +315,7 @@ class _OutsideStrategy:
         return plain
 
 
-def flown(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
+def make_flight_action(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
     """Return the action for a displacement in map units, limited by the agent's speed."""
     action = {"direction": flight, "distance": min(hypot(*flight), speed or 0.0)}
     return {**action, "do": do} if do else action

@@ -9,18 +9,18 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
-from gamms.game.block.columns import kept_in, lock, once, put_locked
-from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays, ShowsMap
+from gamms.game.block.columns import get_or_make, lock, once, put_locked
+from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays, MapViewMixin
 from gamms.game.conflicts import flat
 from gamms.game.movement.courses import Paths
 from gamms.game.movement.routes import RouteTable
-from gamms.ir.columns import places_of, some_rows
-from gamms.ir.deeds import ArrayDeeds, joined
+from gamms.ir.columns import find_places, select_rows
+from gamms.ir.deeds import ArrayDeeds, join_deeds
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.readonly import ShallowCopied
+from gamms.readonly import ShallowCopyMixin
 from gamms.text import shown
 
 T = TypeVar("T")
@@ -48,10 +48,10 @@ class Visits(NamedTuple):
 
     def those(self, which: BoolArray | IntArray) -> "Visits":
         """Return the visits selected by a mask or by indices."""
-        return some_rows(self, which)
+        return select_rows(self, which)
 
 
-class ArrayTurn(ShowsMap, ShallowCopied):
+class ArrayTurn(MapViewMixin, ShallowCopyMixin):
     """One turn of all games that are being played, with the verbs of rules: the argument of array rules.
 
     Arrays have the axes (games, agents); `at` numbers the games of this turn from 0. Nodes are rows of
@@ -190,7 +190,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
         turn = self.turn + is_moving
         as_arrays = partial(declared.make_arrays, kind)
         found = self._state.deed_log.in_turn(self._rows_in_log, turn, kind, as_arrays, is_moving=is_moving)
-        deeds = joined(found or [declared.nothing(kind)])
+        deeds = join_deeds(found or [declared.nothing(kind)])
         deeds = deeds.those(self.took_part[deeds.at, deeds.agents])
         return deeds._replace(nodes=self.starts[deeds.at, deeds.agents])  # rules may have put agents elsewhere
 
@@ -222,20 +222,20 @@ class ArrayTurn(ShowsMap, ShallowCopied):
             raise BadValue(f"An event has its {name}: give {name}= another name, such as until=.")
         fields: dict[str, list[Any]] = {}
         for name, given in (agents or {}).items():
-            numbers = self._each(name, as_numbers_of(given, name, len(self.roster.names), "agents").tolist(), at)
+            numbers = self._list_values(name, as_numbers_of(given, name, len(self.roster.names), "agents").tolist(), at)
             fields[name] = [self.roster.names[number] for number in numbers]
             if STOPPED.get(kind) == name:
                 np.add.at(self._state.stops, (self.games[at], numbers), 1)
         for name, rows in (nodes or {}).items():
-            fields[name] = self._each(name, self.streets.ids(rows).tolist(), at)
+            fields[name] = self._list_values(name, self.streets.ids(rows).tolist(), at)
         for name, those in (values or {}).items():
-            fields[name] = self._each(name, those, at)
+            fields[name] = self._list_values(name, those, at)
         self._note(as_name(kind, "a kind of event"), at, fields)
 
     def _as_at(self, at: object) -> IntArray:
         return as_numbers_of(at, "at", len(self.games), "games of this turn")
 
-    def _pairs(self, at: object, agents: object) -> tuple[IntArray, IntArray]:
+    def _check_pairs(self, at: object, agents: object) -> tuple[IntArray, IntArray]:
         """Return the arguments of a verb, checked and broadcast: games of this turn and agents."""
         numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents")
         places = self._as_at(at)
@@ -243,7 +243,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
             places, numbers = as_one_shape({"at": places, "agents": numbers})
         return places, numbers
 
-    def _each(self, name: str, values: object, at: IntArray) -> list[Any]:
+    def _list_values(self, name: str, values: object, at: IntArray) -> list[Any]:
         """Return the values of a field as a list, one for each item of `at`."""
         listed = values.tolist() if isinstance(values, np.ndarray) else values
         if not isinstance(listed, list | tuple) or len(listed) != len(at):
@@ -267,7 +267,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
 
         Their `games` are indices in this turn.
         """
-        number = places_of(self.games, len(self._state))
+        number = find_places(self.games, len(self._state))
         read = self._state.keep((READ, reader), lambda games: {"number": np.zeros(games, np.int64)})["number"]
         new = self._state.events.new(read, self.games)
         return [emitted._replace(games=number[emitted.games]) for emitted in new]
@@ -290,7 +290,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
         Raises:
             BadType, BadValue: a game or agent does not exist, or the points are invalid.
         """
-        at, agents = self._pairs(at, agents)
+        at, agents = self._check_pairs(at, agents)
         self.add_team_scores(at, self.roster.team_of[agents], points)
 
     def add_team_scores(self, at: IntArray, teams: IntArray, points: float | FloatArray) -> None:
@@ -323,8 +323,10 @@ class ArrayTurn(ShowsMap, ShallowCopied):
             BadType, BadValue: a game does not exist, or reasons or winners are missing.
         """
         at = self._as_at(at)
-        reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
-        for game, why, who in zip(self.games[at].tolist(), reasons, self._each("winner", winner, at), strict=True):
+        reasons = [reason] * len(at) if isinstance(reason, str) else self._list_values("reason", reason, at)
+        for game, why, who in zip(
+            self.games[at].tolist(), reasons, self._list_values("winner", winner, at), strict=True
+        ):
             self._end(game, {"reason": why, "winner": who, "truncated": truncated})
         self._state.is_going[self.games[at]] = False
 
@@ -337,7 +339,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
         Raises:
             BadType, BadValue: a game or agent does not exist.
         """
-        at, agents = self._pairs(at, agents)
+        at, agents = self._check_pairs(at, agents)
         living = self.alive[at, agents]
         at, agents = once(at[living], agents[living])
         if len(at):
@@ -355,7 +357,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
         Raises:
             BadType, BadValue: a game or agent does not exist.
         """
-        at, agents = self._pairs(at, agents)
+        at, agents = self._check_pairs(at, agents)
         if len(at):
             self._put_back(at, agents)
             self._note_place("respawned", at, agents)
@@ -407,7 +409,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, respawned or eliminated so far."""
-        at, agents = self._pairs(at, agents)
+        at, agents = self._check_pairs(at, agents)
         return self._state.stops[self.games[at], agents]
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
@@ -419,7 +421,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
 
     def shared(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return an object that is the same in all games and turns of the batch; the first call stores `make()`."""
-        return kept_in(self._shared, key, make)
+        return get_or_make(self._shared, key, make)
 
     def routes(self, weight: str | None = "length") -> RouteTable:
         """Return a table of distances between rows of nodes; `weight` is as in `graph.distance`."""

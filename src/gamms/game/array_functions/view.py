@@ -12,27 +12,27 @@ from gamms.core import observe, sight
 from gamms.core.moves import NO_EDGE
 from gamms.core.turn import LearnerStep, TurnsOfGames
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.array_functions.aims import Aims
-from gamms.game.block.columns import kept_in
+from gamms.game.array_functions.aims import ActionFinder
+from gamms.game.block.columns import get_or_make
 from gamms.game.block.sensing import (
     SHOWING_AGENTS,
     SHOWING_NODES,
     VisibleAgentPairs,
     VisibleNodes,
     find_search,
-    names_of,
+    list_sensor_names,
     seen,
     seen_nodes,
 )
-from gamms.game.block.state import Arrays, GameArrays, ShowsMap
-from gamms.game.block.strategy_steps import LOOKING, AskedSteps, has_plain_looks, looks_of, make_search
+from gamms.game.block.state import Arrays, GameArrays, MapViewMixin
+from gamms.game.block.strategy_steps import LOOKING, AskedSteps, collect_looks, has_plain_looks, make_search
 from gamms.game.block.vectors import (
     Encoder,
     ObservationVectors,
     RoadDistances,
     Vectors32,
     find_distances,
-    legal_of,
+    get_legal_buffers,
     make_distances,
     write_in_threads,
     write_vectors,
@@ -44,12 +44,12 @@ from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
 from gamms.game.movement.routes import RouteTable
 from gamms.game.random_streams import ArrayDraws
-from gamms.game.strategy_specs import CoreStep, strategy_spec_of
+from gamms.game.strategy_specs import CoreStep, get_strategy_spec
 from gamms.ir.deeds import ArrayDeeds
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.readonly import ShallowCopied, locked
+from gamms.readonly import ShallowCopyMixin, copy_locked
 from gamms.text import as_code, shown
 
 ArrayStrategy = Callable[["ArrayView"], Any]
@@ -71,7 +71,7 @@ def _unnamed(verb: str) -> BadValue:
     )
 
 
-class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
+class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
     """The agents of one strategy in many games, as arrays (games, agents).
 
     A view has the keys of `state` in array form. `view["curr_pos"]` are node ids; `view["legal"]` are the ids of legal
@@ -99,7 +99,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
     _channels: Iterable[str] = ()  # the names of the channels with an inbox
     _named: IntArray | None = None  # the edges that the agents take, -1: none; None: no strategy is deciding
-    _aims: Aims | None = None  # the actions of agents with speeds toward nodes, in single games
+    _aims: ActionFinder | None = None  # the actions of agents with speeds toward nodes, in single games
     _width: int | None = None  # the number of actions that vectors have entries for; None: that of the map
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
@@ -127,7 +127,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     def _lock(self) -> None:
         """Make the arrays read-only for strategies."""
         for name in ("games", "agents", "node", "mask", "turn"):
-            setattr(self, name, locked(getattr(self, name)))
+            setattr(self, name, copy_locked(getattr(self, name)))
 
     def __getitem__(self, key: str) -> Any:
         if key in _VALUES:
@@ -155,10 +155,10 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     def counts(self) -> IntArray:
         """The number of legal nodes of each agent, including its own."""
         if self._counts is None:
-            counts = self._movement.counts(self.node, numbers_in(self, np.s_[:, :]))
+            counts = self._movement.counts(self.node, get_numbers(self, np.s_[:, :]))
             self._counts = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
             if self._deeds is not None:  # a strategy must not write to it
-                self._counts = locked(self._counts)
+                self._counts = copy_locked(self._counts)
         return self._counts
 
     @property
@@ -171,7 +171,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         """Whether each agent flies, (games, agents); legal is only the node below it."""
         return np.broadcast_to(self.roster.flies[self.agents], self.node.shape)
 
-    def _heights(self) -> FloatArray:
+    def _get_heights(self) -> FloatArray:
         heights = np.zeros(self.node.shape)
         flies, xyz = self._state.places_in_air(self.games, self.agents)
         heights[:, flies] = xyz[..., 2]
@@ -183,33 +183,33 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         Args:
             which: an index of some agents of the view.
         """
-        rows, is_legal = self._movement.legal(self.node[which], numbers_in(self, which))
+        rows, is_legal = self._movement.legal(self.node[which], get_numbers(self, which))
         if self._state.flights is None:
             return rows, is_legal
         is_legal[..., 1:] &= ~self._in_air[which][..., None]
         most = int(is_legal.sum(axis=-1).max(initial=1))
         return rows[..., :most], is_legal[..., :most]
 
-    def _time(self) -> FloatArray:
+    def _get_time(self) -> FloatArray:
         return self._state.time[self.games]
 
-    def _doing(self) -> Doings:
+    def _get_doings(self) -> Doings:
         reader: DoingReader | None = self._state.doings
         if reader is None:
             raise UnknownName("key of a view: as ctx.game.deeds declares no deed that lasts, it has no", "doing")
-        return reader.read(self.games, self.agents, self.turn, self._time())
+        return reader.read(self.games, self.agents, self.turn, self._get_time())
 
-    def _legal(self) -> IntArray:
+    def _get_legal_nodes(self) -> IntArray:
         rows, is_legal = self.legal_rows()
         return np.where(is_legal, self.streets.ids_of(rows), -1)
 
-    def _legal_edges(self) -> IntArray:
-        found = self._movement.legal_edges(self.node, numbers_in(self, np.s_[:, :]))
+    def _get_legal_edges(self) -> IntArray:
+        found = self._movement.legal_edges(self.node, get_numbers(self, np.s_[:, :]))
         return np.where(self._in_air[..., None], -1, found)
 
-    def _places(self) -> Places:
+    def _compute_places(self) -> Places:
         """Return the positions of the agents; in games by metres, some may be on edges."""
-        found = self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
+        found = self._movement.places(self.node, get_numbers(self, np.s_[:, :]))
         flies, xyz = self._state.places_in_air(self.games, self.agents)
         found.xy[:, flies] = xyz[..., :2]
         return found
@@ -222,7 +222,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             UnknownName (KeyError): a node is not on the map.
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
-        actions = self._movement.action_to(self.node, numbers_in(self, np.s_[:, :]), wanted)
+        actions = self._movement.action_to(self.node, get_numbers(self, np.s_[:, :]), wanted)
         return actions if self._state.flights is None else np.where(self._in_air & (actions > 0), -1, actions)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
@@ -239,7 +239,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             The actions; -1 if there is no path.
         """
         node = self.node[which]
-        games, agents = numbers_in(self, which)
+        games, agents = get_numbers(self, which)
         asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel()
         if self._aims is not None:
             return self._aims.towards(*asked, (games.ravel(), agents.ravel()), allowed).reshape(node.shape)
@@ -300,7 +300,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             BadValue: it looks for agents by sensors that err or look from the air, or the agents have speeds or fly.
         """
         name = as_code(strategy)
-        spec = strategy_spec_of(self._make_strategy(strategy))
+        spec = get_strategy_spec(self._make_strategy(strategy))
         if spec.array_form is not None:
             return self._call(spec.array_form, name)
         if spec.core_steps is None:
@@ -311,7 +311,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         self._refuse_to_ask(name, spec.core_steps)
         state = self._state
         key = "asked", spec.core_steps, self.agents.tobytes()
-        asked = kept_in(state.asked, key, lambda: AskedSteps(state, spec.core_steps or (), self.agents))
+        asked = get_or_make(state.asked, key, lambda: AskedSteps(state, spec.core_steps or (), self.agents))
         drawn = np.broadcast_to(self.draw.count, self.node.shape).astype(np.int64)
         found: IntArray = asked.choose(self.games, self.mask, drawn)
         self.draw.go_to(drawn)
@@ -414,11 +414,11 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         """
         key = as_key(names, "The name of a sensor")
         if key not in self._sights:
-            self._sights[key] = self._looked(names)
+            self._sights[key] = self._look_with_sensors(names)
         found = self._sights[key]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
-    def _looked(self, names: tuple[str, ...]) -> VisibleAgentPairs:
+    def _look_with_sensors(self, names: tuple[str, ...]) -> VisibleAgentPairs:
         """Return the pairs that sensors of these names, or all sensors, show to all agents of the view; see `seen`."""
         state = self._state
         key = ("seen", self.agents.tobytes(), names)
@@ -426,16 +426,16 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         known: VisibleAgentPairs | None = state.now.get(key)
         if known is not None:
             return known if are_all else known.in_games(self.games)
-        found = seen(state, self.games, self.agents, self._whole, names, self._xy_of_all)
+        found = seen(state, self.games, self.agents, self._whole, names, self._get_all_positions)
         if are_all:
             state.now[key] = found
         return found
 
-    def _xy_of_all(self) -> FloatArray | None:
+    def _get_all_positions(self) -> FloatArray | None:
         """Return the positions of all agents of these games, (games, all agents, 2); None: all are on their nodes."""
         if not self._movement.leaves_nodes:
             return None
-        return ArrayView(self._state, self.games, np.arange(len(self.roster.names)))._places().xy
+        return ArrayView(self._state, self.games, np.arange(len(self.roster.names)))._compute_places().xy
 
     def seen_nodes(self, *names: str) -> VisibleNodes:
         """Return the nodes that sensors show to the agents in the mask: NEIGHBOR, MAP, RANGE, ARC and OCCLUDED_MAP.
@@ -478,32 +478,32 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             BadValue: an agent has more than 4096 legal nodes.
             TooLarge: the vectors would not fit into memory.
         """
-        return self._encoded(as_count(others, "others", least=0), 0, 1)
+        return self._encode_vectors(as_count(others, "others", least=0), 0, 1)
 
-    def _encoded(self, others: int, more: int, threads: int) -> ObservationVectors:
+    def _encode_vectors(self, others: int, more: int, threads: int) -> ObservationVectors:
         """Return vectors with `more` additional entries: 0, except the last one, n / (n + 100) after n turns."""
-        encoder = self._encoder(others)
+        encoder = self._make_encoder(others)
         found = encoder.made(self.mask, more)
-        xy = self._places().xy if self._movement.leaves_nodes else None
+        xy = self._compute_places().xy if self._movement.leaves_nodes else None
         places = np.arange(len(self.games))
-        observers = self._observers(self.mask, places * len(self.agents), are_looking=others > 0)
-        rooms = encoder.rooms(self._road_distances().take_roads(), threads)
+        observers = self._get_observers(self.mask, places * len(self.agents), are_looking=others > 0)
+        rooms = encoder.rooms(self._make_road_distances().take_roads(), threads)
         write_vectors(observers, encoder.output(found, xy), places, rooms)
         return found
 
-    def _road_distances(self) -> RoadDistances:
+    def _make_road_distances(self) -> RoadDistances:
         """Return the distances by road for vectors, in all games."""
         state = self._state
-        return kept_in(state.shared, "road distances", lambda: RoadDistances(state.roads))
+        return get_or_make(state.shared, "road distances", lambda: RoadDistances(state.roads))
 
-    def _encoder(self, others: int) -> Encoder:
+    def _make_encoder(self, others: int) -> Encoder:
         """Return an encoder for vectors with `others` other agents."""
         agents = len(self.roster.names)
         actions = self.num_actions
         key = "encoder", agents, others, actions
-        return kept_in(self._shared, key, lambda: Encoder([self.streets.columns.xy], agents, others, actions))
+        return get_or_make(self._shared, key, lambda: Encoder([self.streets.columns.xy], agents, others, actions))
 
-    def _observers(self, mask: BoolArray, rows: IntArray, *, are_looking: bool = True) -> observe.Observers:
+    def _get_observers(self, mask: BoolArray, rows: IntArray, *, are_looking: bool = True) -> observe.Observers:
         """Return the agents in the form of the core.
 
         Args:
@@ -514,12 +514,14 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         streets = self.streets
         choice = _NO_CHOICES
         if self._movement.are_plain(self.agents) and not self._in_air.any():
-            offsets, targets = kept_in(self._shared, "along edges", lambda: legal_of(streets.offsets, streets.targets))
+            offsets, targets = get_or_make(
+                self._shared, "along edges", lambda: get_legal_buffers(streets.offsets, streets.targets)
+            )
         else:
             nodes, is_legal = self.legal_rows()
             counts = is_legal.sum(axis=-1).reshape(-1)
             choice = flat(np.arange(len(counts)), np.int64)
-            offsets, targets = legal_of(np.concatenate(([0], np.cumsum(counts))), nodes[is_legal])
+            offsets, targets = get_legal_buffers(np.concatenate(([0], np.cumsum(counts))), nodes[is_legal])
         search = find_search(self._state) if self._has_plain_looks else None
         pairs = _NO_PAIRS
         if are_looking and search is None:
@@ -529,10 +531,10 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
         games = flat(self.games, np.int64), flat(rows, np.int64)
-        of_maps = self._state.no_node, self._road_distances().first, self._mode_first()
-        return self._made_observers(mask, games, (choice, offsets, targets), (search, *pairs), of_maps)
+        of_maps = self._state.no_node, self._make_road_distances().first, self._find_first_road_of_modes()
+        return self._make_observers(mask, games, (choice, offsets, targets), (search, *pairs), of_maps)
 
-    def _made_observers(
+    def _make_observers(
         self,
         mask: BoolArray,
         games: tuple[Any, Any],
@@ -573,7 +575,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             seen=visible,
         )
 
-    def _mode_first(self) -> IntArray:
+    def _find_first_road_of_modes(self) -> IntArray:
         """Return what is added to the first road of a game for the roads that each agent may use, (agents,)."""
         movement = self._state.movement
         if not movement.modes:
@@ -589,12 +591,12 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     @property
     def living(self) -> BoolArray:
         """Whether each agent is alive, (games, all agents)."""
-        return locked(self._state.alive[self.games])
+        return copy_locked(self._state.alive[self.games])
 
     @property
     def is_there(self) -> BoolArray:
         """Whether each agent is in the game, dead or alive, (games, all agents); others have not entered yet."""
-        return locked(self._state.is_there[self.games])
+        return copy_locked(self._state.is_there[self.games])
 
     @property
     def _blocked(self) -> BoolArray:
@@ -625,10 +627,10 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         """Return the checked result of an array strategy: actions, (games, agents), or offsets of agents that fly."""
         given = form(self)
         if not self.flies:
-            return self._checked(given, name)
+            return self._check_actions(given, name)
         return as_flights(given, f"{name}: what an agent that flies does", self.node.shape, self.mask)
 
-    def _checked(self, given: object, by: str) -> IntArray:
+    def _check_actions(self, given: object, by: str) -> IntArray:
         """Return actions as integers (games, agents), 0 for dead agents.
 
         Args:
@@ -691,7 +693,7 @@ def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
     return actions
 
 
-def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolArray | None = None) -> ArrayView:
+def make_asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolArray | None = None) -> ArrayView:
     """Return a view for a strategy to decide with; `here` restricts its mask, (all games, all agents)."""
     view = ArrayView(state, games, agents)
     if here is not None:
@@ -715,16 +717,16 @@ def lead_along(view: ArrayView, edges: IntArray, actions: IntArray) -> IntArray:
     columns = view._movement.columns
     rows = kernels.rows_of(columns.edge_ids, edges, columns.edge_order)
     ends = np.where(edges >= 0, columns.targets[rows], view.node)
-    numbers = view._movement.action_to(view.node, numbers_in(view, np.s_[:, :]), ends)
+    numbers = view._movement.action_to(view.node, get_numbers(view, np.s_[:, :]), ends)
     return np.where(edges == NO_EDGE, actions, np.maximum(numbers, 0))
 
 
-def movement_in(view: ArrayView) -> Movement:
+def get_movement(view: ArrayView) -> Movement:
     """Return the movement of the agents of a view; for the strategies of GAMMS."""
     return view._movement
 
 
-def nodes_in(view: ArrayView, agents: IntArray) -> IntArray:
+def get_nodes(view: ArrayView, agents: IntArray) -> IntArray:
     """Return the rows of the present nodes of agents, by their numbers, in all games of the batch: (games, agents)."""
     return view._state.node[:, agents]
 
@@ -766,38 +768,38 @@ def widen(view: ArrayView, width: int | None) -> ArrayView:
     return widened
 
 
-def pool_shares_in(view: ArrayView) -> FloatArray:
+def get_pool_shares(view: ArrayView) -> FloatArray:
     """Return the numbers by which members of pools are drawn for the teams of the agents of a view, (games, agents)."""
     shares: FloatArray = view._state.chosen(view._state.pool_shares(), view.games, view.agents)
     return shares
 
 
-def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
+def get_numbers(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
     """Return the game numbers and the roster numbers of some agents of a view."""
     shape = view.node.shape
     return np.broadcast_to(view.games[:, None], shape)[which], np.broadcast_to(view.agents, shape)[which]
 
 
-def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
+def split_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
     """Yield (indices, view) for each group of games of a view with the same open roads."""
     for _, places in view._state.roads.by_map(view.games):
         yield places, view.in_games(places)
 
 
-def lasting_in(view: ArrayView) -> list[tuple[int, float]]:
+def list_lasting_deeds(view: ArrayView) -> list[tuple[int, float]]:
     """Return the index of each deed that lasts among the declared ones, and how many turns it takes."""
     reader: DoingReader | None = view._state.doings
     return [] if reader is None else reader.lengths
 
 
-def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> ObservationVectors:
+def encode_vectors(view: ArrayView, others: int, more: int, threads: int) -> ObservationVectors:
     """Return the vectors of a view with additional entries; see `Encoder.made`."""
-    return view._encoded(others, more, threads)
+    return view._encode_vectors(others, more, threads)
 
 
-def observers_in(view: ArrayView) -> observe.Observers:
+def get_observers(view: ArrayView) -> observe.Observers:
     """Return the agents of a view in the form of the core."""
-    return view._observers(view.mask, np.arange(len(view.games)) * len(view.agents))
+    return view._get_observers(view.mask, np.arange(len(view.games)) * len(view.agents))
 
 
 class _LazyMapping(Mapping[str, T]):
@@ -817,32 +819,32 @@ class _LazyMapping(Mapping[str, T]):
         return len(self._names)
 
 
-def _sensors(view: ArrayView) -> Mapping[str, VisibleAgentPairs | VisibleNodes]:
+def _list_sensor_pairs(view: ArrayView) -> Mapping[str, VisibleAgentPairs | VisibleNodes]:
     agents = view.roster.agents
-    of_nodes = names_of(agents, view.agents, SHOWING_NODES)
-    names = sorted({*names_of(agents, view.agents, SHOWING_AGENTS), *of_nodes})
+    of_nodes = list_sensor_names(agents, view.agents, SHOWING_NODES)
+    names = sorted({*list_sensor_names(agents, view.agents, SHOWING_AGENTS), *of_nodes})
     return _LazyMapping(names, lambda name: view.seen_nodes(name) if name in of_nodes else view.seen(name))
 
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "curr_pos": lambda view: view.streets.ids_of(view.node),
-    "edge": lambda view: view._places().edge,
-    "offset_m": lambda view: view._places().offset_m,
-    "xy": lambda view: view._places().xy,
-    "z": lambda view: view._heights(),
-    "legal": lambda view: view._legal(),
-    "legal_edges": lambda view: view._legal_edges(),
+    "edge": lambda view: view._compute_places().edge,
+    "offset_m": lambda view: view._compute_places().offset_m,
+    "xy": lambda view: view._compute_places().xy,
+    "z": lambda view: view._get_heights(),
+    "legal": lambda view: view._get_legal_nodes(),
+    "legal_edges": lambda view: view._get_legal_edges(),
     "mask": lambda view: view.mask,
     "name": lambda view: tuple(view.roster.names[number] for number in view.agents.tolist()),
     "team": lambda view: tuple(view.roster.teams[team] for team in view.roster.team_of[view.agents].tolist()),
     "turn": lambda view: view.turn,
-    "time": lambda view: view._time(),
+    "time": lambda view: view._get_time(),
     "draw": lambda view: view.draw,
     "facts": lambda view: view._state.facts,
-    "sensor": _sensors,
+    "sensor": _list_sensor_pairs,
     "blocked": lambda view: view._blocked,
     "deeds": lambda view: view._state.deeds.declared,
-    "doing": lambda view: view._doing(),
+    "doing": lambda view: view._get_doings(),
     "inbox": lambda view: _LazyMapping(view._channels, view.heard),
 }
 
@@ -908,7 +910,7 @@ class LearnerWriter:
         self._turn = turn.core
         self._shape = turn.alive.shape
         self._games: Any = flat(np.arange(self._shape[0]), np.int64)  # memoryviews are not subscriptable
-        self._observers = observers
+        self._get_observers = observers
         self._output, self._last_output = outputs
         self._rooms = rooms
         self._first = first
@@ -959,7 +961,7 @@ class LearnerWriter:
             games = flat(which, np.int64)
 
         def write_part(room: observe.NearestAgents, begin: int, end: int) -> None:
-            observe.observe_turns_aside(self._turn, self._observers, self._output, room, games, begin, end)
+            observe.observe_turns_aside(self._turn, self._get_observers, self._output, room, games, begin, end)
 
         write_in_threads(write_part, len(games), self._rooms)
 
@@ -968,7 +970,7 @@ class LearnerWriter:
     ) -> list[LearnerStep]:
         """Return a step for each thread, which writes into new arrays; see `core.turn.LearnerStep`."""
         if not self._steps:
-            of_games = turns, self._turn, given, score, teams, self._observers, self._output, self._last_output
+            of_games = turns, self._turn, given, score, teams, self._get_observers, self._output, self._last_output
             maps = flat(self._first, np.int64), flat(self._first_node, np.int64)
             self._steps = [LearnerStep(*of_games, room, *maps) for room in self._rooms]
         for room in self._rooms:
@@ -991,7 +993,7 @@ class LearnerWriter:
         return sum(step.num_ended for step in self._steps)
 
 
-def writer_of(
+def make_writer(
     views: Sequence[ArrayView], maps: IntArray, agents: IntArray, turn: TurnColumns, others: int | None, threads: int
 ) -> LearnerWriter | None:
     """Return a writer for learners.
@@ -1013,7 +1015,7 @@ def writer_of(
     own = those[0]
     if own.roster.flies[agents].any() or not all(one._movement.are_plain(agents) for one in those):
         return None
-    looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
+    looks = [collect_looks(one.roster, [True] * len(one.roster.names)) for one in those]
     are_alike = all(one == looks[0] for one in looks) and all(one._has_plain_looks for one in those)
     if others is not None and not are_alike:
         return None
@@ -1027,10 +1029,10 @@ def writer_of(
         search = make_search(own._state, sensors, np.concatenate(xy))
     seen = search, *_NO_PAIRS
     ends = np.cumsum(np.concatenate([one.counts for one in streets]))
-    legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
+    legal = get_legal_buffers(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
     games = np.arange(len(maps))
     numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
-    observers = own._made_observers(
+    observers = own._make_observers(
         turn.alive, numbers, (_NO_CHOICES, *legal), seen, (first_node, np.zeros_like(games), np.zeros_like(agents))
     )
     encoder = Encoder(xy, len(own.roster.names), others or 0, width_in(own))
@@ -1041,14 +1043,14 @@ def writer_of(
     else:
         ways = make_distances(streets)
         if turn.alive.size * _TURNS_AHEAD >= first[-1]:
-            find_distances(ways, streets, _widest_square(looks[0], agents))
+            find_distances(ways, streets, _find_largest_squared_radius(looks[0], agents))
     vectors = vectors._replace(counts=turn.counts)
     outputs = encoder.output(vectors), encoder.output(vectors)
     return LearnerWriter(turn, observers, outputs, encoder.rooms(ways, threads), first, first_node)
 
 
-def _widest_square(looks: tuple[Any, Any, Any], agents: IntArray) -> float:
-    """Return the largest squared radius of the sensors of agents, see `looks_of`; -1: they have none."""
+def _find_largest_squared_radius(looks: tuple[Any, Any, Any], agents: IntArray) -> float:
+    """Return the largest squared radius of the sensors of agents, see `collect_looks`; -1: they have none."""
     begins, squares, _ = looks
     of_agents = [square for agent in agents.tolist() for square in squares[begins[agent] : begins[agent + 1]]]
     return max(of_agents, default=-1.0)

@@ -15,13 +15,13 @@ from gamms.game.result import Result
 from gamms.game.roles import Role
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
-from gamms.game.strategy_specs import key_of, strategy_spec_of
+from gamms.game.strategy_specs import get_strategy_spec, make_form_key
 from gamms.ir.agents import Position
 from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
-from gamms.readonly import locked
+from gamms.readonly import copy_locked
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
 
@@ -49,7 +49,7 @@ def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], val
     array.setflags(write=is_writeable)
 
 
-def kept_in(known: dict[Any, Any], key: Hashable, make: Callable[[], T]) -> T:
+def get_or_make(known: dict[Any, Any], key: Hashable, make: Callable[[], T]) -> T:
     """Return the value of a key; the first call stores `make()`."""
     if key not in known:
         known[key] = make()
@@ -141,7 +141,7 @@ class ComingAgent(NamedTuple):
         """Return whether an agent that was created can take this row."""
         is_same = self.team == agent.team and self.type is agent.type and self.speed == agent.speed
         is_same = is_same and self.mode == mode_of(agent)
-        forms = [key_of(strategy_spec_of(one.strategy).array_form) for one in (self, agent)]
+        forms = [make_form_key(get_strategy_spec(one.strategy).array_form) for one in (self, agent)]
         return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
 
 
@@ -188,8 +188,8 @@ class AgentTable(NamedTuple):
         is_first = np.array([not isinstance(agent, ComingAgent) for agent in ordered], np.bool_)
         is_public = np.array([getattr(agent, "is_reserved", True) for agent in ordered], np.bool_)
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
-        masks = [locked(one) for one in (is_first, is_public, flies)]
-        return cls(names, teams, locked(team_of), locked(kernels.name_keys(names)), ordered, *masks)
+        masks = [copy_locked(one) for one in (is_first, is_public, flies)]
+        return cls(names, teams, copy_locked(team_of), copy_locked(kernels.name_keys(names)), ordered, *masks)
 
     @property
     def obey_turns(self) -> bool:
@@ -218,7 +218,7 @@ class AgentTable(NamedTuple):
         The nodes of agents that may come are arbitrary.
         """
         nearest = game.ctx.graph.graph.nearest_node
-        starts = starts_of(game)
+        starts = find_starts(game)
         found = list[int]()
         for agent in self.agents:
             if isinstance(agent, ComingAgent):
@@ -292,12 +292,12 @@ class AgentTable(NamedTuple):
         return shown(self.names[number])
 
 
-def agents_of(game: PlayedGame) -> list[IAgent]:
+def list_agents(game: PlayedGame) -> list[IAgent]:
     """Return all agents of a game in the order of names, dead or alive."""
     return [agent for _, agent in sorted(game.ctx.agent.agents.items())]
 
 
-def starts_of(game: PlayedGame) -> Mapping[str, int | Position]:
+def find_starts(game: PlayedGame) -> Mapping[str, int | Position]:
     """Return name -> the start of an agent, a node id or (x, y, z), or its present place if the game has not begun."""
     known = game.internals.starts
     agents = game.ctx.agent.agents
@@ -306,12 +306,12 @@ def starts_of(game: PlayedGame) -> Mapping[str, int | Position]:
     return {name: game.internals.start_of(agent) for name, agent in agents.items()}
 
 
-def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
+def find_decider(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
     """Return the plan of an agent's team, or the agent's strategy, or None."""
     return plans[agent.team].function if agent.team in plans else agent.strategy
 
 
-def reserved(roster: AgentTable, most_agents: object) -> list[ComingAgent]:
+def make_reserved_agents(roster: AgentTable, most_agents: object) -> list[ComingAgent]:
     """Return the agents that rules may create, for which the caller reserves rows."""
     found: dict[Hashable, list[str]] = {}
     given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.public_teams, most_agents)
@@ -353,7 +353,7 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     return given
 
 
-def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
+def draw_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
     """Return the number of the map that each seed draws, (seeds,)."""
     if num_maps == 1:
         return np.zeros(len(seeds), np.int64)
@@ -362,7 +362,7 @@ def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
     return kernels.below_many(bits, num_maps)
 
 
-def in_threads(play: Callable[[int, int, int], object], games: int, threads: int, *, waits: bool = False) -> None:
+def play_in_threads(play: Callable[[int, int, int], object], games: int, threads: int, *, waits: bool = False) -> None:
     """Call `play(thread, begin, end)` for equal parts of the games, each part in its own thread.
 
     If several threads raise errors, the first one is raised after all have ended.
@@ -403,12 +403,12 @@ def in_turns(turns: IntArray, games: IntArray) -> str:
     return f"{those} of game {games[0]}" if len(games) == 1 else those
 
 
-def roster_of(game: PlayedGame, most_agents: object = None) -> AgentTable:
-    """Return the roster of a game's agents, with names reserved for agents that may come later; see `reserved`."""
-    agents = agents_of(game)
+def make_roster(game: PlayedGame, most_agents: object = None) -> AgentTable:
+    """Return the roster of a game's agents, with names for agents that may come later; see `make_reserved_agents`."""
+    agents = list_agents(game)
     roster = AgentTable.of(agents)
     coming = {name: ComingAgent.departed(name, team) for name, (team, _) in game.internals.state.departed.items()}
     if most_agents is not None:
-        coming |= {agent.name: agent for agent in reserved(roster, most_agents)}
+        coming |= {agent.name: agent for agent in make_reserved_agents(roster, most_agents)}
     more = [agent for name, agent in coming.items() if name not in roster.names]
     return AgentTable.of(agents, more) if more else roster

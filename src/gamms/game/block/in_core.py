@@ -17,7 +17,7 @@ from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Territory, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, kept_in, mode_of
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_or_make, mode_of
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, GameRow, Purpose, fits_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
@@ -26,17 +26,17 @@ from gamms.game.block.strategy_steps import (
     always_act,
     can_read,
     has_plain_looks,
-    memories_of,
+    list_memories,
 )
-from gamms.game.block.travelers import NO_LEGS, ThreadTravel, TravelColumns, in_parts
+from gamms.game.block.travelers import NO_LEGS, ThreadTravel, TravelColumns, make_thread_in_parts
 from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ranked_for_all
 from gamms.game.movement.arrivals import NO_DEEDS, WAITS, AgentsUnderWay
-from gamms.game.movement.courses import Courses, Paths, paths_in_parts
+from gamms.game.movement.courses import Courses, Paths, make_paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
-from gamms.game.movement.travel import ReachableNodes, no_way
+from gamms.game.movement.travel import ReachableNodes, make_no_path_error
 from gamms.game.roles import Role, find_roles, get_team, has_attributes
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
-from gamms.game.strategy_specs import CoreStep, strategy_spec_of
+from gamms.game.strategy_specs import CoreStep, get_strategy_spec
 from gamms.ir.agents import Position
 from gamms.ir.columns import Failure
 from gamms.ir.game_state import joined_end
@@ -187,7 +187,7 @@ class RuleBuilder(ABC):
 
     def visitors(self, members: Collection[Hashable] | None = None, *, at_end: bool) -> Visitors:
         """Return the agents on the ground, or those of some teams and roles, with the nodes that they visit."""
-        sides = ints(self.room)
+        sides = make_int_buffer(self.room)
         tracks = self.tracks(sides, at_end=at_end)
         return Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(members, air=False), sides)
 
@@ -297,7 +297,7 @@ class BatchRules(RuleBuilder):
             self.most = 2
             most_legs = 0
             keys = streets.num_nodes
-            self.columns = ints(2 * agents), floats(2 * agents), ints(agents)
+            self.columns = make_int_buffer(2 * agents), floats(2 * agents), make_int_buffer(agents)
             self.steps = rules.AgentPaths(*self.columns)
         else:
             self.most = travel.most
@@ -314,7 +314,7 @@ class BatchRules(RuleBuilder):
     @cached_property
     def pieces(self) -> contacts.MotionIntervals:  # type: ignore[override] # made when a rule needs it
         """Working memory for contacts."""
-        return motion_intervals(*self._room_of_pieces)
+        return make_motion_intervals(*self._room_of_pieces)
 
     @property
     def roster(self) -> AgentTable:
@@ -378,7 +378,7 @@ class BatchRules(RuleBuilder):
         """Return the owners of nodes; empty without a territory (None)."""
         state = self.state
         if ground is None:
-            return Territory(ints(0), ints(0), 0)
+            return Territory(make_int_buffer(0), make_int_buffer(0), 0)
         territory = ground.of(state.facts)
 
         def make() -> tuple[object, IntArray, list[Role]]:
@@ -389,7 +389,7 @@ class BatchRules(RuleBuilder):
             owners[rows[rows >= 0]] = np.array(numbers, np.int64)[rows >= 0]
             return territory, owners, roles
 
-        _, owners, roles = kept_in(state.shared, ("territory", id(territory)), make)
+        _, owners, roles = get_or_make(state.shared, ("territory", id(territory)), make)
         return Territory(flat(owners, np.int64), self.find_holders(roles), self.room)
 
     def near(self, nearness: ContactOptions) -> Near:
@@ -400,7 +400,7 @@ class BatchRules(RuleBuilder):
             return None
         if unit == "euclid" and self.by_metres:
             return contacts.PathSegments(
-                len(self.roster.names), self._lines(), flat(state.streets.columns.xy, np.float64)
+                len(self.roster.names), self._make_polylines(), flat(state.streets.columns.xy, np.float64)
             )
         if unit == "euclid":
             xyz = np.insert(state.streets.columns.xy, 2, 0.0, axis=1)
@@ -412,9 +412,9 @@ class BatchRules(RuleBuilder):
             state.roads.searches.append((weight, near))
             return near
 
-        return kept_in(state.shared, ("reach", unit, limit, self.thread), make)
+        return get_or_make(state.shared, ("reach", unit, limit, self.thread), make)
 
-    def _lines(self) -> contacts.Polylines:
+    def _make_polylines(self) -> contacts.Polylines:
         """Return the polylines of the edges, with working memory of their own."""
         found = contacts.Polylines()
         self.state.movement.lines.polylines.give(found)
@@ -563,7 +563,7 @@ class CoreColumns:
             self.noted = noted
             is_wrong = noted.kinds >= _ILLEGAL
             for row in np.flatnonzero(is_wrong).tolist():
-                failure = self._failure_of(noted, row)
+                failure = self._make_failure(noted, row)
                 wrong.append((failure, int(noted.turns[row])))
                 if noted.kinds[row] == _ILLEGAL:
                     self.illegal.append(failure)
@@ -605,12 +605,12 @@ class CoreColumns:
             those = rows[kinds == kind]
             ends = [played.end(winner - 1, (), teams)] * len(those)
             if not played.reason:
-                ends = [played.end(winner - 1, self._reached(noted, row), teams) for row in those.tolist()]
+                ends = [played.end(winner - 1, self._find_teams_at_goals(noted, row), teams) for row in those.tolist()]
             for game, end in zip(noted.games[those].tolist(), ends, strict=True):
                 known = over[game]
                 over[game] = end if known is None else joined_end(known, end)
 
-    def _reached(self, noted: CoreEvents, end: int) -> list[Hashable]:
+    def _find_teams_at_goals(self, noted: CoreEvents, end: int) -> list[Hashable]:
         """Return the teams of agents that have reached goals: events of the same rule and turn before an end."""
         teams = self._state.roster.teams
         first = end
@@ -643,12 +643,12 @@ class CoreColumns:
         for failure, _ in wrong:
             self._states[self.map_of[failure.game]].tell(failure)
         if decided:  # by functions, in the same part of a turn
-            wrong = sorted([*decided, *wrong], key=_of_failure)
+            wrong = sorted([*decided, *wrong], key=_make_sort_key)
             decided.clear()
         for failure, when in wrong:
             self._state.note_failure(failure, when)
 
-    def _failure_of(self, noted: CoreEvents, row: int) -> Failure:
+    def _make_failure(self, noted: CoreEvents, row: int) -> Failure:
         """Return the error: an agent arrived too often, did a deed too late, or has no path to a node."""
         edge, target, game, agent, kind = (
             int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents, noted.kinds)
@@ -662,11 +662,11 @@ class CoreColumns:
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
         modes = by.mode_of[noted.agents[[row]]]
         may_turn = by.by_metres and by.backs(noted.others[[row]], noted.games[[row]], modes)[0] >= 0
-        error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
+        error = make_no_path_error(node, end, target, is_paced=True, may_turn=bool(may_turn))
         return Failure.illegal(game, agent, f"BadValue: {error}")
 
 
-def _of_failure(pair: tuple[Failure, int]) -> tuple[int, int]:
+def _make_sort_key(pair: tuple[Failure, int]) -> tuple[int, int]:
     return pair[0].game, pair[0].agent
 
 
@@ -683,7 +683,7 @@ def reach_of(arcs: kernels.Arcs, limit: float) -> contacts.NearNodes:
     return contacts.NearNodes(*ends, flat(arcs.weights, np.float64), limit, ReachableNodes(len(arcs.offsets) - 1).core)
 
 
-def ints(number: int) -> Any:  # memoryviews are not subscriptable
+def make_int_buffer(number: int) -> Any:  # memoryviews are not subscriptable
     """Return integers as a buffer for the core."""
     return np.zeros(number, np.int64).data
 
@@ -693,7 +693,7 @@ def floats(number: int) -> Any:
     return np.zeros(number).data
 
 
-def motion_intervals(room: int, keys: int) -> contacts.MotionIntervals:
+def make_motion_intervals(room: int, keys: int) -> contacts.MotionIntervals:
     """Return working memory for this many intervals and keys."""
     whole: list[Any] = [row.data for row in np.zeros((6, room), np.int64)]
     parts: list[Any] = [row.data for row in np.zeros((4, room))]
@@ -708,7 +708,7 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def core_forms(game: PlayedGame, roster: AgentTable) -> list[int | None]:
+def find_core_forms(game: PlayedGame, roster: AgentTable) -> list[int | None]:
     """Return the core's number for the strategy or plan of each agent; None: the core does not play it.
 
     Args:
@@ -721,26 +721,26 @@ def core_forms(game: PlayedGame, roster: AgentTable) -> list[int | None]:
     single: dict[int, int | None] = {}  # by the id of the decider
     forms: list[int | None] = []
     for agent, is_first, flies in zip(roster.agents, roster.is_first.tolist(), roster.flies.tolist(), strict=True):
-        decider = decider_of(agent, plans)
+        decider = find_decider(agent, plans)
         form = None
         if decider is None and is_first:
             form = moves.STAY
         elif is_first and not flies:
             if id(decider) not in single:
-                steps: Any = strategy_spec_of(decider).core_steps or ()
+                steps: Any = get_strategy_spec(decider).core_steps or ()
                 single[id(decider)] = _SINGLE_STEPS.get(steps)
             form = single[id(decider)]
             if form is None:
-                form = _form_of_steps(game, settings, agent, decider, some_fly=some_fly)
+                form = _find_form(game, settings, agent, decider, some_fly=some_fly)
         forms.append(form)
     return forms
 
 
-def _form_of_steps(
+def _find_form(
     game: PlayedGame, settings: Mapping[str, Any], agent: IAgent, decider: object, *, some_fly: bool
 ) -> int | None:
-    """Return the core's number for a strategy or a plan of several steps; see `core_forms`."""
-    steps = strategy_spec_of(decider).core_steps or ()
+    """Return the core's number for a strategy or a plan of several steps; see `find_core_forms`."""
+    steps = get_strategy_spec(decider).core_steps or ()
     kinds = {step.kind for step in steps}
     mode = mode_of(agent)
     if mode is not None and split_mode(mode)[1]:  # its routes follow from the edges that it has driven
@@ -755,7 +755,7 @@ def _form_of_steps(
     return moves.BY_STEPS if is_played and (may_look or kinds.isdisjoint(LOOKING)) else None
 
 
-def conflicts_in_core(game: PlayedGame, roster: AgentTable) -> Conflicts | None:
+def find_conflicts_in_core(game: PlayedGame, roster: AgentTable) -> Conflicts | None:
     """Return the conflicts of a game that the core resolves; None: there are none, or a function resolves them."""
     return ranked_for_all(game.settings()["conflicts"], roster.names, roster.teams_by_agent())
 
@@ -771,7 +771,7 @@ def _find_owners(game: PlayedGame, rule: NamedRule) -> list[Role]:
     return [role for fact in facts if isinstance(fact, Mapping) for role in find_roles(fact.values())]
 
 
-def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
+def list_called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
     """Return the rules of a game as a batch calls them; some have no core form where agents fly, or may change."""
     called = as_called(game.rules)
     some_fly = bool(roster.flies.any())
@@ -787,12 +787,12 @@ def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
         for one in called
     ]
     return [
-        one._replace(rule=_without_core(one.rule)) if is_function else one
+        one._replace(rule=_exclude_core(one.rule)) if is_function else one
         for one, is_function in zip(called, without, strict=True)
     ]
 
 
-def _without_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
+def _exclude_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
     """Return a rule that the core does not have."""
 
     def call(ctx: HostContext) -> None:
@@ -825,7 +825,7 @@ class PastPlaces(NamedTuple):
     def in_core(self, state: GameArrays) -> turn.PastPlaces:
         """Return the same for the core."""
         by = state.movement
-        motions = memory_of(by.motion) if by.by_metres and len(self.edge) else ints(0)
+        motions = memory_of(by.motion) if by.by_metres and len(self.edge) else make_int_buffer(0)
         columns = [*map(memory_of, self), motions]
         return turn.PastPlaces(len(self.node), *columns)
 
@@ -878,20 +878,20 @@ class CoreGames:
         self._state = state
         self._block = block
         self.edges = block.edges
-        called = [] if decides else called_rules(game, state.roster)
+        called = [] if decides else list_called_rules(game, state.roster)
         self._rules = [one for one in called if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._keeps_courses = is_apart or any(map(is_function, called))
-        self._conflicts = None if decides else conflicts_in_core(game, state.roster)
+        self._conflicts = None if decides else find_conflicts_in_core(game, state.roster)
         self._has_conflicts = settings["conflicts"] is not None
-        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        forms = [moves.STAY if one is None else one for one in core_forms(game, state.roster)]
+        deciders = [find_decider(agent, settings["plans"]) for agent in state.roster.agents]
+        forms = [moves.STAY if one is None else one for one in find_core_forms(game, state.roster)]
         for agent in asked:
             forms[agent] = moves.STAY
         self._decides_by = np.array(forms, np.uint8)
         pairs = zip(forms, deciders, strict=True)
         self._steps = [
-            (strategy_spec_of(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs
+            (get_strategy_spec(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs
         ]
         of_agents = zip(state.roster.names, deciders, state.roster.is_first.tolist(), strict=True)
         self._deciders = [name for name, one, is_first in of_agents if one is not None and is_first]
@@ -914,10 +914,10 @@ class CoreGames:
         self._movers: list[moves.OneEdgeMovers] = []  # one for each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: TravelColumns | None = None  # in games that do not go along one edge a turn
-        self._counts = ints(state.node.size)  # that threads share
+        self._counts = make_int_buffer(state.node.size)  # that threads share
         self._has_come = np.zeros(state.node.shape, np.bool_)  # since the rules after the last moves began
         self.deciders: tuple[rules.GameColumns, moves.OneEdgeMovers]
-        self._made.append(self._player())
+        self._made.append(self._make_player())
 
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the nodes before and after the last moves in some games, and a mask of the agents that took part."""
@@ -1008,7 +1008,7 @@ class CoreGames:
         lives = self._state.alive[game, numbers]
         moves = lives & (self.part_of[numbers] == self._block.part[game])
         here = np.flatnonzero(np.isin(numbers, self._arrivals.list_here(game))).tolist()
-        places = ([self._place_of(row) for row in rows[game, numbers].tolist()] for rows in self._ends)
+        places = ([self._get_place(row) for row in rows[game, numbers].tolist()] for rows in self._ends)
         counts = self._arrivals.counts_of(game, numbers)
         return AgentsUnderWay(
             names=names,
@@ -1068,7 +1068,7 @@ class CoreGames:
 
     def places(self, game: int) -> tuple[list[int | EdgePlace], list[int | EdgePlace]]:
         """Return the current start and end places of all moves of a game."""
-        found = [[self._place_of(row) for row in rows[game].tolist()] for rows in self._ends]
+        found = [[self._get_place(row) for row in rows[game].tolist()] for rows in self._ends]
         return found[0], found[1]
 
     def note_late_deeds(self, games: IntArray, agents: IntArray, *, are_wanted: bool = True) -> None:
@@ -1117,13 +1117,13 @@ class CoreGames:
         starts, ends, took_part = self.last_moves(games)
         if self.courses is not None:
             return self.courses.paths(games, starts, took_part)
-        return None if self.num_parts == 1 else paths_in_parts(starts, ends, self.part_of, self.num_parts)
+        return None if self.num_parts == 1 else make_paths_in_parts(starts, ends, self.part_of, self.num_parts)
 
     def wanted(self, game: int, agent: int) -> int | EdgePlace:
         """Return the node or edge that an agent stopped by a conflict wanted to reach."""
-        return self._place_of(int(self._block.wanted[game, agent]))
+        return self._get_place(int(self._block.wanted[game, agent]))
 
-    def _place_of(self, row: int) -> int | EdgePlace:
+    def _get_place(self, row: int) -> int | EdgePlace:
         """Return a node or an edge, as conflicts compare them, by its id."""
         columns = self._state.movement.columns
         beyond = row - len(columns.node_ids)
@@ -1138,7 +1138,7 @@ class CoreGames:
             threads: how many play.
         """
         while len(self._made) < threads:
-            self._made.append(self._player())
+            self._made.append(self._make_player())
         self._take_roads()
         if is_given is not self._given:
             self._given = is_given
@@ -1205,7 +1205,7 @@ class CoreGames:
             name: {} for name in self._deciders if self._state.is_there[game, number_of(name)]
         }
         steps = [step for several in self._steps for step in several if step.key]
-        for name, key, value in memories_of(GameRow.of(self._state, game), steps):
+        for name, key, value in list_memories(GameRow.of(self._state, game), steps):
             found.setdefault(name, {})[key] = value
         return found
 
@@ -1245,12 +1245,12 @@ class CoreGames:
         flights.put_back(flat(back[0], np.int64), flat(back[1], np.int64))
         state.previous[back] = node[back]
 
-    def _player(self) -> tuple[turn.Player, BatchRules]:
+    def _make_player(self) -> tuple[turn.Player, BatchRules]:
         """Make the data for one more thread."""
         state = self._state
         roster = self._state.roster
         block = self._block
-        columns = self._columns or self._new_columns()
+        columns = self._columns or self._make_columns()
         self._columns = columns
         games = rules.GameColumns(
             len(roster.names),
@@ -1289,7 +1289,7 @@ class CoreGames:
         }
         walks = draws.RandomChoices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
         given = memory_of(block.given)
-        contests, requests = self._conflicting()
+        contests, requests = self._make_contests()
         if self._by_steps is None and any(self._steps):
             self._by_steps = StrategySteps(state, self._steps, StepPaths(state))
         by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
@@ -1299,14 +1299,14 @@ class CoreGames:
         events = block.events_of(len(self._made))
         if columns is None:
             movers = moves.OneEdgeMovers(*args, **of_movers)
-            travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
+            travel = None if self.num_parts == 1 else make_thread_in_parts(movers, len(roster.names))
         else:
             travel = columns.thread(args, of_movers, events)
             movers = travel.movers
         self._movers.append(movers)
         self.deciders = games, movers
         making = BatchRules(state, games, events, travel, block.rules, len(self._made))
-        parts = self._made_rules(making)
+        parts = self._make_rules(making)
         first = None
         if self.has_functions:
             self._parts = parts
@@ -1318,7 +1318,7 @@ class CoreGames:
         which = block.until.data, memory_of(block.map_of), self._number, state.stop.data
         return turn.Player(games, movers, at_arrivals, first, *which, self.past.in_core(state)), making
 
-    def _made_rules(self, making: RuleBuilder) -> list[Any]:
+    def _make_rules(self, making: RuleBuilder) -> list[Any]:
         """Return the rule functions, and between them the first rule of each chain of core rules."""
         parts: list[Any] = []
         for are_functions, several in groupby(self._rules, is_function):
@@ -1333,7 +1333,7 @@ class CoreGames:
                 parts.append(rules.chained(made))
         return parts
 
-    def _new_columns(self) -> TravelColumns | None:
+    def _make_columns(self) -> TravelColumns | None:
         """Return the shared columns of games whose agents do not move along one edge per turn."""
         if not self._state.movement.depends_on_speeds:
             return None
@@ -1345,7 +1345,7 @@ class CoreGames:
             has_conflicts=self._has_conflicts,
         )
 
-    def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.MoveRequests | None]:
+    def _make_contests(self) -> tuple[conflicts.Contests | None, conflicts.MoveRequests | None]:
         """Return the contests that find the losers of conflicts; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None

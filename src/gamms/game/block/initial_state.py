@@ -14,21 +14,21 @@ import numpy as np
 
 from gamms.core.block import AT_START, GameStarts, StartColumn
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, mode_of, starts_of
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, find_starts, mode_of
 from gamms.game.block.in_core import CoreColumns, memory_of
 from gamms.game.block.state import STOPPED, Drawn, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
-from gamms.game.movement.courses import Legs, Paths, paths_along, paths_over
+from gamms.game.movement.courses import Legs, Paths, make_paths_along, make_paths_over
 from gamms.game.movement.legal_moves import Movement, TravelTerms
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED, refuse_modes, refuse_turns
-from gamms.game.strategy_specs import strategy_spec_of
-from gamms.game.turn import closed_edge
-from gamms.ir.agents import UNTURNED, read_vector, speed_of
+from gamms.game.strategy_specs import get_strategy_spec
+from gamms.game.turn import describe_closed_edge
+from gamms.ir.agents import UNTURNED, get_speed, read_vector
 from gamms.ir.game_state import KEPT, GameState
-from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
+from gamms.ir.graph import ClosedEdges, IntArray, lock_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
 from gamms.ir.schema import NUMBERS
@@ -39,7 +39,7 @@ from gamms.typing.game import Track
 _NOWHERE = (nan, nan, nan)  # where agents in the air begin that come later
 
 
-def movement_of(
+def make_movement(
     game: PlayedGame,
     roster: AgentTable,
     *,
@@ -59,7 +59,7 @@ def movement_of(
     settings = game.settings()
     graph = game.ctx.graph
     columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
-    streets = StreetGraph(locked_columns(columns), routes)
+    streets = StreetGraph(lock_columns(columns), routes)
     closed = graph.storage.roads()[1] if may_reopen else {}
     whole = StreetGraph(*graph.storage.with_edges({**closed, **(more_edges or {})})) if closed or more_edges else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
@@ -298,8 +298,8 @@ class InitialState:
             if rule.spec.begin_arrays is not None:
                 state.first |= rule.spec.begin_arrays(game.ctx, state)
         plans = game.settings()["plans"]
-        deciders = [decider_of(agent, plans) for agent in state.roster.agents]
-        steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or ()]
+        deciders = [find_decider(agent, plans) for agent in state.roster.agents]
+        steps = [step for one in deciders for step in get_strategy_spec(one).core_steps or ()]
         state.first |= begin_steps(steps, game.ctx, state)
         state.of_core.update(state.first.keys() - game.internals.state.data.get(KEPT, {}).keys())
 
@@ -381,7 +381,7 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
     graph = game.ctx.graph
     by_metres = movement.by_metres
     edges = movement.columns.edge_ids  # those that are open, or that a function may open
-    starts = starts_of(game)
+    starts = find_starts(game)
     previous = block.ids_of(block.previous)
     on_ground = [row for row in map(block.row_of, sorted(block.names)) if not block.kind[row]]
     nodes_of = {row: (starts[block.names[row]], previous[row]) for row in on_ground}
@@ -398,9 +398,13 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
         if place is None and block.progress_of(row) is None:
             continue
         if by_metres and place is not None and place.edge not in edges:
-            game.internals.state.blocked.add(block.names[row], closed_edge(place.source, place.target))
+            game.internals.state.blocked.add(block.names[row], describe_closed_edge(place.source, place.target))
             place = None
-        if not by_metres and place is not None and (speed_of(block, row) is None or place.source != block.node_of(row)):
+        if (
+            not by_metres
+            and place is not None
+            and (get_speed(block, row) is None or place.source != block.node_of(row))
+        ):
             place = None
         block.set_progress(row, place)
 
@@ -412,10 +416,10 @@ def _start_column(
     draws_nodes = is_shared and rows.dtype == np.int64 and bool((rows == AT_START).any())
     nodes: Any = column.reshape(-1).data if draws_nodes else np.zeros(0, np.int64).data
     size = rows[:1].nbytes
-    return StartColumn(_bytes_of(column), _bytes_of(rows), nodes, size, 0 if is_shared else size, behind)
+    return StartColumn(_get_bytes(column), _get_bytes(rows), nodes, size, 0 if is_shared else size, behind)
 
 
-def _bytes_of(column: np.ndarray[Any, Any]) -> Any:  # memoryviews are not subscriptable
+def _get_bytes(column: np.ndarray[Any, Any]) -> Any:  # memoryviews are not subscriptable
     """Return the memory of a column, which is in one piece and has no objects."""
     memory: Any = column.data
     return memory.cast("B") if column.size else np.zeros(0, np.uint8).data
@@ -455,15 +459,15 @@ class LastTurn(NamedTuple):
         took_part[0, numbers] = True
         paths = None
         if movement.by_metres:
-            paths = _paths_by_metres(moves, slots, numbers, movement, starts)
+            paths = _make_paths_by_metres(moves, slots, numbers, movement, starts)
         elif moves.paths is not None:
             tracks = [moves.track(i) for i in slots]
-            if any(_SHORT.get(len(track.path)) != track.times or _waits(track) for track in tracks):
-                paths = _paths(tracks, numbers, movement, starts)
+            if any(_SHORT.get(len(track.path)) != track.times or _is_waiting(track) for track in tracks):
+                paths = _make_paths(tracks, numbers, movement, starts)
         return cls(starts, ends, took_part, paths)
 
 
-def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, starts: IntArray) -> Paths:
+def _make_paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, starts: IntArray) -> Paths:
     """Return the paths of all agents, (1, agents): the tracks of `numbers`; other agents stay at `starts`."""
     shape = (*starts.shape, max((len(track.path) for track in tracks), default=1))
     nodes = np.repeat(starts[..., None], shape[-1], axis=-1)
@@ -474,10 +478,10 @@ def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, start
         lengths[0, number] = length
         nodes[0, number, :length] = movement.streets.rows(list(track.path))
         times[0, number, :length] = track.times
-    return paths_over(nodes, times, lengths, starts)
+    return make_paths_over(nodes, times, lengths, starts)
 
 
-def _paths_by_metres(
+def _make_paths_by_metres(
     moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: Movement, starts: IntArray
 ) -> Paths:
     """Return the paths of agents that move by meters, including the legs along edges."""
@@ -489,7 +493,7 @@ def _paths_by_metres(
     edge = np.full(starts.shape, -1)
     motion = np.full(starts.shape, Motion.STOPPED)
     for number, i, track in zip(numbers.tolist(), slots, tracks, strict=True):
-        waits[0, number] = _waits(track)
+        waits[0, number] = _is_waiting(track)
         for place, leg in enumerate(track.legs):
             back = -1 if leg.back is None else row_of[leg.back]
             for column, value in zip(legs, (row_of[leg.edge], back, *leg[3:7]), strict=True):
@@ -498,9 +502,9 @@ def _paths_by_metres(
         if progress is not None:
             edge[0, number] = row_of[progress.edge]
             motion[0, number] = progress.motion
-    return paths_along(legs, movement.columns, starts, waits)._replace(edge=edge, motion=motion, rests=edge < 0)
+    return make_paths_along(legs, movement.columns, starts, waits)._replace(edge=edge, motion=motion, rests=edge < 0)
 
 
-def _waits(track: Track) -> bool:
+def _is_waiting(track: Track) -> bool:
     """Return whether an agent waits on its first node before it leaves."""
     return len(track.path) > 1 and track.path[0] == track.path[1]

@@ -13,12 +13,12 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.block.columns import PlayedGame, kept_in, sensors_of
+from gamms.game.block.columns import PlayedGame, get_or_make, sensors_of
 from gamms.game.block.state import GameArrays
-from gamms.game.block.strategy_steps import has_plain_looks, looks_of, make_search
+from gamms.game.block.strategy_steps import collect_looks, has_plain_looks, make_search
 from gamms.game.conflicts import flat
 from gamms.game.cursor.pointed import PointedContext
-from gamms.ir.columns import places_of, some_rows
+from gamms.ir.columns import find_places, select_rows
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
@@ -58,11 +58,11 @@ class VisibleAgentPairs(NamedTuple):
             TooLarge: the mask would take more than 256 MB; use the pairs.
         """
         use = "at, viewers, others and nodes of view.seen()"
-        return _mask_of_pairs(self.shape, (self.at, self.viewers, self.others), use)
+        return _make_mask(self.shape, (self.at, self.viewers, self.others), use)
 
     def in_games(self, games: IntArray) -> "VisibleAgentPairs":
         """Return the pairs of some games, ascending, renumbered for a view of these games."""
-        at = places_of(games, self.shape[0])[self.at]
+        at = find_places(games, self.shape[0])[self.at]
         return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
 
     def of(self, chosen: BoolArray | IntArray) -> "VisibleAgentPairs":
@@ -72,8 +72,8 @@ class VisibleAgentPairs(NamedTuple):
             BadType, BadValue: a pair does not exist.
         """
         if getattr(chosen, "dtype", None) == np.bool_:
-            return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
-        return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
+            return select_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
+        return select_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
 
 
 class VisibleNodes(NamedTuple):
@@ -100,10 +100,10 @@ class VisibleNodes(NamedTuple):
         Raises:
             TooLarge: the mask would take more than 256 MB; use the pairs.
         """
-        return _mask_of_pairs(self.shape, (self.at, self.viewers, self.nodes), "at, viewers and nodes")
+        return _make_mask(self.shape, (self.at, self.viewers, self.nodes), "at, viewers and nodes")
 
 
-def _mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str) -> BoolArray:
+def _make_mask(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str) -> BoolArray:
     """Return a mask that is true for these pairs; `use` names the alternative in an error."""
     if np.prod(shape, dtype=np.float64) > _MOST_PAIRS:
         raise TooLarge(f"A mask of {shape} is too large. Use the pairs: {use}.")
@@ -112,7 +112,7 @@ def _mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str
     return found
 
 
-def names_of(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[SensorType]) -> list[str]:
+def list_sensor_names(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[SensorType]) -> list[str]:
     """Return the names of the sensors of some kinds that some agents carry."""
     carried = [sensors_of(agents[number]) for number in numbers.tolist()]
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in kinds})
@@ -123,7 +123,7 @@ def turns_with_agent(sensor: ISensor) -> bool:
     return bool(getattr(sensor, "turns_with_agent", False))
 
 
-def noted_sensors(agent: IAgent) -> list[str]:
+def list_agent_sensors(agent: IAgent) -> list[str]:
     """Return the sensors of an agent that show agents, in order of precedence.
 
     If several sensors show an agent, the last one on the ground counts, else the first one in the air.
@@ -133,7 +133,7 @@ def noted_sensors(agent: IAgent) -> list[str]:
     return [*ground[::-1], *(name for name, one in carried.items() if one.type in IN_AIR)]
 
 
-def noted_node_sensors(agent: IAgent, *, varies: bool) -> list[str]:
+def list_node_sensors(agent: IAgent, *, varies: bool) -> list[str]:
     """Return the sensors of an agent that show nodes, and may show different nodes in other games from the same node.
 
     These are sensors that turn with the agent, sensors of neighbors, and all sensors if they vary by game.
@@ -142,7 +142,7 @@ def noted_node_sensors(agent: IAgent, *, varies: bool) -> list[str]:
     return [name for name, one in nodes.items() if varies or one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
 
 
-def called_each_turn(agent: IAgent) -> list[str]:
+def list_sensors_called_each_turn(agent: IAgent) -> list[str]:
     """Return the sensors of an agent that are called in each turn, even if nothing asks for their data.
 
     These are the sensors that report earlier turns, and those whose code may do more than look at the world.
@@ -166,11 +166,13 @@ def note_sensors(state: GameArrays, *, with_nodes: bool) -> None:
     varies = ~roster.is_first
     each = zip(roster.agents, roster.flies | varies, strict=True)
     are_plain = [not is_odd and has_plain_looks(one) for one, is_odd in each]
-    found = {number: noted_sensors(roster.agents[number]) for number, is_plain in enumerate(are_plain) if not is_plain}
+    found = {
+        number: list_agent_sensors(roster.agents[number]) for number, is_plain in enumerate(are_plain) if not is_plain
+    }
     state.noted = {number: names for number, names in found.items() if names}
     if with_nodes or varies.any():
         both = zip(roster.agents, varies.tolist(), strict=True)
-        found = {number: noted_node_sensors(one, varies=may_vary) for number, (one, may_vary) in enumerate(both)}
+        found = {number: list_node_sensors(one, varies=may_vary) for number, (one, may_vary) in enumerate(both)}
         state.noted_nodes = {number: names for number, names in found.items() if names}
 
 
@@ -199,7 +201,7 @@ def seen(
         UnknownName (KeyError): no agent carries such a sensor that shows agents.
     """
     if names:
-        known = names_of(state.roster.agents, agents, SHOWING_AGENTS)
+        known = list_sensor_names(state.roster.agents, agents, SHOWING_AGENTS)
         for name in names:
             if name not in known:
                 raise UnknownName("sensor that shows agents", name, known)
@@ -207,18 +209,18 @@ def seen(
     noted = np.zeros(len(agents), np.bool_)
     if state.noted:
         noted = np.isin(agents, [*state.noted])
-    plain = _seen_in_core(state, games, agents, asked & ~noted, names, axes)
+    plain = _find_seen_agents(state, games, agents, asked & ~noted, names, axes)
     if not noted.any() or not len(games):
         return VisibleAgentPairs(shape, *plain)
     if state.look is not None:
         state.look(games)
-    parts = [plain, *_sighted(state, names, (games, agents), asked)]
+    parts = [plain, *_list_sighted_agents(state, names, (games, agents), asked)]
     at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     _, first = np.unique((at * shape[1] + viewers) * shape[2] + others, return_index=True)
     return VisibleAgentPairs(shape, at[first], viewers[first], others[first], nodes[first])
 
 
-def _seen_in_core(
+def _find_seen_agents(
     state: GameArrays,
     games: IntArray,
     agents: IntArray,
@@ -245,18 +247,18 @@ def _seen_in_core(
 
 def find_search(state: GameArrays, names: Sequence[str] = ()) -> sight.AgentSearch:
     """Return the search for the agents that plain sensors of these names, or all, show."""
-    return kept_in(state.searches, (tuple(names), tuple(state.noted)), lambda: _search_for(state, names))
+    return get_or_make(state.searches, (tuple(names), tuple(state.noted)), lambda: _search_for(state, names))
 
 
 def _search_for(state: GameArrays, names: Sequence[str]) -> sight.AgentSearch:
     roster = state.roster
     looking = [number not in state.noted for number in range(len(roster.names))]
     key = "plain", tuple(names), tuple(state.noted)
-    looks = kept_in(state.shared, key, lambda: looks_of(roster, looking, names))
+    looks = get_or_make(state.shared, key, lambda: collect_looks(roster, looking, names))
     return make_search(state, sight.SensorTable(*looks, len(roster.teams)), state.streets.columns.xy)
 
 
-def _sighted(
+def _list_sighted_agents(
     state: GameArrays, names: Sequence[str], who: tuple[IntArray, IntArray], asked: BoolArray
 ) -> Iterator[tuple[IntArray, ...]]:
     """Yield the same columns of recorded sightings, in order of precedence."""
@@ -290,7 +292,7 @@ def seen_nodes(
         BadValue: a sensor is of a user's class.
         TooLarge: the agents see more than 268 million nodes together.
     """
-    known = names_of(state.roster.agents, agents, SHOWING_NODES)
+    known = list_sensor_names(state.roster.agents, agents, SHOWING_NODES)
     for name in names:
         if name not in known:
             raise UnknownName("sensor that shows nodes", name, known)
@@ -300,8 +302,8 @@ def seen_nodes(
     none = np.zeros(0, np.int64)
     parts = [(none, none, none)]
     for column, number in enumerate(agents.tolist()):
-        carried = [name for name in names or known if _shows_nodes(state.roster.agents[number], name)]
-        own = [_nodes_shown(state, games, number, name, node[:, column], asked[:, column]) for name in carried]
+        carried = [name for name in names or known if _is_node_sensor(state.roster.agents[number], name)]
+        own = [_find_shown_nodes(state, games, number, name, node[:, column], asked[:, column]) for name in carried]
         if not own:
             continue
         at, rows = (np.concatenate(side) for side in zip(*own, strict=True))
@@ -315,12 +317,12 @@ def seen_nodes(
     return VisibleNodes(shape, at[order], viewers[order], rows[order])
 
 
-def _shows_nodes(agent: IAgent, name: str) -> bool:
+def _is_node_sensor(agent: IAgent, name: str) -> bool:
     sensor = sensors_of(agent).get(name)
     return sensor is not None and sensor.type in SHOWING_NODES
 
 
-def _nodes_shown(
+def _find_shown_nodes(
     state: GameArrays, games: IntArray, number: int, name: str, node: IntArray, asked: BoolArray
 ) -> tuple[IntArray, IntArray]:
     """Return the nodes that an agent's sensor shows in the asked games: columns of games and rows of nodes."""
@@ -376,19 +378,19 @@ def note_sights(
         sights: dict[str, tuple[IntArray, IntArray]] = {}
         state.sighted[number, i] = sights
         for name in of_agents:
-            known = [(names[other], node) for other, node in _places_in(data[name], ctx) if other in names]
+            known = [(names[other], node) for other, node in _list_places(data[name], ctx) if other in names]
             others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
             sights[name] = others, state.streets.rows(nodes)
-        state.sighted_nodes[number, i] = {name: state.streets.rows(_nodes_in(data[name])) for name in of_nodes}
+        state.sighted_nodes[number, i] = {name: state.streets.rows(_list_nodes(data[name])) for name in of_nodes}
 
 
-def _places_in(data: Mapping[str, Any], ctx: HostContext) -> list[tuple[str, int]]:
+def _list_places(data: Mapping[str, Any], ctx: HostContext) -> list[tuple[str, int]]:
     """Return the agents that a sensor shows, with node ids; for agents in the air, the nearest nodes."""
     nearest = ctx.graph.graph.nearest_node
     return [(name, nearest(*at[1][:2]) if isinstance(at, tuple) else int(at)) for name, at in data.items()]
 
 
-def _nodes_in(data: list[int] | Mapping[str, Any]) -> list[int]:
+def _list_nodes(data: list[int] | Mapping[str, Any]) -> list[int]:
     return [*(data if isinstance(data, list) else data["nodes"])]
 
 

@@ -20,7 +20,7 @@ from gamms.game.decisions import COUNT_OF
 from gamms.game.deeds import DeclaredDeeds
 from gamms.game.messages import MessageTraffic
 from gamms.game.movement.legal_moves import Movement
-from gamms.game.movement.noted_moves import NotedMoves
+from gamms.game.movement.noted_moves import CachedLegalMoves
 from gamms.game.movement.roads import MultiMapStreets, RoadMap
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.slots import COUNTED
@@ -34,9 +34,9 @@ from gamms.ir.schema import NUMBERS
 from gamms.kernels.draws import BitArray
 from gamms.plain import MOST_WHOLE
 from gamms.progress import TurnInterrupted
-from gamms.readonly import locked
+from gamms.readonly import copy_locked
 from gamms.text import shown
-from gamms.typing.actions import strategy_in
+from gamms.typing.actions import make_strategy
 
 _MOST_EXACT = 1 << 53  # scores are floats in columns
 READ = "events"  # with the name of a reader the key of the numbers of events that it has read in each game
@@ -169,9 +169,9 @@ class Scores(dict[Hashable, FloatArray]):
     def of(self, game: int) -> dict[Any, Any]:
         """Return the scores of a game, key -> number, in the order in which the keys were first set."""
         ranks = [(column.item(game), key) for key, column in self.ranks.items()]
-        return {key: self._of(key, game) for rank, key in sorted(ranks, key=itemgetter(0)) if rank}
+        return {key: self._get_score(key, game) for rank, key in sorted(ranks, key=itemgetter(0)) if rank}
 
-    def _of(self, key: Hashable, game: int) -> Any:
+    def _get_score(self, key: Hashable, game: int) -> Any:
         points = self[key].item(game)
         return points if self.are_floats[key].item(game) else int(points)
 
@@ -188,7 +188,7 @@ class LeavingGame(NamedTuple):
     game: PlayedGame
 
 
-class LeavesSharedContext(GammsError):
+class NeedsSeparateContext(GammsError):
     """A function does what a context that games share cannot do: its game continues in a context of its own."""
 
 
@@ -283,7 +283,7 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
             read[game] = len(entries)
         return found
 
-    def _entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _list_entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
             yield from noted.entries(self._names)
             return
@@ -299,7 +299,7 @@ class ErrorLog(GameLog[tuple[Failure, int]]):
         """Log an error in a turn."""
         self._pending.append((failure, turn))
 
-    def _entries(self, noted: tuple[Failure, int]) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _list_entries(self, noted: tuple[Failure, int]) -> Iterator[tuple[int, dict[str, Any]]]:
         failure, turn = noted
         name = self._names[failure.agent]
         yield failure.game, {"turn": turn, "agent": name, "kind": failure.kind, "message": failure.message}
@@ -332,7 +332,7 @@ def _as_made(first: Arrays, made: Arrays, is_first: BoolArray) -> Arrays:
     Raises:
         BadValue: the memory has other names or shapes.
     """
-    found = {name: _with_all_rows(first.get(name), like, is_first) for name, like in made.items()}
+    found = {name: _add_missing_rows(first.get(name), like, is_first) for name, like in made.items()}
     shapes, wanted = ({name: one.shape for name, one in those.items()} for those in (found, made))
     if shapes != wanted:
         raise BadValue(
@@ -346,7 +346,7 @@ def _as_made(first: Arrays, made: Arrays, is_first: BoolArray) -> Arrays:
     return {name: one.astype(made[name].dtype) for name, one in found.items()}
 
 
-def _with_all_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArray) -> np.ndarray[Any, Any]:
+def _add_missing_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArray) -> np.ndarray[Any, Any]:
     """Return an array of one game, with the rows of `like` for the agents that are to come if it lacks them."""
     array = np.asarray(given)
     number = np.count_nonzero(is_first)
@@ -357,7 +357,7 @@ def _with_all_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArra
     return found
 
 
-def _repeated(first: Arrays, games: int) -> Arrays:
+def _repeat_arrays(first: Arrays, games: int) -> Arrays:
     return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
 
 
@@ -535,7 +535,7 @@ class BatchColumns:
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors = ErrorLog(games, roster.names)
         self.over = list[dict[str, Any] | None]([None] * games)
-        self.flights = self._new_flights() if len(self.flyers) else None
+        self.flights = self._make_flights() if len(self.flyers) else None
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.headings: list[dict[int, Heading]] = [{} for _ in seeds]
         self.turning: list[tuple[int, int, Heading]] = []
@@ -549,7 +549,7 @@ class BatchColumns:
         self.drawn: dict[Drawn, np.ndarray[Any, Any]] = {}
         self._shared = (*vars(self), "_shared")  # the names of all these
 
-    def _new_flights(self) -> TurnFlights:
+    def _make_flights(self) -> TurnFlights:
         """Return what flies agents in the columns."""
         columns: list[Any] = [getattr(self, one.name) for one in COLUMNS if one.axis == "flyer"]
         memory: list[Any] = [
@@ -562,7 +562,7 @@ class BatchColumns:
         return {name: getattr(self, name) for name in self._shared}
 
 
-class ShowsMap:
+class MapViewMixin:
     """Mix-in: a view or a turn of games on one map."""
 
     _state: "GameArrays"
@@ -643,7 +643,7 @@ class GameArrays(BatchColumns):
         asked: decisions by the steps of strategies that views have asked, by strategy and agents.
         searches: find the agents that plain sensors show, by the names of the sensors.
         now: data computed from the current state, by key; cleared when the state changes.
-        strategy_in: returns a strategy, or the strategy that a function makes; see `typing.actions.strategy_in`.
+        strategy_in: returns a strategy, or the strategy that a function makes; see `typing.actions.make_strategy`.
         map_number, map_spec: the number of the map among those of the batch, and its entry; see `GameInternals`.
         no_node: (games,) zeros: the number of the first node, for games on one map.
         memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
@@ -682,7 +682,7 @@ class GameArrays(BatchColumns):
         self.shared: dict[Hashable, Any] = {}
         self.searches: dict[Hashable, sight.AgentSearch] = {}
         self.asked: dict[Hashable, Any] = {}
-        self.noted_moves: NotedMoves | None = None
+        self.noted_moves: CachedLegalMoves | None = None
         self.noted: dict[int, list[str]] = {}
         self.noted_nodes: dict[int, list[str]] = {}
         self.now = dict[Hashable, Any]()
@@ -694,7 +694,7 @@ class GameArrays(BatchColumns):
         self.tell: Callable[[Failure], None] = _tell_nobody
         self.doings: Any = None
         self.data_apart: dict[int, Mapping[Any, Any]] = {}
-        self.memory_of = locked(np.arange(len(self.roster.names)))
+        self.memory_of = copy_locked(np.arange(len(self.roster.names)))
         self.no_node = np.zeros(len(self), np.int64)
         self.strategy_in: Callable[[object], Any] | None = None
         self.map_number = 0
@@ -713,7 +713,7 @@ class GameArrays(BatchColumns):
 
     def take_game(self, game: PlayedGame) -> None:
         """Note a game on the map: its number among the maps, its entry, and the context that makes strategies."""
-        self.strategy_in = partial(strategy_in, game.ctx)
+        self.strategy_in = partial(make_strategy, game.ctx)
         self.map_number = game.internals.map_number
         self.map_spec = game.internals.map_spec
 
@@ -818,16 +818,16 @@ class GameArrays(BatchColumns):
         team_of = self.roster.team_of
         shares = np.array([team is not None for team in teams], np.bool_)[team_of]
         numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
-        self.memory_of = locked(np.unique(numbers, return_inverse=True)[1])
+        self.memory_of = copy_locked(np.unique(numbers, return_inverse=True)[1])
 
     def columns(self) -> Columns:
         """Return copies of the positions of agents and of the memory of rules and strategies, name -> (games, …).
 
         The turn, scores, seeds, logs, deeds, messages, and the moves of the last turn are not included.
         """
-        return {name: one.copy() for name, one in self._remembered().items()}
+        return {name: one.copy() for name, one in self._get_remembered_columns().items()}
 
-    def _remembered(self) -> Columns:
+    def _get_remembered_columns(self) -> Columns:
         are_all_first = self.roster.is_first.all()
         found: Columns = {
             one.name: getattr(self, one.name)
@@ -843,7 +843,7 @@ class GameArrays(BatchColumns):
 
     def refuse_others(self, columns: Columns) -> None:
         """Refuse columns whose names, shapes, data types or values do not fit the columns of these games."""
-        mine = self._remembered()
+        mine = self._get_remembered_columns()
         shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (mine, columns))
         wrong = [name for name in shapes | given if given.get(name) != shapes.get(name)]
         if wrong:
@@ -851,7 +851,7 @@ class GameArrays(BatchColumns):
                 f"columns must come from the same number of games of this scenario, after a turn of these: "
                 f"{shown(wrong[0])} has the shape {given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: missing."
             )
-        limits = self._limits()
+        limits = self._list_limits()
         for name, values in columns.items():
             numbers = np.asarray(values)
             kind = mine[name].dtype
@@ -864,7 +864,7 @@ class GameArrays(BatchColumns):
                     raise BadValue(f"The column {name!r} has {limit}, not {others[0]}.")
         self._refuse_contradictions(columns)
 
-    def _limits(self) -> "dict[Hashable, Limit]":
+    def _list_limits(self) -> "dict[Hashable, Limit]":
         """Return the limits of the columns; those of rules and strategies are checked by the core."""
         nodes = self.streets.num_nodes - 1
         edges = len(self.movement.columns.edge_ids) - 1
@@ -889,14 +889,16 @@ class GameArrays(BatchColumns):
         Raises:
             BadValue: the message names the column, the agent and its value.
         """
-        for name, is_wrong, agents, why in self._contradictions({key: np.asarray(one) for key, one in columns.items()}):
+        for name, is_wrong, agents, why in self._find_contradictions(
+            {key: np.asarray(one) for key, one in columns.items()}
+        ):
             if is_wrong.any():
                 game, number = np.argwhere(is_wrong)[0].tolist()
                 agent = self.roster.names[agents[number]]
                 value = np.asarray(columns[name])[game, number]
                 raise BadValue(f"The column {name!r} has {value} for agent {agent!r} of game {game}, {why}.")
 
-    def _contradictions(self, columns: Columns) -> Iterator[tuple[str, BoolArray, Sequence[int], str]]:
+    def _find_contradictions(self, columns: Columns) -> Iterator[tuple[str, BoolArray, Sequence[int], str]]:
         """Yield the name of a column, a mask of its wrong values, the agents of the mask, and what is wrong."""
         everyone = range(len(self.roster.names))
         is_there = columns["is_there"]
@@ -937,7 +939,7 @@ class GameArrays(BatchColumns):
             scores: the scores of these games.
             games: the games; all by default.
         """
-        mine = self._remembered()
+        mine = self._get_remembered_columns()
         for name, values in columns.items():
             mine[name][games] = values
         self.turn[:] = turn
@@ -982,7 +984,7 @@ class GameArrays(BatchColumns):
             if first is not None:
                 made = make(1)
                 _refuse_other_arrays(made, 1)
-                make = partial(_repeated, _as_made(first, made, self.roster.is_first))
+                make = partial(_repeat_arrays, _as_made(first, made, self.roster.is_first))
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
             self.kept[key] = known

@@ -10,7 +10,7 @@ import numpy as np
 from gamms.arguments import as_int
 from gamms.core import moves, rules, sight, strategies
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable, kept_in
+from gamms.game.block.columns import AgentTable, get_or_make
 from gamms.game.block.state import Arrays, GameArrays, GameRow
 from gamms.game.conflicts import flat
 from gamms.game.movement.roads import RoadMap, RoadTables
@@ -41,11 +41,11 @@ def always_act(steps: Sequence[CoreStep]) -> bool:
     return first.kind in ("stay", "walk") or always_act(rest)
 
 
-def _looks(steps: Sequence[CoreStep]) -> bool:
+def _has_looks(steps: Sequence[CoreStep]) -> bool:
     return any(step.kind in LOOKING for step in steps)
 
 
-def _plain_look(sensor: ISensor) -> AgentLook | None:
+def _get_plain_look(sensor: ISensor) -> AgentLook | None:
     """Return the form of a plain sensor, which shows agents of some teams within a radius; None: it is not plain."""
     look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
     if look is None or not look.is_plain:
@@ -56,10 +56,10 @@ def _plain_look(sensor: ISensor) -> AgentLook | None:
 def has_plain_looks(agent: IAgent) -> bool:
     """Return whether all sensors of an agent that show agents are plain."""
     sensors = getattr(agent, "sensors", {}).values()
-    return all(_plain_look(sensor) is not None for sensor in sensors if sensor.type in ON_GROUND | IN_AIR)
+    return all(_get_plain_look(sensor) is not None for sensor in sensors if sensor.type in ON_GROUND | IN_AIR)
 
 
-def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
+def collect_looks(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
     """Return the plain sensors of a roster's agents, of these names or all, in the form of the core.
 
     These are `begins`, `squares` and `shows` of `sight.SensorTable`.
@@ -69,14 +69,14 @@ def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] =
         pair for pair, is_looking in zip(zip(roster.agents, looks, strict=True), looking, strict=True) if is_looking
     ]:
         for name, sensor in getattr(agent, "sensors", {}).items():
-            look = _plain_look(sensor) if sensor.type in ON_GROUND else None
+            look = _get_plain_look(sensor) if sensor.type in ON_GROUND else None
             if look is not None and (not names or name in names):
                 own.append(look)
     listed = [look for own in looks for look in own]
     return (
-        _column([0, *accumulate(map(len, looks))], np.int64),
-        _column([look.radius * look.radius for look in listed], np.float64),
-        _column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
+        _make_column([0, *accumulate(map(len, looks))], np.int64),
+        _make_column([look.radius * look.radius for look in listed], np.float64),
+        _make_column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
     )
 
 
@@ -112,17 +112,17 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
         return int(state.streets.rows(node))
 
     for step in {step.key: step for step in steps if step.key}.values():
-        columns = _unremembered(step.kind, len(number_of), 1)
+        columns = _make_empty_memory(step.kind, len(number_of), 1)
         found["memory", step.key] = columns
         known = {name: memory[step.key] for name, memory in ctx.game.memories.items() if step.key in memory}
         for name in known.keys() & number_of.keys():
-            values = _numbers_of(step, known[name], row_of)
+            values = _encode_memory(step, known[name], row_of)
             for column, value in zip(columns.values(), values or (), strict=values is not None):
                 column[0, number_of[name]] = value
     return found
 
 
-def memories_of(state: GameArrays | GameRow, steps: Sequence[CoreStep]) -> Iterator[tuple[str, str, Any]]:
+def list_memories(state: GameArrays | GameRow, steps: Sequence[CoreStep]) -> Iterator[tuple[str, str, Any]]:
     """Yield the name of an agent, a key of its memory, and the value that a step keeps there, in the first game."""
     ids = state.streets.columns.node_ids
     for step in {step.key: step for step in steps}.values():
@@ -135,15 +135,15 @@ def memories_of(state: GameArrays | GameRow, steps: Sequence[CoreStep]) -> Itera
 def can_read(steps: Sequence[CoreStep], memory: Mapping[Any, Any], find: Callable[[int], Any]) -> bool:
     """Return whether an agent's memory has the form that these steps write; `find` raises for unknown nodes."""
     remembered = [step for step in steps if step.key and step.key in memory]
-    return all(_numbers_of(step, memory[step.key], find) is not None for step in remembered)
+    return all(_encode_memory(step, memory[step.key], find) is not None for step in remembered)
 
 
-def _unremembered(kind: str, agents: int, games: int) -> Arrays:
+def _make_empty_memory(kind: str, agents: int, games: int) -> Arrays:
     """Return the columns of agents that remember nothing yet."""
     return {name: np.full((games, agents), first) for name, first in _REMEMBERED[kind].items()}
 
 
-def _numbers_of(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tuple[Any, ...] | None:
+def _encode_memory(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tuple[Any, ...] | None:
     """Return an agent's memory of a step, as numbers in its columns; None: the step has not written it."""
     try:
         if step.kind == "follow":
@@ -171,7 +171,7 @@ class StepPaths:
     def get_tables(self, thread: int) -> PathTables:
         """Return the tables for the thread of this number, at most the number of threads so far."""
         if thread == len(self._tables):
-            self._tables.append(PathTables(self._ids, self._arcs()))
+            self._tables.append(PathTables(self._ids, self._get_arcs()))
         return self._tables[thread]
 
     def take_roads(self, tables: RoadTables) -> None:
@@ -180,11 +180,11 @@ class StepPaths:
             return
         moved = tables.moved(self._maps)
         self._maps = tables.maps
-        arcs = self._arcs()
+        arcs = self._get_arcs()
         for known in self._tables:
             known.take(arcs, moved)
 
-    def _arcs(self) -> tuple[Any, Any, Any]:
+    def _get_arcs(self) -> tuple[Any, Any, Any]:
         return self._roads.arcs_of(self._maps, "length", reverse=True)
 
 
@@ -205,18 +205,18 @@ class StrategySteps:
         self._paths = paths
         self._remembered: dict[str, CoreStep] = {}
         self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
-        self._steps = self._made_steps(steps)
+        self._steps = self._make_steps(steps)
         self._has_pools = any(step.kind == "pick" for one in steps for step in one)
-        looking = [_looks(one) for one in steps]
+        looking = [_has_looks(one) for one in steps]
         shape = state.node.shape if any(looking) else (0, state.node.shape[1])
         self._order = np.zeros(shape, np.int64)
-        looks = sight.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams))
+        looks = sight.SensorTable(*collect_looks(state.roster, looking), len(state.roster.teams))
         self._search = make_search(state, looks, state.streets.columns.xy, self._order)
         for key in self._remembered:
-            self._kept(key)
+            self._get_kept(key)
         self.memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
 
-    def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.StrategySteps:
+    def _make_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.StrategySteps:
         rows = self._state.streets.rows
         listed = [step for one in steps for step in one]
         nodes: list[IntArray] = [np.zeros(0, np.int64)]
@@ -234,15 +234,15 @@ class StrategySteps:
                 following.append(step.following or np.zeros(len(nodes[-1]), np.int64).tolist())
         sizes = [self._state.streets.num_nodes if step.nodes is None else len(step.nodes) for step in listed]
         return strategies.StrategySteps(
-            _column([0, *accumulate(map(len, steps))], np.int64),
-            _column([strategies.KINDS.index(step.kind) for step in listed], np.uint8),
-            _column([first[step.nodes, step.following] for step in listed], np.int64),
-            _column(sizes, np.int64),
-            _column([step.number for step in listed], np.int64),
-            _column([step.chance for step in listed], np.float64),
-            _column(slots, np.int64),
-            _column(np.concatenate(nodes), np.int64),
-            _column([*chain.from_iterable(following)], np.int64),
+            _make_column([0, *accumulate(map(len, steps))], np.int64),
+            _make_column([strategies.KINDS.index(step.kind) for step in listed], np.uint8),
+            _make_column([first[step.nodes, step.following] for step in listed], np.int64),
+            _make_column(sizes, np.int64),
+            _make_column([step.number for step in listed], np.int64),
+            _make_column([step.chance for step in listed], np.float64),
+            _make_column(slots, np.int64),
+            _make_column(np.concatenate(nodes), np.int64),
+            _make_column([*chain.from_iterable(following)], np.int64),
         )
 
     def of_thread(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
@@ -258,7 +258,7 @@ class StrategySteps:
         nodes = self._state.streets.num_nodes
         for column, (key, name) in enumerate(self._columns):
             step = self._remembered[key]
-            known = self._kept(key)[name][games]
+            known = self._get_kept(key)[name][games]
             most = nodes - 1 if step.nodes is None or step.kind != "follow" else len(step.nodes)
             if name != "left" and not -1 <= known.min(initial=-1) <= known.max(initial=-1) <= most:
                 raise BadValue(f"Agents remember numbers from -1 to {most} under {shown(key)}, not {shown(known)}.")
@@ -270,10 +270,10 @@ class StrategySteps:
     def give_memories(self, games: IntArray) -> None:
         """Write the memories of agents in these games to the state of the batch."""
         for column, (key, name) in enumerate(self._columns):
-            self._kept(key)[name][games] = self.memory[column, games]
+            self._get_kept(key)[name][games] = self.memory[column, games]
 
-    def _kept(self, key: str) -> Arrays:
-        make = partial(_unremembered, self._remembered[key].kind, len(self._state.roster.names))
+    def _get_kept(self, key: str) -> Arrays:
+        make = partial(_make_empty_memory, self._remembered[key].kind, len(self._state.roster.names))
         return self._state.keep(("memory", key), make)
 
     def take_roads(self, tables: RoadTables) -> None:
@@ -297,7 +297,7 @@ class AskedSteps:
         of_agent: list[Sequence[CoreStep]] = [()] * len(roster.names)
         for number in agents.tolist():
             of_agent[number] = steps
-        paths = kept_in(state.shared, "paths of asked strategies", lambda: StepPaths(state))
+        paths = get_or_make(state.shared, "paths of asked strategies", lambda: StepPaths(state))
         self._steps = StrategySteps(state, of_agent, paths)
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # once a rule has closed roads
@@ -353,5 +353,5 @@ class AskedSteps:
         return found
 
 
-def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable
+def _make_column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable
     return np.array(values, dtype).data

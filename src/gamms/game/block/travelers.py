@@ -29,7 +29,7 @@ _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
 NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 6, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
 
-def most_legs(by: Movement) -> int:
+def count_most_legs(by: Movement) -> int:
     """Return the maximum number of legs of an agent in a turn: each edge once, unless it decides on its way."""
     fastest = float(by.paces.max(initial=0.0, where=~np.isnan(by.paces))) * by.terms.turn_seconds * (1.0 + _ROUNDED)
     if by.terms.decides_at_arrivals:
@@ -56,7 +56,7 @@ def _refuse_too_long(legs: int, kept: int) -> None:
     )
 
 
-def most_nodes(by: Movement) -> int:
+def count_most_nodes(by: Movement) -> int:
     """Return the maximum number of nodes that an agent passes in a turn, its own included."""
     return 3 + int(by.paces.max(initial=0.0, where=~np.isnan(by.paces)))
 
@@ -82,7 +82,7 @@ class ThreadTravel(NamedTuple):
     most_legs: int
 
 
-def in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
+def make_thread_in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
     """Return the data of one thread for games along one edge per turn, in several parts."""
     nodes: Any = np.zeros(agents * 3, np.int64).data
     times: Any = np.zeros(agents * 3).data
@@ -91,7 +91,7 @@ def in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
     return ThreadTravel(movers, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
 
 
-def _remembered(rows: int) -> int:
+def _count_remembered_nodes(rows: int) -> int:
     """Return the number of nodes of its path that each agent remembers, for a number of agents."""
     return max(8, min(_LONGEST, _MOST_REMEMBERED // max(rows, 1)))
 
@@ -124,7 +124,7 @@ class TravelColumns:
         self._agents = self._shape[1]
         self._part_of = part_of
         are_in_parts = int(part_of.any())
-        self._most = most_legs(by) + 2 * are_in_parts if by.by_metres else most_nodes(by) + are_in_parts
+        self._most = count_most_legs(by) + 2 * are_in_parts if by.by_metres else count_most_nodes(by) + are_in_parts
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         decides_at_arrivals = by.by_metres and by.terms.decides_at_arrivals
         self._refuse_too_long((1 + decides_at_arrivals + (by.by_metres and are_in_parts)) * keeps_courses)
@@ -141,7 +141,7 @@ class TravelColumns:
         rows = state.node.size
         edges_at = by.all_roads.edges_at_start
         costs = by.costs if by.by_metres else np.asarray(by.whole.weights("length"), np.float64)
-        self._ways = StoredPaths(by.columns, costs, rows if go_by_steps else 0, _remembered(rows), edges_at)
+        self._ways = StoredPaths(by.columns, costs, rows if go_by_steps else 0, _count_remembered_nodes(rows), edges_at)
         self._paths = [self._ways]  # all that are stored
         self.ends: tuple[IntArray, IntArray] | None = None
         if by.by_metres:
@@ -215,7 +215,7 @@ class TravelColumns:
             found.take(place, self._under_way.core, row, room, self.courses.road_ids)
         return found
 
-    def _known(self) -> travel.LegalCache:
+    def _make_legal_cache(self) -> travel.LegalCache:
         """Return memory for the legal nodes that a thread remembers."""
         speeds, kinds = np.unique(self._by.paces, return_inverse=True)
         tables: Any = np.zeros((2, len(speeds) * self._by.streets.num_nodes), np.int64)
@@ -231,10 +231,10 @@ class TravelColumns:
             events: receives illegal actions.
         """
         if not self._by.by_metres:
-            return self._thread_by_edges(movers, columns)
-        return self._thread_by_metres(movers, columns, events)
+            return self._make_thread_by_edges(movers, columns)
+        return self._make_thread_by_metres(movers, columns, events)
 
-    def _thread_by_edges(self, movers: tuple[Any, ...], columns: Mapping[str, Any]) -> ThreadTravel:
+    def _make_thread_by_edges(self, movers: tuple[Any, ...], columns: Mapping[str, Any]) -> ThreadTravel:
         by = self._by
         most = self._most
         reach = ReachableNodes(by.streets.num_nodes)
@@ -256,7 +256,7 @@ class TravelColumns:
         tracks = local.core.nodes, local.core.times, local.core.passed
         return ThreadTravel(walkers, None, moves.TripPaths(walkers, local.core), tracks, NO_LEGS, most, 0)
 
-    def _thread_by_metres(
+    def _make_thread_by_metres(
         self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events
     ) -> ThreadTravel:
         by = self._by
@@ -275,7 +275,7 @@ class TravelColumns:
         travelers = by_metres.MetreMovers(
             ways,
             near.ways(roads, reach),
-            self._known(),
+            self._make_legal_cache(),
             events,
             trips.core if courses is None else courses.trips.bind_thread(self._longest_route),
             *movers,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core import observe, routes
-from gamms.game.block.columns import in_threads
+from gamms.game.block.columns import play_in_threads
 from gamms.game.conflicts import flat
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.streets import StreetGraph
@@ -60,7 +60,7 @@ class Encoder:
     """
 
     def __init__(self, xy: Sequence[FloatArray], agents: int, others: int, actions: int) -> None:
-        self._boxes = [_box_of(one) for one in xy]
+        self._boxes = [_find_bounding_box(one) for one in xy]
         self._agents = agents
         self._others = others
         self._actions = actions
@@ -111,16 +111,16 @@ class Encoder:
 
     def rooms(self, ways: routes.NearbyDistances | None, threads: int) -> list[observe.NearestAgents]:
         """Return new scratch buffers, in which each thread collects the agents that an agent sees."""
-        return [room_for(self._agents, self._others, ways) for _ in range(threads)]
+        return [make_buffers(self._agents, self._others, ways) for _ in range(threads)]
 
 
-def _box_of(xy: FloatArray) -> tuple[FloatArray, float]:
+def _find_bounding_box(xy: FloatArray) -> tuple[FloatArray, float]:
     """Return the center of the bounding box of nodes, (2,), and half of its longer side; 1 if that is 0."""
     low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
     return (low + high) / 2.0, float((high - low).max()) / 2.0 or 1.0
 
 
-def legal_of(offsets: IntArray, targets: IntArray) -> tuple[Any, Any]:
+def get_legal_buffers(offsets: IntArray, targets: IntArray) -> tuple[Any, Any]:
     """Return offsets and rows of legal nodes as int32 buffers; see `core.observe.Observers`."""
     return flat(offsets, np.int32), flat(targets, np.int32)
 
@@ -158,7 +158,7 @@ class RoadDistances:
 
 def scale_of(streets: StreetGraph) -> float:
     """Return half of the longer side of a map, which is the unit of vectors, in map units."""
-    return _box_of(streets.columns.xy)[1]
+    return _find_bounding_box(streets.columns.xy)[1]
 
 
 def make_distances(streets: Sequence[StreetGraph]) -> routes.NearbyDistances:
@@ -204,7 +204,7 @@ def find_distances(ways: routes.NearbyDistances, streets: Sequence[StreetGraph],
         ways.find_all(near, begin, end, square)
 
 
-def room_for(agents: int, others: int, ways: routes.NearbyDistances | None = None) -> observe.NearestAgents:
+def make_buffers(agents: int, others: int, ways: routes.NearbyDistances | None = None) -> observe.NearestAgents:
     """Return scratch buffers for one thread: the agents that an agent sees, and the nearest `others` of them.
 
     `ways` are the distances by road; None: they are not asked for.
@@ -247,7 +247,7 @@ def write_in_threads(
     for room in rooms:
         room.searches = len(rooms) == 1
         room.lacks = False
-    in_threads(lambda thread, begin, end: write(rooms[thread], begin, end), games, len(rooms))
+    play_in_threads(lambda thread, begin, end: write(rooms[thread], begin, end), games, len(rooms))
     if any(room.lacks for room in rooms):
         rooms[0].searches = True
         write(rooms[0], 0, games)

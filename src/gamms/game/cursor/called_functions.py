@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decider_of, sensors_of
-from gamms.game.block.in_core import called_rules, conflicts_in_core, core_forms
-from gamms.game.block.sensing import called_each_turn
-from gamms.game.cursor.own_functions import FunctionPerGame, some_function
+from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, find_decider, sensors_of
+from gamms.game.block.in_core import find_conflicts_in_core, find_core_forms, list_called_rules
+from gamms.game.block.sensing import list_sensors_called_each_turn
+from gamms.game.cursor.own_functions import FunctionPerGame, find_some_function
 from gamms.game.hidden_state import find_names, may_change_games
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import NamedRule
@@ -93,16 +93,20 @@ class CalledFunctions(NamedTuple):
             has_array_functions: whether array functions are called, too.
             asks_all: whether all agents decide in the context; see `find_why_all_decide`.
         """
-        deciders = [decider_of(roster.agents[number], game.settings()["plans"]) for number in asked]
+        deciders = [find_decider(roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = game.internals.parts.collectors.by_name.values()
         of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
         sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
         of_sensors = [getattr(one, "function", None) for one in sensors]
         every = *deciders, *of_rules, *of_sensors
-        specs = [one.spec for one in called_rules(game, roster) if one.spec.core_form is not None]
+        specs = [one.spec for one in list_called_rules(game, roster) if one.spec.core_form is not None]
         rules = functions_of_rules(game, roster)
         return cls(
-            functions=[*map(some_function, rules), *map(some_function, deciders), *(one.fn for one in collectors)],
+            functions=[
+                *map(find_some_function, rules),
+                *map(find_some_function, deciders),
+                *(one.fn for one in collectors),
+            ],
             own_functions=[one for one in every if isinstance(one, FunctionPerGame)],
             periods=frozenset(one.every for one in collectors),
             asked=frozenset(asked),
@@ -118,7 +122,7 @@ class CalledFunctions(NamedTuple):
 
 def functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:
     """Yield the plain functions of rules and conflicts that are called."""
-    for one in called_rules(game, roster):
+    for one in list_called_rules(game, roster):
         if is_plain_rule(one):
             yield one.rule
     for _, check in game.internals.parts.rules.now.checks:
@@ -129,7 +133,7 @@ def functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callabl
 
 def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:
     """Return whether a function decides conflicts, rather than ranks of the agents."""
-    return game.settings()["conflicts"] is not None and conflicts_in_core(game, roster) is None
+    return game.settings()["conflicts"] is not None and find_conflicts_in_core(game, roster) is None
 
 
 def acts_before_moves(game: PlayedGame, roster: AgentTable) -> bool:
@@ -144,7 +148,7 @@ def is_plain_rule(rule: NamedRule) -> bool:
 
 def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
     """Yield the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays."""
-    called = called_rules(game, roster)
+    called = list_called_rules(game, roster)
     if any(one.spec.is_array_function for one in called):
         yield KEPT
     for one in called:
@@ -162,7 +166,7 @@ def find_why_all_decide(game: PlayedGame, roster: AgentTable) -> str:
     game then keeps; or if sensors may change the game while agents look. The code of functions, and of those that they
     call, is searched for this.
     """
-    if any(map(_looks_back, _name_all(game, roster))):
+    if any(map(_may_look_back, _name_all(game, roster))):
         return "functions may read what agents have sensed before"
     of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
     own = [one for one in of_agents if not getattr(one, "sees_world_only", False)]
@@ -183,14 +187,14 @@ def _in_each_game(functions: Iterable[Any]) -> list[Callable[..., object]]:
 def _name_all(game: PlayedGame, roster: AgentTable) -> Iterator[frozenset[str]]:
     """Yield the names in the code of each plain function that is called; see `find_names`."""
     plans = game.settings()["plans"]
-    deciders = [decider_of(agent, plans) for agent in roster.agents]
+    deciders = [find_decider(agent, plans) for agent in roster.agents]
     sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
     called = [*functions_of_rules(game, roster), *deciders, *(getattr(one, "function", None) for one in sensors)]
     called += [one.fn for one in game.internals.parts.collectors.by_name.values()]
     return find_names(_in_each_game(called))
 
 
-def _looks_back(names: frozenset[str]) -> bool:
+def _may_look_back(names: frozenset[str]) -> bool:
     """Return whether a function with these names in its code may read states of agents or data of sensors."""
     reads_data = "data" in names and not _OF_SENSORS.isdisjoint(names)
     return "state" in names or reads_data or not _OF_ANY_NAME.isdisjoint(names)
@@ -206,7 +210,7 @@ def find_why_apart(game: PlayedGame, roster: AgentTable) -> str:
     if game.internals.state.parts_played is not None and first_called(game, roster) is not None:
         return "functions are called, and the games begin in the middle of a turn"
     before_moves = [check for _, check in game.internals.parts.rules.now.checks]
-    before_moves += [one.rule for one in called_rules(game, roster) if one.phase == "deeds" and is_plain_rule(one)]
+    before_moves += [one.rule for one in list_called_rules(game, roster) if one.phase == "deeds" and is_plain_rule(one)]
     if has_function_of_conflicts(game, roster):
         before_moves.append(game.settings()["conflicts"].resolve)
     of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
@@ -244,14 +248,14 @@ def asked_if_there(game: PlayedGame, roster: AgentTable) -> Iterator[int]:
     """Yield the numbers of agents, also of those to come, whose strategies or plans are called game by game."""
     settings = game.internals.parts.settings.settings_now()
     plans = settings["plans"]
-    for number, form in enumerate(core_forms(game, roster)):
-        if form is None and not decides_in_arrays(decider_of(roster.agents[number], plans), settings):
+    for number, form in enumerate(find_core_forms(game, roster)):
+        if form is None and not decides_in_arrays(find_decider(roster.agents[number], plans), settings):
             yield number
 
 
 def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     """Return the first plain function that is called game by game, in words; None: there is none."""
-    called = called_rules(game, roster)
+    called = list_called_rules(game, roster)
     rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
     rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
     if has_function_of_conflicts(game, roster):
@@ -259,7 +263,7 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     settings = game.settings()
     plans = settings["plans"]
     deciders = (
-        f"the strategy {as_code(decider_of(roster.agents[number], plans))}"
+        f"the strategy {as_code(find_decider(roster.agents[number], plans))}"
         for number in asked_if_there(game, roster)
         if not isinstance(roster.agents[number], ComingAgent)
     )
@@ -267,6 +271,6 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     sensors = (
         f"the sensor {shown(name)} of agent {shown(agent.name)}"
         for agent in roster.agents
-        for name in called_each_turn(agent)
+        for name in list_sensors_called_each_turn(agent)
     )
     return next(chain(rules, deciders, collectors, sensors), None)

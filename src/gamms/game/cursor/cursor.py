@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.core.flight import TurnFlights
-from gamms.deciding import phase_of
+from gamms.deciding import get_phase
 from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.columns import PlayedGame
@@ -22,15 +22,15 @@ from gamms.game.messages import MessageTraffic, read_outboxes
 from gamms.game.movement.courses import Routes
 from gamms.game.result import Collectors
 from gamms.game.settings import BegunPhase, NamedRule
-from gamms.game.turn import CLOSED, closed_edge
+from gamms.game.turn import CLOSED, describe_closed_edge
 from gamms.ir.columns import Failure
 from gamms.ir.deeds import PlainDeeds
-from gamms.ir.game_state import in_conflict
+from gamms.ir.game_state import describe_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 
 
-def _itself(function: object) -> object:
+def _return_function(function: object) -> object:
     """Return the function of a collector for another game of the batch."""
     return function
 
@@ -72,7 +72,7 @@ class Cursor:
         self._parts = parts
         self._turns = parts.turns
         self._values = parts.state
-        self._phase = phase_of(game.ctx)
+        self._phase = get_phase(game.ctx)
         self._deeds = PlainDeeds(0, [])  # that agents want to do now
         self._marks = dict[int, StreamPositions]()  # of games, while agents arrive
         asked_names = {state.roster.names[number] for number in called.asked}
@@ -211,11 +211,11 @@ class Cursor:
 
     def cut_off(self, games: IntArray, part: int) -> None:
         """Keep agents in place whose path was closed in these games."""
-        with self._after_joining():
+        with self._call_after_joining():
             self._call_each(self._cut_off, games, part=part)
 
     @contextmanager
-    def _after_joining(self) -> Iterator[None]:
+    def _call_after_joining(self) -> Iterator[None]:
         """Call functions after agents that were created in this part of the turn have joined it."""
         self._begin()
         self._shown.have_joined = True
@@ -233,7 +233,7 @@ class Cursor:
 
     def give_way(self, games: IntArray, part: int) -> None:
         """Keep agents in place that lose conflicts decided by a function, in these games."""
-        with self._after_joining():
+        with self._call_after_joining():
             self._call_each(self._give_way, games, part=part, begun=self._begin_phase("give way", part))
 
     def _give_way(self) -> None:
@@ -266,7 +266,7 @@ class Cursor:
         """Tell agents that conflicts have stopped them on arrival."""
         for at, agent in np.argwhere(self._core.losers(games)).tolist():
             game = int(games[at])
-            self._note_undone(game, agent, in_conflict(self._core.wanted(game, agent)))
+            self._note_undone(game, agent, describe_conflict(self._core.wanted(game, agent)))
 
     def _hold(self, agent: int) -> None:
         """Cancel the move of an agent of the game that the context is pointed at, and count it."""
@@ -294,7 +294,7 @@ class Cursor:
         row = self._shown.own_row()
         if row.collectors is None:
             row.collectors = Collectors()
-            row.collectors.copy_from(self._parts.collectors, _itself)
+            row.collectors.copy_from(self._parts.collectors, _return_function)
         row.collectors.collect(self._values.turn, self._ctx, lambda: self._game.agents)
 
     def collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
@@ -346,7 +346,7 @@ class Cursor:
         self._state.now.clear()
 
     @contextmanager
-    def _deciding(self, begun: BegunPhase) -> Iterator[None]:
+    def _observe_and_decide(self, begun: BegunPhase) -> Iterator[None]:
         """Let agents observe and decide in games at which the context is pointed; see `_begin_phase`."""
         turns = self._turns
         self._begin()
@@ -399,7 +399,7 @@ class Cursor:
             blocked = [are_blocked[i] for i in which.tolist()]
             return shown.ask_agents(some, self, blocked, places[which].tolist())
 
-        with self._deciding(self._begin_phase("decide", part)):
+        with self._observe_and_decide(self._begin_phase("decide", part)):
             self._play(games, ask)
         if self._deeds.given and not self._core.arrival:
             state.deed_log.want(self._deeds)
@@ -536,7 +536,7 @@ class Cursor:
         named = dict(asked.members)
         for i, action in decisions.actions.items():
             if action.edge is not None:
-                self._name_edge(self._shown.number_of[named[i]], action.edge)
+                self._take_named_edge(self._shown.number_of[named[i]], action.edge)
             if action.heading != ():
                 self._state.turning.append((self._pointed.number, self._shown.number_of[named[i]], action.heading))
         decide = set(named.values())
@@ -552,7 +552,7 @@ class Cursor:
             failure = Failure(self._pointed.number, self._shown.number_of[named[i]], kind, message)
             self._state.failures.append((failure, turn))
 
-    def _name_edge(self, agent: int, edge: int) -> None:
+    def _take_named_edge(self, agent: int, edge: int) -> None:
         """Let an agent of the current game take an edge."""
         self._core.edges.put((self._pointed.number, agent), np.array(edge), self._state.movement.columns)
 
@@ -584,7 +584,7 @@ class Cursor:
         columns = self._state.movement.columns
         ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
         for game, agent, source, target in zip(*(one.tolist() for one in (games, agents, *ends)), strict=True):
-            self._note_undone(game, agent, closed_edge(source, target))
+            self._note_undone(game, agent, describe_closed_edge(source, target))
 
     def note_undone(self, failure: Failure) -> None:
         """Tell an asked agent, in its next turn, why its action failed in this one."""
@@ -609,7 +609,7 @@ class Cursor:
             if self._core.arrival is not None:
                 pass  # `note_losers` has noted conflicts
             elif state.blocked[number, numbers[name]] and state.turn[number] > self._called.first.turn:
-                why.append(in_conflict(self._core.wanted(number, numbers[name])))
+                why.append(describe_conflict(self._core.wanted(number, numbers[name])))
             if why:
                 slots[i].set_blocked("; ".join(why))
                 told.append(slots[i])

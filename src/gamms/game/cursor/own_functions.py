@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.settings import NamedRule, Plan, declared
 from gamms.game.snapshots import own
-from gamms.game.strategy_specs import strategy_spec_of
+from gamms.game.strategy_specs import get_strategy_spec
 from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.text import as_code
@@ -40,26 +40,26 @@ class FunctionPerGame:
 
     def __repr__(self) -> str:
         """Return the name of the first game's function that exists."""
-        return as_code(some_function(self))
+        return as_code(find_some_function(self))
 
 
-def function_in(decider: Any, game: int) -> Any:
+def get_function_in(decider: Any, game: int) -> Any:
     """Return the function of a strategy or plan in a game."""
     return decider.of_game[game] if isinstance(decider, FunctionPerGame) else decider
 
 
-def function_of_game(decider: FunctionPerGame, game: int) -> Any:
+def get_function_of_game(decider: FunctionPerGame, game: int) -> Any:
     """Return the function that a game alone has; None: nothing decides there."""
     function = decider.of_game[game]
     return None if function is _stay else function
 
 
-def some_function(decider: Any) -> Any:
+def find_some_function(decider: Any) -> Any:
     """Return the function of a strategy or plan in the first game that has one."""
     return next(filter(None, decider.of_game)) if isinstance(decider, FunctionPerGame) else decider
 
 
-def per_game(rule: NamedRule, of_game: FunctionPerGame) -> NamedRule:
+def make_rule_per_game(rule: NamedRule, of_game: FunctionPerGame) -> NamedRule:
     """Return a rule that calls the function of each game."""
     spec = rule.spec
     check = FunctionPerGame(len(of_game.of_game)) if spec.check is not None else None
@@ -168,7 +168,7 @@ class FunctionsPerGame:
         agents = game.ctx.agent.agents.values()
         deciders: dict[Owner, Any] = {("agent", agent.name): agent.strategy for agent in agents}
         deciders |= {("team", team): plan.function for team, plan in game.plans.items()}
-        self._preparing = {who: one for who, one in deciders.items() if _prepares(one)}
+        self._preparing = {who: one for who, one in deciders.items() if _is_preparing(one)}
         self._differs = differs or len(self._preparing) > 0
         self.first = self._values if self._differs else []
         self._shared = {who: one for who, one in deciders.items() if one is not None}
@@ -191,16 +191,16 @@ class FunctionsPerGame:
         map = self._game.ctx.graph.storage.snapshot()
         for number, seed in zip(games.tolist(), seeds, strict=True):
             for owner, function in self._begin(seed).items():
-                self._of(self._own, owner).of_game[number] = self._called(owner, function)
+                self._get_function(self._own, owner).of_game[number] = self._find_called_function(owner, function)
             for rule in self._game.rules if self._differs else ():
-                self._of(self._rules, rule.name).of_game[number] = rule.rule
+                self._get_function(self._rules, rule.name).of_game[number] = rule.rule
             self._values[number] = FirstValues.of(self._game) if self._differs else None
             self.rngs[number] = self._game.ctx.rng_state()
             self.maps[number] = self._map_beside(map, seed)
         self._first = self._begin(self._seed)
         self._first_rules = self._game.rules
 
-    def _of(self, known: dict[Any, FunctionPerGame], key: Hashable) -> FunctionPerGame:
+    def _get_function(self, known: dict[Any, FunctionPerGame], key: Hashable) -> FunctionPerGame:
         return known.setdefault(key, FunctionPerGame(len(self._values)))
 
     def _map_beside(self, first: _Map, seed: int) -> FirstMap | None:
@@ -226,7 +226,7 @@ class FunctionsPerGame:
         self.more_edges |= graph.storage.edges_as_given([id for id in edge_ids.tolist() if id not in known])
         return FirstMap(edge_ids, closed, now)
 
-    def _called(self, owner: Owner, function: Callable[..., Any] | None) -> Any:
+    def _find_called_function(self, owner: Owner, function: Callable[..., Any] | None) -> Any:
         """Return the function that a game calls in place of its own."""
         kind, name = owner
         return self._game.ctx.sensor.get_sensor(name).called_with_both() if kind == "sensor" else function or _stay
@@ -243,7 +243,7 @@ class FunctionsPerGame:
         found = {who: own(one, memo) for who, one in self._preparing.items()} | found
         self._decide_by(found)
         self._unprepared_rules = self._game.rules
-        for function in {id(one): one for one in found.values() if _prepares(one)}.values():
+        for function in {id(one): one for one in found.values() if _is_preparing(one)}.values():
             function.prepare(self._game.ctx)
         return found
 
@@ -253,17 +253,17 @@ class FunctionsPerGame:
             return
         if self._differs:  # functions of arrays are called for each game, too, because they may read facts
             for who, function in self._shared.items():
-                if strategy_spec_of(function).array_form is not None and who not in self._own:
-                    self._of(self._own, who).of_game[:] = [function] * len(self._values)
+                if get_strategy_spec(function).array_form is not None and who not in self._own:
+                    self._get_function(self._own, who).of_game[:] = [function] * len(self._values)
         self._decide_by(self._own)
-        self._game.internals.restore_rules([self._of_games(rule) for rule in self._first_rules])
+        self._game.internals.restore_rules([self._make_shared_rule(rule) for rule in self._first_rules])
 
-    def _of_games(self, rule: NamedRule) -> NamedRule:
+    def _make_shared_rule(self, rule: NamedRule) -> NamedRule:
         """Return a rule that calls the rule of each game, if the rules differ or are functions of arrays."""
         own = self._rules.get(rule.name)
         if own is None or not (rule.spec.is_array_function or any(one not in (None, rule.rule) for one in own.of_game)):
             return rule
-        return per_game(rule, own)
+        return make_rule_per_game(rule, own)
 
     def remove(self) -> None:
         """Set the functions of the context to those of its first seed, not prepared."""
@@ -296,5 +296,5 @@ def _have_same_places(one: _Map, other: _Map) -> bool:
     return all(np.array_equal(getattr(columns, name)[rows], getattr(others, name)[other_rows]) for name in each)
 
 
-def _prepares(function: object) -> bool:
+def _is_preparing(function: object) -> bool:
     return hasattr(function, "prepare") and not isinstance(function, type)

@@ -105,7 +105,7 @@ class GuardedDict(dict[Any, Any]):
         return not self.is_filled and (self._unread is None or key in self._unread)
 
 
-def _filling(name: str, *, is_of_one: bool) -> Callable[..., Any]:
+def _make_filling_method(name: str, *, is_of_one: bool) -> Callable[..., Any]:
     """Return a method of `GuardedDict` that reads the value of one key, or all values."""
     method = getattr(dict, name)
 
@@ -118,7 +118,7 @@ def _filling(name: str, *, is_of_one: bool) -> Callable[..., Any]:
 
 
 for _name in (*_OF_ONE, *_OF_ALL):
-    setattr(GuardedDict, _name, _filling(_name, is_of_one=_name in _OF_ONE))
+    setattr(GuardedDict, _name, _make_filling_method(_name, is_of_one=_name in _OF_ONE))
 
 
 class StartOfGame:
@@ -370,7 +370,7 @@ class GamesToShow(GamePointer):
         agents = population.numbers
         self._alive = state.alive[games].take(agents, axis=1)
         values, own = pointed.shown_in
-        node, previous = _nodes_of(state, population, games)
+        node, previous = _get_node_numbers(state, population, games)
         turns: list[int] = state.turn[games].tolist()
         seeds = [*map(state.seeds.__getitem__, numbers)]
         lives = self._alive.view(np.uint8).reshape(-1).data
@@ -379,7 +379,7 @@ class GamesToShow(GamePointer):
         self._state = state
         self._population = population
         self._columns = [(name, column[games][:, agents]) for name, column in state.numbers.items()]
-        self._placed = self._placed_in(games)
+        self._placed = self._find_placed_agents(games)
         self._are_placed = np.any(self._placed, axis=1)
         self._flies = len(population.rows_in_air) > 0
         self._remembers = state.movement.depends_on_speeds
@@ -391,7 +391,7 @@ class GamesToShow(GamePointer):
             has_more |= [*map(bool, headings)]
         self.have_more = has_more.tobytes()
 
-    def _placed_in(self, games: IntArray) -> BoolArray:
+    def _find_placed_agents(self, games: IntArray) -> BoolArray:
         """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
         placed: BoolArray = self._state.placed[games]
         placed[:, self._state.flyers] &= ~self._state.has_flown[games]
@@ -423,7 +423,7 @@ class GamesToShow(GamePointer):
         pointed.shows_more = pointed.roads is not None or bool(block.placed) or bool(state.headings[number])
 
 
-def _nodes_of(state: GameArrays, population: Population, games: IntArray) -> tuple[memoryview, memoryview]:
+def _get_node_numbers(state: GameArrays, population: Population, games: IntArray) -> tuple[memoryview, memoryview]:
     """Return the numbers of the current and of the previous nodes of agents in some games, (games * agents,)."""
     agents = population.numbers
     both = np.array([column[games].take(agents, axis=1) for column in (state.node, state.previous)], np.int64)
@@ -495,7 +495,7 @@ class PointedContext:
         for number in games.tolist():
             self.rows[number] = None
         for number in games.tolist() if self._start is not None or self._own.is_needed else ():
-            rng = self._first_rng(number)
+            rng = self._make_first_rng(number)
             if rng is not None:
                 self.row_of(number).rng = rng
         for number in games.tolist() if self._own.first else ():
@@ -503,7 +503,7 @@ class PointedContext:
             if first is not None:
                 self.row_of(number).begin(first)
 
-    def _first_rng(self, number: int) -> Generator | None:
+    def _make_first_rng(self, number: int) -> Generator | None:
         """Return `ctx.rng` of a new game; None: it is created on first use."""
         state = self._own.rngs[number]
         if state is None and self._start is not None:

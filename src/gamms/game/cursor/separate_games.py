@@ -12,16 +12,16 @@ import numpy as np
 from gamms.errors import BadValue, UnknownName
 from gamms.game.array_functions.declarations import note_moves
 from gamms.game.array_functions.given import OutsideActions, OutsideActor
-from gamms.game.array_functions.view import ArrayView, asked_view
+from gamms.game.array_functions.view import ArrayView, make_asked_view
 from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import GameArrays
-from gamms.game.movement.noted_moves import NotedMoves
+from gamms.game.movement.noted_moves import CachedLegalMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Result
 from gamms.game.snapshots import ForkSource
-from gamms.ir.game_state import in_conflict
+from gamms.ir.game_state import describe_conflict
 from gamms.ir.graph import IntArray
 from gamms.text import shown
 from gamms.typing import AgentType
@@ -153,7 +153,7 @@ class SeparateGames:
         self.observe(self.going)
         for state, games in self._engine.by_map(np.array(self.going)):
             for team, one in given.items():
-                self._check(asked_view(state, games, one.agents(self._roster, team)), one, f"team {shown(team)}")
+                self._check(make_asked_view(state, games, one.agents(self._roster, team)), one, f"team {shown(team)}")
 
     def _check(self, view: ArrayView, given: OutsideActions, by: str) -> None:
         given.act(view)
@@ -163,7 +163,7 @@ class SeparateGames:
         if given.edges is not None:
             view.mask = view.mask & (given.edges[view.games] < 0)
         view.mask = view.mask & ~self._roster.flies[view.agents] & (view["edge"][..., 0] < 0)
-        view._checked(given.moves[view.games], by)
+        view._check_actions(given.moves[view.games], by)
 
     def step(self, numbers: Sequence[int], given: Mapping[Hashable, OutsideActions]) -> None:
         """Play one turn of some games."""
@@ -172,7 +172,7 @@ class SeparateGames:
             game = self.game(number)
             actor = OutsideActor(game, self._roster)
             try:
-                with self._played(number, game):
+                with self._record_changes(number, game):
                     actor.take(given, number)
                     game.step()
             finally:
@@ -207,14 +207,14 @@ class SeparateGames:
             if _is_in_turn(game):  # it has left in this run
                 game.internals.run_began = int(began[number])
             last = self._engine.last_turn(number)
-            with self._played(number, game):
+            with self._record_changes(number, game):
                 game.run(None if last is None else max(0, last - game.turn))
             if self._engine.is_over[number] and game.internals.left_as is None:
                 self._give_context_back(number)
             yield number
 
     @contextmanager
-    def _played(self, number: int, game: PlayedGame) -> Iterator[None]:
+    def _record_changes(self, number: int, game: PlayedGame) -> Iterator[None]:
         """Record the changes of a game in the block, and name the game in errors."""
         try:
             with self._playing(number, game):
@@ -285,7 +285,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
         UnknownName (KeyError): an agent is at or next to a node that is not in the columns.
     """
     if state.noted_moves is None:
-        state.noted_moves = NotedMoves(state.node.shape)
+        state.noted_moves = CachedLegalMoves(state.node.shape)
         note_sensors(state, with_nodes=True)
         state.shared.clear()
     state.data_apart[number] = game.internals.state.data
@@ -299,9 +299,9 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
     state.is_there[number] = [name in known for name in names] | state.roster.is_first
     state.alive[number] = [name in known and known[name].alive for name in names]
     blocked = game.internals.state.blocked
-    state.blocked[number] = [in_conflict("") in blocked.get(name, "") for name in names]
+    state.blocked[number] = [describe_conflict("") in blocked.get(name, "") for name in names]
     state.movement.clear(np.array([number]))
-    state.put_roads(np.array([number]), _roads_of(state, game))
+    state.put_roads(np.array([number]), _make_road_map(state, game))
     state.now.clear()
     note_moves(state, game, number)
     if state.flights is not None:
@@ -312,7 +312,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
     note_sights(state, ctx, game.internals.parts.turns.looks, number)
 
 
-def _roads_of(state: GameArrays, game: PlayedGame) -> RoadMap | None:
+def _make_road_map(state: GameArrays, game: PlayedGame) -> RoadMap | None:
     """Return the map of a game, if only its open roads differ from the start; None: it has other nodes."""
     try:
         return state.roads.map_with(*game.ctx.graph.storage.roads())

@@ -10,13 +10,13 @@ import numpy as np
 
 from gamms.core.ask import GamesInContext
 from gamms.core.copies import copied, copied_values
-from gamms.deciding import UNKNOWN_LOOK, phase_of
+from gamms.deciding import UNKNOWN_LOOK, get_phase
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import STOPPED, GameArrays, GameRow, LeavesSharedContext, fits_float
+from gamms.game.block.state import STOPPED, GameArrays, GameRow, NeedsSeparateContext, fits_float
 from gamms.game.cursor.called_functions import CalledFunctions
-from gamms.game.cursor.own_functions import function_of_game
+from gamms.game.cursor.own_functions import get_function_of_game
 from gamms.game.cursor.pointed import (
     GuardedDict,
     Looks,
@@ -47,7 +47,7 @@ from gamms.ir.events import (
     AGENT_SENSOR_DEREGISTER,
     AGENT_SENSOR_REGISTER,
 )
-from gamms.ir.game_state import KEPT, BlockedAgents, GameState, Scores, in_conflict
+from gamms.ir.game_state import KEPT, BlockedAgents, GameState, Scores, describe_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
@@ -113,7 +113,7 @@ class _PopulationCaches:
 
     Attributes:
         lasts: the last states of agents, and the last data of sensors, each a list of one item.
-        named_lasts: the same by names; see `list_lasts`.
+        named_lasts: the same by names; see `list_last_states`.
         notices: the detection models of sensors that count their looks, of agents that observe.
         counting: each sensor that counts its looks, and its owner.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
@@ -231,7 +231,7 @@ class ShownGame(GamesInContext):
     ) -> None:
         parts = game.internals.parts
         values = parts.state
-        super().__init__(pointed, phase_of(game.ctx), state, state.stop.data, vars(game.ctx), values.facts)
+        super().__init__(pointed, get_phase(game.ctx), state, state.stop.data, vars(game.ctx), values.facts)
         self._game = game
         self._core = core
         self._called = called
@@ -247,7 +247,7 @@ class ShownGame(GamesInContext):
         self.refused: int | None = None
         self._under_way: AgentsUnderWay | None = None  # of the game that leaves
         pointed.hold()
-        self._first_looks = {key: last[0] for key, last in list_lasts(self._ctx).items()}
+        self._first_looks = {key: last[0] for key, last in list_last_states(self._ctx).items()}
         self.number_of = {name: i for i, name in enumerate(state.roster.names)}
         self.looks = GuardedDict({}, None, lambda _: self.refuse_look())
         self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
@@ -273,14 +273,14 @@ class ShownGame(GamesInContext):
         if state.radio is not None:
             self._turns.read_inbox = partial(self._read_inbox, state.radio)
         self._begin()
-        self._fixed = self._what_is_fixed()
+        self._fixed = self._list_fixed_values()
         self._note_epoch()
 
     def _begin(self) -> None:
         """Let the state of the context read the game that is shown."""
         values = self._values
         pointed = self._pointed
-        self._phase.before_reading = self._own_attributes
+        self._phase.before_reading = self._copy_attributes
         values.__class__ = PointedState
         values.start = StartOfGame(
             self._pointed, self.read, self.own_row, self._end, self._replace_data, self._refuse_verb
@@ -363,7 +363,7 @@ class ShownGame(GamesInContext):
     def go_alone(self, what: str) -> NoReturn:
         """Let the current game go on in a context of its own; the argument says why, in words."""
         self.say_why(what)
-        raise LeavesSharedContext(self.why)
+        raise NeedsSeparateContext(self.why)
 
     def _note_read(self, what: str) -> None:
         """Let the current game go on alone after the function that is called; the argument says why, in words."""
@@ -394,7 +394,7 @@ class ShownGame(GamesInContext):
             decided = self._hand_over() if self.raised is None else None
             begun = begun._replace(decided=decided)
             self._forget_other_looks(decided)
-        sensed = frozenset(key for key, last in list_lasts(self._ctx).items() if last[0] is not self.looks)
+        sensed = frozenset(key for key, last in list_last_states(self._ctx).items() if last[0] is not self.looks)
         self.looks.is_filled = True  # with nothing; deleted agents have it, too
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
@@ -409,7 +409,7 @@ class ShownGame(GamesInContext):
         for name in self._read["memories"]:
             state.memory_of(name)
         parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
-        raised = None if isinstance(self.raised, LeavesSharedContext) else self.raised
+        raised = None if isinstance(self.raised, NeedsSeparateContext) else self.raised
         parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=raised, sensed=sensed)
         parts.turns.note_departed()  # from here on
         parts.turns.restore(drawn | source.snapshot.part("turns"))
@@ -421,7 +421,7 @@ class ShownGame(GamesInContext):
             parts.turns.whole = copy_moves(earlier, parts, memo)
         if is_within:
             self._copy_logs(state, parts.turns.messages, begun)
-        for key, last in list_lasts(ctx).items():
+        for key, last in list_last_states(ctx).items():
             if key not in sensed:
                 last[0] = UNKNOWN_LOOK
         return ctx.game
@@ -454,7 +454,7 @@ class ShownGame(GamesInContext):
         actions: dict[str, ResolvedAction] = {}
         if self._state.flights is not None:
             acting = np.where(found.moves, agents, -1)
-            actions = {names[place]: one for place, one in self._flights_of(acting, found.starts).items()}
+            actions = {names[place]: one for place, one in self._make_flights(acting, found.starts).items()}
         node_of = dict(zip(names, found.starts, strict=True))
         named = self._core.edges.find(number, agents, self._state.movement.columns).tolist()
         for name, edge in zip(names, named, strict=True):
@@ -495,7 +495,7 @@ class ShownGame(GamesInContext):
             collected = row.collectors.snapshot()
             now = self._parts.collectors.snapshot()
             source.put_collectors({name: collected.get(name, one) for name, one in now.items()})
-        functions = [(one, function_of_game(one, self._pointed.number)) for one in self._called.own_functions]
+        functions = [(one, get_function_of_game(one, self._pointed.number)) for one in self._called.own_functions]
         ctx, memo = source.make_fork(self._ctx.seed, functions=functions)
         made = ctx.game.internals.parts
         made.state.collected = made.collectors.last_numbers(made.state.turn)
@@ -556,7 +556,7 @@ class ShownGame(GamesInContext):
             return None
         starts, ends, _ = (column[0] for column in self._core.last_moves(games))
         starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
-        return self._moves_between(starts, ends, took_part, has_moved).in_parts(begun.order)
+        return self._make_moves_between(starts, ends, took_part, has_moved).in_parts(begun.order)
 
     def _hand_over(self) -> MadeDecisions:
         """Return the decisions of the agents of the game, which were asked last."""
@@ -575,7 +575,7 @@ class ShownGame(GamesInContext):
             return
         have_decided = () if decided is None else decided.ends
         have_looked = () if decided is None else {*decided.ends, *decided.sensed}
-        for (name, sensor), last in list_lasts(self._ctx).items():
+        for (name, sensor), last in list_last_states(self._ctx).items():
             if name not in (have_looked if sensor else have_decided):
                 last[0] = self.looks
 
@@ -617,12 +617,12 @@ class ShownGame(GamesInContext):
             if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
         for agent in np.flatnonzero(state.blocked[number]).tolist():  # in its last turn
-            why = in_conflict(self._core.wanted(number, agent))
+            why = describe_conflict(self._core.wanted(number, agent))
             if why not in found.get(names[agent], ""):
                 found.add(names[agent], why)
         return found
 
-    def _what_is_fixed(self) -> tuple[int, object, int]:
+    def _list_fixed_values(self) -> tuple[int, object, int]:
         """Return the numbers and objects that only the turn engine may change."""
         parts = self._parts
         return self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
@@ -640,21 +640,21 @@ class ShownGame(GamesInContext):
         self.block = population.block
         self._agents = population.agents.members
         self.journal = population.journal
-        self.cached = self._caches_of(population)
+        self.cached = self._get_caches(population)
         self.lasts = self.cached.lasts
         self._alive = None
         self._attributes.shown = []  # unknown
         self.forget_looks()
 
-    def _caches_of(self, population: Population) -> _PopulationCaches:
+    def _get_caches(self, population: Population) -> _PopulationCaches:
         """Return the values derived from the agents of the context, which are these."""
         if population not in self._known_caches:
-            self._known_caches[population] = self._new_caches(population.agents.members)
+            self._known_caches[population] = self._make_caches(population.agents.members)
         return self._known_caches[population]
 
-    def _new_caches(self, agents: Sequence[Any]) -> _PopulationCaches:
+    def _make_caches(self, agents: Sequence[Any]) -> _PopulationCaches:
         access = self._ctx.agent.storage.turn_access
-        named = _name_lasts(agents, access)
+        named = _list_ends_of_deeds(agents, access)
         owned = [(sensor, agent.name) for agent in agents for sensor in agent.sensors.values()]
         sensors = [sensor for sensor, _ in owned]
         observing = (agent for agent in agents if agent.name in self._called.observing)
@@ -666,7 +666,7 @@ class ShownGame(GamesInContext):
         are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
         owned = [pair for pair in owned if id(pair[0]) in counting]
         return _PopulationCaches(
-            [*named.values()], named, notices, owned, sees_world_only, are_plain, cache(self._new_order)
+            [*named.values()], named, notices, owned, sees_world_only, are_plain, cache(self._make_order)
         )
 
     def begin_counts(self) -> None:
@@ -773,7 +773,7 @@ class ShownGame(GamesInContext):
         self._facts.clear()
         self._facts.update(self.facts_shown)
 
-    def _own_attributes(self) -> None:
+    def _copy_attributes(self) -> None:
         """Give the game its own attributes before one is read that may change in place."""
         self._attributes.part_from_others(self.own_row(), self._agents)
         self._pointed.shows_more = True
@@ -786,18 +786,18 @@ class ShownGame(GamesInContext):
         self._turns.take_order(self.ordered.order)
         self.ordered.order.take_lives()
 
-    def _new_order(self, is_public: bool) -> _OrderInGames:  # noqa: ARG002 - on which the order depends
+    def _make_order(self, is_public: bool) -> _OrderInGames:  # noqa: ARG002 - on which the order depends
         """Return the order of the agents of the context; they may know the same facts or not."""
         order = self._turns.make_order()
         return _OrderInGames(order, order.slots.table, lru_cache(1024)(partial(self.new_asked, order)))
 
-    def _order_of(self, population: Population) -> TurnOrder:
+    def _make_order_of_population(self, population: Population) -> TurnOrder:
         """Return the order of other agents than the present ones, some of which may have been deleted."""
         if population is self._population:
             return self.ordered.order
         with self._phase.suspended():  # a strategy may ask how agents have moved
             with self._pointed.showing(population):
-                found = self._caches_of(population).order_of(self._is_public)
+                found = self._get_caches(population).order_of(self._is_public)
             if not self._pointed.has_other_agents():
                 self._take_order()
         return found.order
@@ -940,13 +940,13 @@ class ShownGame(GamesInContext):
         if part is not None:
             acts = self._core.part_of == part
             starts, ends, took_part = (column[0] for column in self._core.next_moves(games, part))
-            return self._moves_between(starts, ends, took_part, acts)
+            return self._make_moves_between(starts, ends, took_part, acts)
         if not self._has_moved:
             return self._called.first.moves
         starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
         if not (took_part.any() and self._core.knows_paths):
             return None
-        moves = self._moves_between(starts, ends, took_part, None)
+        moves = self._make_moves_between(starts, ends, took_part, None)
         parts = self._parts.settings.order
         return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
 
@@ -961,7 +961,7 @@ class ShownGame(GamesInContext):
         """The number of turns played, the part in which agents are about to move, and whether newcomers take part."""
         return int(self._state.turn[self._pointed.number]), self.part, self.have_joined
 
-    def _moves_between(
+    def _make_moves_between(
         self, starts: IntArray, ends: IntArray, took_part: BoolArray, acts: BoolArray | None
     ) -> TurnMoves:
         """Return the moves of the agents that took part; those that do not act stay, None: all act."""
@@ -969,7 +969,7 @@ class ShownGame(GamesInContext):
         moved = None if self.row is None else self.row.moved
         if moved is not None and moved[0] == self._moment:
             population = moved[1]
-        order = self._order_of(population)
+        order = self._make_order_of_population(population)
         ids = self._state.streets.ids
         courses = self._core.courses
         numbers = np.sort(population.numbers)
@@ -986,15 +986,15 @@ class ShownGame(GamesInContext):
             paths = courses.game_paths(self._pointed.number, acting, standing)
         first = ids(starts).tolist()
         if self._state.flights is not None:
-            actions = self._flights_of(acting, first)
+            actions = self._make_flights(acting, first)
         if self._core.edges.are_any[0] and self._core.arrival is None:
-            actions |= self._along_named(acting, ids(ends).tolist(), first)
+            actions |= self._follow_named_edges(acting, ids(ends).tolist(), first)
         if courses is not None and self._state.movement.traffic is not None:
             actions |= self._along_driven(acting, courses, actions)
         lives = took_part.tobytes()
         return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
 
-    def _flights_of(self, numbers: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
+    def _make_flights(self, numbers: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
         """Return the flights of agents, above these nodes, by their places among these numbers."""
         flights = self._state.flights
         assert flights is not None  # noqa: S101 - some fly
@@ -1005,7 +1005,9 @@ class ShownGame(GamesInContext):
             found[place] = ResolvedAction(node, (node,), position=position, quat=quat)
         return found
 
-    def _along_named(self, numbers: IntArray, ends: Sequence[int], starts: Sequence[int]) -> dict[int, ResolvedAction]:
+    def _follow_named_edges(
+        self, numbers: IntArray, ends: Sequence[int], starts: Sequence[int]
+    ) -> dict[int, ResolvedAction]:
         """Return the moves along edges that actions have named, by the places of the agents among these numbers."""
         edges = self._core.edges.find(self._pointed.number, numbers, self._state.movement.columns)
         return {
@@ -1056,7 +1058,7 @@ class ShownGame(GamesInContext):
             self._state.numbers[name][self._pointed.number, self._population.numbers] = getattr(block, name)
         if have_facts:
             self._take_facts()
-        if is_other and self._what_is_fixed() != self._fixed:
+        if is_other and self._list_fixed_values() != self._fixed:
             self.go_alone("changes settings, rules or collectors")
         if self.read_of_core:
             self.go_alone(self.read_of_core)
@@ -1088,12 +1090,12 @@ class ShownGame(GamesInContext):
             if self.part is not None:  # it does not make the move of a deleted agent of its name
                 self.cancel(place)
         attributes = {agent.name: agent.__dict__ for agent in agents.values()}
-        looks: Looks = {key: last[0] for key, last in list_lasts(self._ctx).items()}
+        looks: Looks = {key: last[0] for key, last in list_last_states(self._ctx).items()}
         found = self._pointed.take_population(number)
         self._take_shown()
         row.attributes = [attributes[agent.name] for agent in self._agents]
         self._attributes.take_row(row)
-        self._fixed = self._what_is_fixed()
+        self._fixed = self._list_fixed_values()
         if self._called.asks_all:
             row.looks = looks
         return found.block
@@ -1222,7 +1224,10 @@ class ShownGame(GamesInContext):
     def has_other_settings(self) -> bool:
         """Whether a function has changed settings, rules or collectors, or strategies or sensors of agents."""
         phase = self._phase
-        return (phase.strategy_changes, phase.sensor_changes) != self._changes or self._what_is_fixed() != self._fixed
+        return (
+            phase.strategy_changes,
+            phase.sensor_changes,
+        ) != self._changes or self._list_fixed_values() != self._fixed
 
     @property
     def has_other_map(self) -> bool:
@@ -1241,12 +1246,12 @@ class ShownGame(GamesInContext):
             self._state.flights.hold(agent, self._pointed.number)
 
 
-def list_lasts(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
+def list_last_states(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
     """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
-    return _name_lasts(ctx.agent.storage.made(), ctx.agent.storage.turn_access)
+    return _list_ends_of_deeds(ctx.agent.storage.made(), ctx.agent.storage.turn_access)
 
 
-def _name_lasts(agents: Iterable[Any], turn_access: Callable[[Any], Any]) -> dict[tuple[str, str], list[Any]]:
+def _list_ends_of_deeds(agents: Iterable[Any], turn_access: Callable[[Any], Any]) -> dict[tuple[str, str], list[Any]]:
     """Return the same of some agents."""
     found = {}
     for agent in agents:

@@ -294,8 +294,8 @@ class ArrivingAgents:
             getattr(self._arrivals, name)[0, i] = column[place]
         self._arrivals.nodes[0, i] = self.roads.row(agents.nodes[place]) if agents.counts["asked"][place] else 0
         before, after = agents.places[place]
-        self._columns["start_places"][i] = self._row_of_place(before)
-        self._columns["end_places"][i] = self._row_of_place(after)
+        self._columns["start_places"][i] = self._get_place_number(before)
+        self._columns["end_places"][i] = self._get_place_number(after)
         node = agents.nodes[place] if agents.counts["asked"][place] else agents.starts[place]
         if place in agents.here:
             if agents.counts["asked"][place]:
@@ -311,7 +311,7 @@ class ArrivingAgents:
             if not ends_on_edge and until > agents.now and (until < 1.0 or self.has_end):
                 self._arrivals.queue.push(0, i, until)
 
-    def _row_of_place(self, place: int | EdgePlace) -> int:
+    def _get_place_number(self, place: int | EdgePlace) -> int:
         """Return the number of a node or an edge, as conflicts compare them."""
         if isinstance(place, EdgePlace):
             return len(self.roads.ids) + self.roads.edge_rows[place.edge]

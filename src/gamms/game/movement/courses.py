@@ -287,7 +287,7 @@ class Courses:
         if not self._by.by_metres:
             lengths = np.where(took_part, trips.passed[rows], 1)
             most = int(lengths.max(initial=1))
-            return paths_over(trips.nodes[rows, :most], trips.times[rows, :most], lengths, starts)
+            return make_paths_over(trips.nodes[rows, :most], trips.times[rows, :most], lengths, starts)
         have_paths = took_part
         if standing is not None:
             have_paths = took_part | standing
@@ -303,10 +303,10 @@ class Courses:
             waits &= (legs.begin[..., 0] == 0.0) | (legs.begin[..., 0] == 1.0)
         end = np.where(have_paths, trips.edge[rows], -1)
         motion = np.where(end >= 0, trips.motion[rows], int(Motion.STOPPED))
-        return paths_along(legs, self._by.columns, starts, waits)._replace(edge=end, motion=motion, rests=end < 0)
+        return make_paths_along(legs, self._by.columns, starts, waits)._replace(edge=end, motion=motion, rests=end < 0)
 
 
-def paths_along(legs: Legs, columns: GraphColumns, starts: IntArray, waits: BoolArray) -> Paths:
+def make_paths_along(legs: Legs, columns: GraphColumns, starts: IntArray, waits: BoolArray) -> Paths:
     """Return the paths of agents along edges, with nodes to which they came back.
 
     Args:
@@ -328,11 +328,11 @@ def paths_along(legs: Legs, columns: GraphColumns, starts: IntArray, waits: Bool
     times[(*at[:2], number)] = legs.until[at]
     if waits.any():
         times[..., 1] = np.where(waits, legs.since[..., 0], times[..., 1])
-    found = paths_over(nodes, times, lengths, starts)
+    found = make_paths_over(nodes, times, lengths, starts)
     return found._replace(legs=legs, stays=np.asarray(~is_leg.any(axis=-1)), waits=waits)
 
 
-def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: int) -> Paths:
+def make_paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: int) -> Paths:
     """Return the paths of agents along one edge, each in its part of the turn, (games, agents).
 
     Args:
@@ -348,10 +348,10 @@ def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: i
     begin = part_of / parts
     end = (part_of + 1) / parts
     times = np.broadcast_to(np.stack((begin, np.where(waits, begin, end), end), axis=-1), nodes.shape).copy()
-    return paths_over(nodes, times, lengths, starts)
+    return make_paths_over(nodes, times, lengths, starts)
 
 
-def paths_over(nodes: IntArray, times: FloatArray, lengths: IntArray, starts: IntArray) -> Paths:
+def make_paths_over(nodes: IntArray, times: FloatArray, lengths: IntArray, starts: IntArray) -> Paths:
     """Return paths over nodes, of which so many count; the agent may wait on the first one, which then comes twice."""
     counts = np.arange(nodes.shape[-1]) < lengths[..., None]
     last = np.take_along_axis(nodes, lengths[..., None] - 1, -1)

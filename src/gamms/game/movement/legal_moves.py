@@ -15,8 +15,8 @@ from gamms.arguments import as_key
 from gamms.core import travel as core
 from gamms.core.by_edges import LegalByEdges
 from gamms.errors import BadValue
-from gamms.game.block.columns import PlayedGame, kept_in
-from gamms.game.movement.noted_moves import NotedMoves, Places
+from gamms.game.block.columns import PlayedGame, get_or_make
+from gamms.game.movement.noted_moves import CachedLegalMoves, Places
 from gamms.game.movement.roads import (
     ModeEdges,
     OpenRoads,
@@ -25,7 +25,7 @@ from gamms.game.movement.roads import (
     TrafficOnMaps,
     refuse_several_maps,
 )
-from gamms.game.movement.routes import RouteTable, shared_routes
+from gamms.game.movement.routes import RouteTable, get_shared_routes
 from gamms.game.movement.streets import StreetGraph, as_table
 from gamms.game.movement.travel import ReachableNodes, map_of
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, split_mode
@@ -108,7 +108,7 @@ class Movement:
     previous: IntArray
     traffic: TrafficOnMaps | None = None
     tables: RoadTables | None = None
-    noted: NotedMoves | None = None
+    noted: CachedLegalMoves | None = None
     _on: RoadMap | None = None  # the map, if it is not that of the start
     _is_on_one_map = False  # whether all games that it is asked for are on `_on`
 
@@ -221,14 +221,14 @@ class Movement:
         own._is_on_one_map = True
         return own
 
-    def with_notes(self, noted: NotedMoves) -> Self:
+    def with_notes(self, noted: CachedLegalMoves) -> Self:
         """Return the movement in which the games that are played in contexts of their own are as noted."""
         own = copy(self)
         own.noted = noted
         own.leaves_nodes = True
         return own
 
-    def _each_map(self, games: IntArray, modes: IntArray | None = None) -> Iterator[tuple[Self, IntArray]]:
+    def _select_maps(self, games: IntArray, modes: IntArray | None = None) -> Iterator[tuple[Self, IntArray]]:
         """Yield the movement on each map of some games, for each mode, and the indices of its games.
 
         Args:
@@ -243,7 +243,7 @@ class Movement:
                 if one is None:
                     yield self.at_start(), chosen
                 else:
-                    yield kept_in(one.shared, "movement", partial(self.on, one)), chosen
+                    yield get_or_make(one.shared, "movement", partial(self.on, one)), chosen
 
     def routes(self, weight: str | None) -> RouteTable:
         """Return the tables of paths along `streets`, by an edge weight.
@@ -254,7 +254,7 @@ class Movement:
         if self.roads is not None:
             refuse_several_maps("what routes say")
         if as_key(weight, "weight") not in self._tables:
-            self._tables[weight] = shared_routes(self.streets, weight)
+            self._tables[weight] = get_shared_routes(self.streets, weight)
         return self._tables[weight]
 
     # -- parts of edges -------------------------------------------------------------------------------------------
@@ -379,7 +379,7 @@ class Movement:
             modes: the number of the mode of an agent on each; None: agents may use all edges.
         """
         found = np.full(len(edges), -1)
-        for movement, places in self._each_map(games, modes):
+        for movement, places in self._select_maps(games, modes):
             backs = found[places]
             core.backs(movement.map, buffer(edges[places]), backs.data)
             found[places] = backs
@@ -422,7 +422,7 @@ class Movement:
         at.append(at[0][backs >= 0])
         found.append(columns.edge_ids[backs[backs >= 0]])
         modes = self.mode_of[agents] if self.modes else None
-        for movement, places in () if self.are_all_legal else self._each_map(games, modes):
+        for movement, places in () if self.are_all_legal else self._select_maps(games, modes):
             offsets, edges = movement.all_roads.edges_at([movement._on])[0]
             chosen = places[(on_edge[places] < 0) & ~obeys[places]]
             number, place = kernels.expand_ranges(offsets[here[chosen]], offsets[here[chosen] + 1])
@@ -469,20 +469,23 @@ class Movement:
         most = 1
         for speed in np.unique(self.paces).tolist():
             if most <= limit:
-                most = max(most, self._most_by_metres(speed, limit) if self.by_metres else self._most_by_edges(speed))
+                most = max(
+                    most,
+                    self._count_most_by_metres(speed, limit) if self.by_metres else self._count_most_by_edges(speed),
+                )
         return most
 
-    def _most_by_edges(self, speed: float) -> int:
+    def _count_most_by_edges(self, speed: float) -> int:
         """Return the maximum number of legal nodes at a speed; if it is an integer, no agent is on an edge."""
         streets = self.streets
         if speed >= streets.num_nodes:
             return streets.num_nodes
         nodes = np.arange(streets.num_nodes)
         if not speed % 1.0:
-            return self._most_at(nodes, np.full(len(nodes), -1), speed)
-        return self._most_at(np.repeat(nodes, streets.counts), streets.targets, speed)
+            return self._count_most_at_places(nodes, np.full(len(nodes), -1), speed)
+        return self._count_most_at_places(np.repeat(nodes, streets.counts), streets.targets, speed)
 
-    def _most_at(self, node: IntArray, ahead: IntArray, speed: float) -> int:
+    def _count_most_at_places(self, node: IntArray, ahead: IntArray, speed: float) -> int:
         """Return the maximum number of legal nodes at positions on edges covered to the end, at a speed in edges."""
         most = 1
         for first in range(0, len(node), _AT_ONCE):
@@ -493,7 +496,7 @@ class Movement:
             most = max(most, int(self._find_at(self._legal_nodes, here, *columns)[0].max(initial=1)))
         return most
 
-    def _most_by_metres(self, speed: float, limit: int) -> int:
+    def _count_most_by_metres(self, speed: float, limit: int) -> int:
         """Return the maximum number of legal nodes at a speed; on an edge, both its ends together have more."""
         columns = self.streets.columns
         most = 1
@@ -554,7 +557,7 @@ class Movement:
             counts = self._count_on_streets(node, which)[..., None]
             columns = np.arange(int(counts.max(initial=1)))
             is_legal = columns < counts
-            found = self._ends_on_streets(node, which, np.where(is_legal, columns, 0))
+            found = self._find_ends_on_streets(node, which, np.where(is_legal, columns, 0))
         return (found, is_legal) if self.noted is None else self.noted.put_legal(found, is_legal, which)
 
     @property
@@ -571,7 +574,7 @@ class Movement:
         found: IntArray = tables.offsets[places + 1] - tables.offsets[places]
         return found
 
-    def _ends_on_streets(self, node: IntArray, which: tuple[IntArray, IntArray], actions: IntArray) -> IntArray:
+    def _find_ends_on_streets(self, node: IntArray, which: tuple[IntArray, IntArray], actions: IntArray) -> IntArray:
         """Return the rows of the nodes that actions of such agents lead to; actions have one axis more."""
         tables = self._table
         if tables is None:
@@ -623,7 +626,7 @@ class Movement:
             return self._find_on_map(here, games, agents)
         parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
         order = [np.zeros(0, np.int64)]
-        for movement, places in self._each_map(games, self.mode_of[agents]):
+        for movement, places in self._select_maps(games, self.mode_of[agents]):
             parts.append(movement._find_on_map(here[places], games[places], agents[places]))
             order.append(places)
         back = np.argsort(np.concatenate(order), kind="stable")

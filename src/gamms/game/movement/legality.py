@@ -12,7 +12,7 @@ from gamms.arguments import as_int, as_known
 from gamms.core import by_edges as core
 from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
-from gamms.game.deeds import wanted_deeds
+from gamms.game.deeds import check_wanted_deeds
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import (
     MovesWithTurns,
@@ -21,16 +21,16 @@ from gamms.game.movement.travel import (
     Travel,
     TravelWithTurns,
     find_usable_graph,
-    paths_of_one,
+    make_paths_of_one,
     weigh_edges,
 )
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import IntArray, forbidden_paths, split_mode
+from gamms.ir.graph import IntArray, list_forbidden_paths, split_mode
 from gamms.ir.progress import Progress
 from gamms.text import shown
-from gamms.typing.actions import as_node, flight, heading_in
+from gamms.typing.actions import as_node, flight, get_heading
 from gamms.typing.context import HostContext
 from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Leg, Track
 
@@ -58,7 +58,7 @@ class MultiEdgeMoves(PathFinder):
     def _take_ways(self, hops: GoalPaths) -> None:
         """Use these shortest paths in the core, with new buffers."""
         self._hops = hops
-        self._trips = paths_of_one(self._most)
+        self._trips = make_paths_of_one(self._most)
         self._walks = core.EdgePaths(self._trips, self.streets.core, hops)
 
     def _begin(self, here: int, speed: float | None, place: Progress | None) -> None:
@@ -87,7 +87,7 @@ class MultiEdgeMoves(PathFinder):
         self._begin(here, speed, place)
         if not core.go_towards(self._walks, 0, hops, agent, self.row(target)):
             raise BadValue(str(NoPath(here, target)))
-        return self._ended()
+        return self._make_resolved_action()
 
     def along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> ResolvedAction:
         """Return the move of an agent along a route of nodes."""
@@ -98,9 +98,9 @@ class MultiEdgeMoves(PathFinder):
         for number, node in enumerate(route):
             self._trips.route[number] = self.row(node)
         core.walk(self._trips, 0, len(route))
-        return self._ended()
+        return self._make_resolved_action()
 
-    def _ended(self) -> ResolvedAction:
+    def _make_resolved_action(self) -> ResolvedAction:
         """Return the path that the core has written."""
         ids = self.ids
         trips = self._trips
@@ -242,7 +242,7 @@ class Legality:
             for key in action:
                 as_known(key, "key of an action", keys)
         if isinstance(action, dict) and "do" in action:
-            deeds = wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
+            deeds = check_wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
             action = {key: value for key, value in action.items() if key != "do"}
             if not mover.flies and "edge" not in action:
                 action.setdefault("node_id", None if mover.travels else here)
@@ -252,7 +252,7 @@ class Legality:
         heading: Any = ()
         names_edge = isinstance(action, dict) and "edge" in action
         if isinstance(action, dict):
-            heading = heading_in({"node_id": None, **action} if names_edge else action)
+            heading = get_heading({"node_id": None, **action} if names_edge else action)
             if names_edge and "node_id" in action:
                 raise BadValue("An action names the next node or the edge to it, not both: leave out 'node_id'.")
             action = action["edge"] if names_edge else action["node_id"]
@@ -271,9 +271,9 @@ class Legality:
         if mover.travels and action is None:
             return own.travelled(mover, here, None)
         if isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
-            nodes = list(map(self._node, action))
+            nodes = list(map(self._check_node, action))
             return own.travelled(mover, here, nodes) if mover.travels else own.walked(mover, here, nodes, True)
-        node = self._node(action)
+        node = self._check_node(action)
         return own.travelled(mover, here, node) if mover.travels else own.walked(mover, here, [node], False)
 
     def _take_edge(self, mover: AgentSlot, here: int, edge: int) -> ResolvedAction:
@@ -287,7 +287,7 @@ class Legality:
             raise UnknownName("edge", edge)
         legal = self.list_edges(mover, here)
         if edge not in legal:
-            raise refuse_edge(edge, self._why_not_taken(mover, here, roads.edge_ids[row]), legal)
+            raise refuse_edge(edge, self._explain_refused_edge(mover, here, roads.edge_ids[row]), legal)
         if mover.travels:
             self.travel.over(self.travel.place(mover.row), here, mover.speed, edge)
             return ResolvedAction(self.travel.end(), (here,), edge=edge)
@@ -295,12 +295,12 @@ class Legality:
             return self.turning.go_along(*self._find_start(mover, here), [edge])
         return self.walked(mover, here, [roads.edge_ids[row][1]], True)._replace(edge=edge)
 
-    def _why_not_taken(self, mover: AgentSlot, here: int, edge: tuple[int, int, int]) -> str:
+    def _explain_refused_edge(self, mover: AgentSlot, here: int, edge: tuple[int, int, int]) -> str:
         """Return why an agent may not take an edge, given by the ids of its ends and its own."""
         place = self.travel.place(mover.row) if mover.travels else None
         is_usable = edge[1] != here and edge[2] in self.travel.roads.list_edges(here)
         if place is None and is_usable:
-            return self._why_forbidden(mover, here)
+            return self._explain_forbidden_edge(mover, here)
         return explain_edge(edge, here, None if place is None else place.edge, self._mode)
 
     def list_edges(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
@@ -310,7 +310,7 @@ class Legality:
         own = self.of(mover)
         place = own.travel.place(mover.row) if mover.travels else None
         if place is None:
-            return tuple(own._onward(mover, here))
+            return tuple(own._list_onward_edges(mover, here))
         around = own.travel.roads.list_around(place.edge)
         return tuple(around if not mover.obeys_turns else [edge for edge in around if edge == place.edge])
 
@@ -388,11 +388,11 @@ class Legality:
         columns = self._ctx.graph.columns()
         if self._turns is None or self._turns[0] is not columns:
             attribute, _ = split_mode(str(self._mode))
-            paths = forbidden_paths(columns, with_closed=True).get(attribute, [])
+            paths = list_forbidden_paths(columns, with_closed=True).get(attribute, [])
             self._turns = columns, kernels.ForbiddenPaths(paths)
         return self._turns[1]
 
-    def _onward(self, mover: AgentSlot, here: int) -> list[int]:
+    def _list_onward_edges(self, mover: AgentSlot, here: int) -> list[int]:
         """Return the ids of the edges that an agent on a node may take next, in ascending order."""
         edges = self.travel.roads.list_edges(here)
         driven = self.find_driven(mover.name) if mover.obeys_turns else ()
@@ -402,7 +402,7 @@ class Legality:
         legal = {*self._ctx.graph.routes.edges_onward(here, driven, turns=attribute)}
         return [edge for edge in edges if edge in legal]
 
-    def _why_forbidden(self, mover: AgentSlot, here: int) -> str:
+    def _explain_forbidden_edge(self, mover: AgentSlot, here: int) -> str:
         """Return why an edge that the mode may use is not legal for an agent that obeys turn restrictions."""
         edge = self.find_driven(mover.name)[-1]
         source = self._ctx.agent.block.previous_of(mover.row)
@@ -424,14 +424,17 @@ class Legality:
             return ResolvedAction(here, (here,))
         if mover.speed is not None and not is_route:
             return self.turning.go_towards(*start, path[0])
-        near = {self.travel.roads.edge_ids[self.travel.roads.edge_rows[edge]][1] for edge in self._onward(mover, here)}
+        near = {
+            self.travel.roads.edge_ids[self.travel.roads.edge_rows[edge]][1]
+            for edge in self._list_onward_edges(mover, here)
+        }
         is_next = path[0] in near and (mover.speed is not None or len(path) == 1)
         if is_next:
             return self.turning.go_over(*start, path)
         legal = [*self.reachable(mover, here)]
         if path[0] not in near and path[0] in self._graph.neighborhoods[here]:
             raise BadValue(
-                f"No turn to node {path[0]} is legal: {self._why_forbidden(mover, here)}; legal are {legal}."
+                f"No turn to node {path[0]} is legal: {self._explain_forbidden_edge(mover, here)}; legal are {legal}."
             )
         raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {legal}.")
 
@@ -483,12 +486,12 @@ class Legality:
             travel.prepare(mover.row)
             return travel.legal(here, travel.place(mover.row), mover.speed)
         if self._settings.legal == "any":
-            return self._anywhere(here)
+            return self._list_all_nodes(here)
         if mover.obeys_turns:
             return own.turning.find_legal(*own._find_start(mover, here))
         return own.walking.reachable(here, mover.speed, self._ctx.agent.block.progress_of(mover.row))
 
-    def _anywhere(self, here: int) -> tuple[int, ...]:
+    def _list_all_nodes(self, here: int) -> tuple[int, ...]:
         """Return all nodes, the agent's own first."""
         streets = self.streets
         if self._ids[0] is not streets:
@@ -531,14 +534,14 @@ class Legality:
         np.cumsum(list(map(len, legal)), out=offsets[1:])
         return offsets, np.fromiter(chain.from_iterable(legal), np.int64, int(offsets[-1]))
 
-    def _node(self, action: object) -> int:
+    def _check_node(self, action: object) -> int:
         graph = self._ctx.graph.graph
         node = as_node(action, graph)
         if not graph.has_node(node):
             raise UnknownName("node", node)
         return node
 
-    def _checked_path(self, here: int, path: list[int]) -> list[int]:
+    def _check_path(self, here: int, path: list[int]) -> list[int]:
         """Return an action's list of nodes without the agent's own node (BadValue: an edge is missing)."""
         path = path[1:] if path and path[0] == here else path
         near = self._graph.neighborhoods
@@ -555,7 +558,7 @@ class Legality:
 
     def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
         """Return the move along a path, or along the shortest path to its only node, as far as it goes in this turn."""
-        path = self._checked_path(here, nodes) if is_route else nodes
+        path = self._check_path(here, nodes) if is_route else nodes
         if not path or (path == [here] and not is_route):
             return ResolvedAction(here, (here,))
         if self._settings.legal == "any":

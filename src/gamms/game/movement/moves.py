@@ -15,8 +15,8 @@ from gamms.core.block import stop_moves
 from gamms.core.turn import TurnMovesInCore
 from gamms.game.movement.travel import GamePaths, ResolvedAction, Travel
 from gamms.game.order import TurnOrder
-from gamms.ir.agents import AgentBlock, moves_of
-from gamms.ir.columns import copied_column
+from gamms.ir.agents import AgentBlock, make_moves
+from gamms.ir.columns import copy_column
 from gamms.ir.progress import Progress
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
@@ -85,7 +85,7 @@ class TurnMoves(TurnMovesInCore):
 
     def in_core(self) -> MoveColumns:
         """Return the starts and ends of all moves as arrays of the core."""
-        return moves_of(self.starts, self.ends) if self.columns is None else self.columns
+        return make_moves(self.starts, self.ends) if self.columns is None else self.columns
 
     def of_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
         """Return the same moves for the agents of a copied game, matched by name; see `Slots.of_agents`."""
@@ -239,8 +239,8 @@ class TurnMoves(TurnMovesInCore):
     def give_up(self, block: AgentBlock) -> None:
         """Cancel the moves of agents that a rule has placed elsewhere since they decided."""
         nodes = self.order.nodes()
-        self.starts = copied_column(self.starts)
-        self.ends = copied_column(self.ends)
+        self.starts = copy_column(self.starts)
+        self.ends = copy_column(self.ends)
         self.columns = None
         began_on = [] if self.paths is None else [i for i in range(len(nodes)) if self.paths.begun(i) is not None]
         left = {i for i in began_on if block.on_edge(self.slots[i].row) is None}
@@ -323,8 +323,8 @@ class TurnMoves(TurnMovesInCore):
     def then(self, later: "TurnMoves", part: int) -> None:
         """Add the moves of a later part of the turn; both have the same order."""
         parts = later.order.parts
-        starts = copied_column(self.starts)
-        ends = copied_column(self.ends)
+        starts = copy_column(self.starts)
+        ends = copy_column(self.ends)
         for i in parts[part].members:
             action = later.actions.get(i)
             is_put = later.starts[i] != ends[i]  # by a rule in its part of the turn, and it gave up its move
@@ -356,7 +356,7 @@ Stay = tuple[float, float]
 """When an agent comes to a node or an edge, and when it leaves it, from 0 to 1."""
 
 
-def stays_on_nodes(track: Track) -> list[tuple[int, Stay]]:
+def list_stays_on_nodes(track: Track) -> list[tuple[int, Stay]]:
     """Return the nodes on which an agent was in a turn, with times; not a node that it left when the turn began."""
     path, times, legs = track
     if legs:
@@ -377,7 +377,7 @@ def stays_on_nodes(track: Track) -> list[tuple[int, Stay]]:
     return found[1:] if len(found) > 1 and found[0][1] == (0.0, 0.0) else found
 
 
-def stays_on_edges(track: Track, find_edge: Callable[[int, int], int | None]) -> list[tuple[int, Stay]]:
+def list_stays_on_edges(track: Track, find_edge: Callable[[int, int], int | None]) -> list[tuple[int, Stay]]:
     """Return the edges on which an agent was in a turn, with times.
 
     Args:

@@ -17,7 +17,7 @@ class Places(NamedTuple):
     xy: FloatArray  # (games, agents, 2)  map units
 
 
-class NotedMoves:
+class CachedLegalMoves:
     """The legal nodes and positions of the agents of some games, as their contexts have them.
 
     Attributes:
@@ -49,7 +49,7 @@ class NotedMoves:
         for column, value in zip(self.places, (edge, offset_m, xy), strict=True):
             column[game, agent] = value
 
-    def _those(self, shape: tuple[int, ...], which: tuple[IntArray, IntArray]) -> tuple[BoolArray, Any]:
+    def _select_agents(self, shape: tuple[int, ...], which: tuple[IntArray, IntArray]) -> tuple[BoolArray, Any]:
         """Return which agents are in noted games, and the numbers of their games and their own."""
         games, agents = (np.broadcast_to(one, shape) for one in which)
         those = self.are_noted[games]
@@ -57,7 +57,7 @@ class NotedMoves:
 
     def put_counts(self, counts: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the number of legal nodes of agents, as noted where they are in noted games."""
-        those, numbers = self._those(counts.shape, which)
+        those, numbers = self._select_agents(counts.shape, which)
         found = np.array(counts)
         found[those] = self.counts[numbers]
         return found
@@ -66,7 +66,7 @@ class NotedMoves:
         self, nodes: IntArray, is_legal: BoolArray, which: tuple[IntArray, IntArray]
     ) -> tuple[IntArray, BoolArray]:
         """Return the rows of the legal nodes of agents, and a mask of valid entries; those of noted games as noted."""
-        those, numbers = self._those(nodes.shape[:-1], which)
+        those, numbers = self._select_agents(nodes.shape[:-1], which)
         counts = self.counts[numbers]
         most = int(counts.max(initial=nodes.shape[-1]))
         more = [(0, 0)] * (nodes.ndim - 1) + [(0, most - nodes.shape[-1])]
@@ -80,7 +80,7 @@ class NotedMoves:
 
     def put_places(self, places: Places, which: tuple[IntArray, IntArray]) -> Places:
         """Return the positions of agents; those of noted games as noted. `places` is changed."""
-        those, numbers = self._those(places.offset_m.shape, which)
+        those, numbers = self._select_agents(places.offset_m.shape, which)
         for column, noted in zip(places, self.places, strict=True):
             column[those] = noted[numbers]
         return places

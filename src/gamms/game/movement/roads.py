@@ -25,11 +25,11 @@ from gamms.ir.graph import (
     GraphColumns,
     IntArray,
     apply_mode,
-    edge_weights,
+    find_edge_weights,
     find_usable_edges,
-    locked_columns,
+    lock_columns,
+    pick_edges,
     split_mode,
-    with_edges,
 )
 from gamms.ir.obstacles import BoolArray
 
@@ -79,7 +79,7 @@ class RoadTables(NamedTuple):
 def join_streets(maps: Sequence[StreetGraph]) -> RoadTables:
     """Return the legal nodes on several maps, each of which may have other nodes; `first` is (maps,)."""
     first = np.cumsum([0, *(one.num_nodes for one in maps[:-1])])
-    offsets, targets = _joined([(one.offsets, one.targets) for one in maps])
+    offsets, targets = _join_rows([(one.offsets, one.targets) for one in maps])
     return RoadTables([None] * len(maps), first, offsets, targets, len(offsets) - 1)
 
 
@@ -128,7 +128,7 @@ class RoadMap:
     @property
     def rows(self) -> IntArray:
         """The rows of the open edges, in order."""
-        return np.append(_others(self.gone, self._at_start), self.opened)
+        return np.append(_find_other_rows(self.gone, self._at_start), self.opened)
 
     @cached_property
     def edges_at(self) -> EdgesAt:
@@ -166,14 +166,14 @@ class RoadMap:
     @cached_property
     def streets(self) -> StreetGraph:
         """The graph of this map."""
-        return StreetGraph(locked_columns(self.columns()), _OpenRoutes(self._whole, self))
+        return StreetGraph(lock_columns(self.columns()), _OpenRoutes(self._whole, self))
 
     def columns(self) -> GraphColumns:
         """Return the columns of this map's graph."""
         columns = self._whole.columns
         rows = self.rows
         offsets, out_edges = kernels.group_rows(columns.sources[rows], len(columns.node_ids))
-        return with_edges(columns, rows, offsets, out_edges)
+        return pick_edges(columns, rows, offsets, out_edges)
 
 
 class ModeEdges:
@@ -198,7 +198,7 @@ class ModeEdges:
     def weights(self, weight: str | None) -> FloatArray:
         """Return the weight of each edge, (edges,)."""
         if weight not in self._weights:
-            self._weights[weight] = edge_weights(self.columns, weight)
+            self._weights[weight] = find_edge_weights(self.columns, weight)
         return self._weights[weight]
 
 
@@ -291,7 +291,7 @@ class TrafficOnMaps:
                 one = self._roads.for_mode(base, mode)
                 assert isinstance(one, ModeMap)  # noqa: S101 - it is the map of a mode
                 parts.append((one.find_following(self._weight), self._first[mode]))
-        offsets, after = _joined([(one.offsets, one.after + first) for one, first in parts])
+        offsets, after = _join_rows([(one.offsets, one.after + first) for one, first in parts])
         kept = np.concatenate([np.where(one.kept >= 0, one.kept + first, -1) for one, first in parts])
         first_of_game = tables.first // nodes * self.num_states
         return [*map(kernels.buffer, (offsets, after, kept, first_of_game))]
@@ -365,14 +365,14 @@ class TrafficOnMaps:
         return -2 - state if is_loop and state >= 0 else state
 
 
-def _others(rows: IntArray, size: int) -> IntArray:
+def _find_other_rows(rows: IntArray, size: int) -> IntArray:
     """Return the numbers below `size` that are not in `rows`, ascending."""
     is_other = np.ones(size, np.bool_)
     is_other[rows] = False
     return np.flatnonzero(is_other)
 
 
-def _joined(each: Sequence[tuple[IntArray, IntArray]]) -> tuple[IntArray, IntArray]:
+def _join_rows(each: Sequence[tuple[IntArray, IntArray]]) -> tuple[IntArray, IntArray]:
     """Return lists of rows, given by their offsets and rows, one after the other."""
     counts = np.concatenate([np.diff(offsets) for offsets, _ in each])
     return np.concatenate(([0], np.cumsum(counts))), np.concatenate([rows for _, rows in each])
@@ -505,7 +505,7 @@ class OpenRoads:
     def edges_at(self, maps: Sequence[RoadMap | None]) -> EdgesAt:
         """Return the open edges out of each node and into each node, of one map after the other."""
         each = [self.edges_at_start if one is None else one.edges_at for one in maps]
-        leaving, entering = (_joined([one[way] for one in each]) for way in (0, 1))
+        leaving, entering = (_join_rows([one[way] for one in each]) for way in (0, 1))
         return leaving, entering
 
     def removed(self, maps: Sequence[RoadMap | None]) -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -550,7 +550,7 @@ class OpenRoads:
             every = [self.for_mode(one, mode) for mode in range(len(self.modes) + 1) for one in several]
             legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in every]
             nodes = self.streets.num_nodes
-            self._tables = RoadTables(every, slots[1:] * nodes, *_joined(legal), len(several) * nodes)
+            self._tables = RoadTables(every, slots[1:] * nodes, *_join_rows(legal), len(several) * nodes)
         return self._tables
 
     def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
@@ -576,18 +576,18 @@ class OpenRoads:
         Raises:
             BadValue: an edge is opened that was closed at the start, while another edge had its id; or an edge is new.
         """
-        rows = self._rows_of(edge_ids)
+        rows = self._find_rows(edge_ids)
         if (rows < 0).any():
             raise BadValue(f"edge {edge_ids[rows < 0][0]} was on no map of the games that the batch began with")
         return self._map_of(rows, closed)
 
     def _map_of(self, rows: IntArray, closed: ClosedEdges) -> RoadMap | None:
         opened = np.array([id for id in self.closed_at_start if id not in closed], np.int64)
-        if (self._rows_of(opened) < self._at_start).any():
+        if (self._find_rows(opened) < self._at_start).any():
             raise BadValue("it opens roads that were closed at the start, and whose ids other edges had")
         is_later = (np.diff(rows, prepend=-1) < 0) | (rows >= self._at_start)
         in_place = int(is_later.argmax()) if is_later.any() else len(rows)
-        return self._map(_others(rows[:in_place], self._at_start), rows[in_place:], closed)
+        return self._map(_find_other_rows(rows[:in_place], self._at_start), rows[in_place:], closed)
 
     def _map(self, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> RoadMap | None:
         if not len(gone) and not len(opened) and [*closed] == [*self.closed_at_start]:
@@ -600,7 +600,7 @@ class OpenRoads:
             self._known[roads.key] = roads
         return known
 
-    def _rows_of(self, edge_ids: IntArray) -> IntArray:
+    def _find_rows(self, edge_ids: IntArray) -> IntArray:
         known = self.whole.columns.edge_ids
         if self._order is None:
             self._order = np.argsort(known, kind="stable")
@@ -649,9 +649,9 @@ _OF_ROADS = {
 }
 
 
-def _refusing(name: str) -> property:
+def _make_refusing_property(name: str) -> property:
     return property(lambda _: refuse_several_maps(f"streets.{name}"))
 
 
 for _name in _OF_ROADS:
-    setattr(MultiMapStreets, _name, _refusing(_name))
+    setattr(MultiMapStreets, _name, _make_refusing_property(_name))

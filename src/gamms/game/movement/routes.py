@@ -30,7 +30,7 @@ _lock = RLock()  # one batch at a time reads and extends tables
 _shared: OrderedDict[bytes, "RouteTable"] = OrderedDict()  # by hash of graph and weight; most recently used last
 
 
-def shared_routes(streets: StreetGraph, weight: str | None) -> "RouteTable":
+def get_shared_routes(streets: StreetGraph, weight: str | None) -> "RouteTable":
     """Return the tables of a graph; batches on equal graphs with equal weights share them."""
     arcs = streets.ways_to(weight)
     parts = (streets.columns.node_ids, streets.offsets, streets.targets, *arcs)
@@ -62,22 +62,22 @@ class PathTables:
         self._far: FloatArray = np.zeros((0, self._nodes))
         self._following = np.zeros((0, self._nodes), np.int32)
         paths = routes.Paths(ReachableNodes(self._nodes).core, *map(buffer, np.zeros((3, self._nodes), np.int64)))
-        self.core = routes.PathTables(buffer(ids), *arcs, paths, *self._with_room(arcs))
+        self.core = routes.PathTables(buffer(ids), *arcs, paths, *self._make_room(arcs))
 
     def take(self, arcs: tuple[Any, Any, Any], moved: IntArray) -> None:
         """Switch to other maps, and keep the tables of those that remain; see `routes.PathTables.take`."""
-        self.core.take(*arcs, *self._with_room(arcs), buffer(moved))
+        self.core.take(*arcs, *self._make_room(arcs), buffer(moved))
 
-    def _with_room(self, arcs: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+    def _make_room(self, arcs: tuple[Any, Any, Any]) -> tuple[Any, Any]:
         """Return the tables of the core, with room for paths to all nodes of these maps, or as many as fit."""
         # The operating system provides memory only for tables that are used.
         room = max(len(self._far), min(self._most, len(arcs[0]) - 1))
-        self._far = _longer(self._far, room)
-        self._following = _longer(self._following, room)
+        self._far = _extend_tables(self._far, room)
+        self._following = _extend_tables(self._following, room)
         return buffer(self._far), buffer(self._following)
 
 
-def _longer(tables: np.ndarray[Any, Any], room: int) -> Any:
+def _extend_tables(tables: np.ndarray[Any, Any], room: int) -> Any:
     """Return tables with room for more, if they have less."""
     if room <= len(tables):
         return tables
@@ -119,10 +119,10 @@ class RouteTable:
         Raises:
             BadType, BadValue: the arrays are not rows of nodes, or do not broadcast to one shape.
         """
-        sources, targets = self._checked(sources, targets)
+        sources, targets = self._check_rows(sources, targets)
         found = np.empty(sources.shape)
         with _lock:
-            routes.find_distances(self._paths, *_queries(sources, targets), buffer(found))
+            routes.find_distances(self._paths, *_make_queries(sources, targets), buffer(found))
         return found
 
     def actions(
@@ -148,24 +148,24 @@ class RouteTable:
         Raises:
             BadType, BadValue: the arrays are not rows of nodes, or do not broadcast to one shape.
         """
-        sources, targets = self._checked(sources, targets)
+        sources, targets = self._check_rows(sources, targets)
         enterable = np.zeros(0, np.bool_)
         if allowed is not None:
             enterable = as_array(allowed, "allowed", "booleans", (self._streets.num_nodes,))
         found = np.empty(sources.shape, np.int64)
         legal = buffer(self._streets.offsets), buffer(self._streets.targets)
-        queries = _queries(sources, targets)
+        queries = _make_queries(sources, targets)
         with _lock:
             routes.find_actions(self._paths, *legal, *queries, buffer(enterable.view(np.uint8)), buffer(found))
         return found
 
-    def _checked(self, sources: object, targets: object) -> list[IntArray]:
+    def _check_rows(self, sources: object, targets: object) -> list[IntArray]:
         """Return the rows of nodes that a caller passed, broadcast to one shape."""
         checked = self._streets.checked
         return as_one_shape({"sources": checked(sources, "sources"), "targets": checked(targets, "targets")})
 
 
-def _queries(sources: IntArray, targets: IntArray) -> tuple[Any, Any, Any]:
+def _make_queries(sources: IntArray, targets: IntArray) -> tuple[Any, Any, Any]:
     """Return queries for the core: their order by target, so that each table is made once, sources and targets."""
     ends = targets.reshape(-1)
     return buffer(np.argsort(ends, kind="stable")), buffer(sources), buffer(ends)

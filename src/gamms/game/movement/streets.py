@@ -11,7 +11,7 @@ from gamms.arguments import as_array, as_numbers_of, as_one_shape
 from gamms.core import moves
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
-from gamms.readonly import ShallowCopied, locked
+from gamms.readonly import ShallowCopyMixin, copy_locked
 
 
 class RouteSource(Protocol):
@@ -27,7 +27,7 @@ class RouteSource(Protocol):
         """Return each node and its out-neighbors as offsets (nodes + 1,) and rows; the node itself comes first."""
 
 
-class StreetGraph(ShallowCopied):
+class StreetGraph(ShallowCopyMixin):
     """The nodes of a graph, and the legal moves from each along one edge.
 
     Args:
@@ -51,8 +51,8 @@ class StreetGraph(ShallowCopied):
         self.columns = columns
         self._queries = queries
         self.num_nodes = len(columns.node_ids)
-        self.offsets, self.targets = map(locked, queries.neighborhoods())
-        self.counts: IntArray = locked(np.diff(self.offsets))
+        self.offsets, self.targets = map(copy_locked, queries.neighborhoods())
+        self.counts: IntArray = copy_locked(np.diff(self.offsets))
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
         self._order = None if self._ids_are_rows else columns.node_order
         self._padded: IntArray | None = None
@@ -120,14 +120,14 @@ class StreetGraph(ShallowCopied):
     @cached_property
     def core(self) -> moves.LegalMoves:
         """The legal moves in the form of the core."""
-        return moves.LegalMoves(*self._memory())
+        return moves.LegalMoves(*self._get_memory())
 
     @cached_property
     def core_with_all_legal(self) -> moves.LegalMoves:
         """The legal moves in the form of the core, for games that allow moves to any node."""
-        return moves.LegalMoves(*self._memory(), are_all_legal=True)
+        return moves.LegalMoves(*self._get_memory(), are_all_legal=True)
 
-    def _memory(self) -> tuple[Any, Any]:
+    def _get_memory(self) -> tuple[Any, Any]:
         """Return the buffers of `offsets` and `targets`."""
         offsets: Any = np.ascontiguousarray(self.offsets, np.int32).data
         targets: Any = np.ascontiguousarray(self.targets, np.int32).data
@@ -137,7 +137,7 @@ class StreetGraph(ShallowCopied):
     def axes(self) -> FloatArray:
         """The x and the y of all nodes, (2, nodes), each contiguous."""
         if self._axes is None:
-            self._axes = locked(self.columns.xy.T)
+            self._axes = copy_locked(self.columns.xy.T)
         return self._axes
 
     @cached_property
@@ -175,7 +175,7 @@ class StreetGraph(ShallowCopied):
             columns = np.minimum(np.arange(most), self.counts[:, None] - 1)
             padded = self.targets[self.offsets[:-1, None] + columns]
             is_legal = np.arange(most) < self.counts[:, None]
-            self._padded = locked(np.where(is_legal, padded, np.arange(len(padded))[:, None]))
+            self._padded = copy_locked(np.where(is_legal, padded, np.arange(len(padded))[:, None]))
         return self._padded
 
     def legal_of(self, rows: IntArray) -> tuple[IntArray, IntArray]:
@@ -252,13 +252,13 @@ class LegalNodes:
         """Offsets and targets; read-only."""
         streets: Any = self._streets
         offsets, rows = streets.legal_of(self._rows)
-        return locked(offsets), locked(streets.ids(rows))
+        return copy_locked(offsets), copy_locked(streets.ids(rows))
 
     @cached_property
     def counts(self) -> RowArray:
         """The number of legal nodes of each agent, (agents,)."""
         found: RowArray = np.diff(self.ragged[0]) if self._streets is None else self._streets.counts_of(self._rows)
-        return locked(found.astype(np.int32))
+        return copy_locked(found.astype(np.int32))
 
     def step(self, actions: IntArray) -> IntArray:
         """Return the ids of the nodes that actions lead to; an action is the number of a legal node."""

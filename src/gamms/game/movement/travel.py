@@ -28,9 +28,9 @@ from gamms.ir.graph import (
     GraphColumns,
     IntArray,
     apply_mode,
-    edge_weights,
+    find_edge_weights,
     find_usable_edges,
-    forbidden_paths,
+    list_forbidden_paths,
     split_mode,
 )
 from gamms.ir.obstacles import BoolArray
@@ -136,7 +136,7 @@ class TurnPaths:
 
     def __init__(self, rows: int, most: int, route: int | None = None) -> None:
         self._shape = rows, most
-        self._memory = _memory_of(rows, most, most if route is None else route)
+        self._memory = _make_memory(rows, most, most if route is None else route)
         self.core = core.TurnPaths(rows, most, *self._memory)
         columns = {name: np.asarray(getattr(self.core, name)) for name in _COLUMNS}
         self.node = columns["node"]
@@ -160,12 +160,12 @@ class TurnPaths:
         return found
 
 
-def paths_of_one(most: int) -> core.TurnPaths:
+def make_paths_of_one(most: int) -> core.TurnPaths:
     """Return memory for the path of one agent, along `most` edges or over a route of `most` nodes."""
-    return core.TurnPaths(1, most, *_memory_of(1, most, most))
+    return core.TurnPaths(1, most, *_make_memory(1, most, most))
 
 
-def _memory_of(rows: int, most: int, route: int) -> tuple[Any, Any]:
+def _make_memory(rows: int, most: int, route: int) -> tuple[Any, Any]:
     """Return memory for the integers and the floats of `core.TurnPaths`."""
     # NOTE: two pieces, because each turn of a game has paths of its own (benchmarks: travel).
     nodes = rows * (most + 1)
@@ -213,7 +213,7 @@ class GamePaths(core.PathsBySlot):
     def _make_room(self, most: int) -> None:
         """Allocate memory for `most` legs of each agent."""
         self._most = most
-        self.core = core.TurnPaths(len(self.maps), most, *_memory_of(len(self.maps), most, 0))
+        self.core = core.TurnPaths(len(self.maps), most, *_make_memory(len(self.maps), most, 0))
         self._read: _PathColumns | None = None
 
     @property
@@ -250,7 +250,7 @@ class GamePaths(core.PathsBySlot):
         first = i * (self._most + 1)
         last = first + len(path)
         columns.nodes[first:last] = array(INT64, path)
-        columns.times[first:last] = _evenly(len(path)) if times is None else array("d", times)
+        columns.times[first:last] = _space_evenly(len(path)) if times is None else array("d", times)
         self.maps[i] = BY_IDS
 
     def reserve(self, legs: int) -> bool:
@@ -347,7 +347,7 @@ class GamePaths(core.PathsBySlot):
         path = [ids[node] for node in columns.nodes[first:last]]
         return Track(tuple(path), tuple(columns.times[first:last]), tuple(self.legs_of(i)))
 
-    def _nodes_beyond(self, i: int) -> list[int]:
+    def _list_nodes_beyond(self, i: int) -> list[int]:
         """Return the ids of the nodes on the path of an agent over nodes, beyond the first."""
         columns = self._columns
         first = i * (self._most + 1)
@@ -374,7 +374,7 @@ class GamePaths(core.PathsBySlot):
         The count is for an agent that passes no more nodes.
         """
         legs = self.legs_of(i)
-        targets = [leg.target for leg in legs] if legs else self._nodes_beyond(i)
+        targets = [leg.target for leg in legs] if legs else self._list_nodes_beyond(i)
         if not targets or not core.begins_on_edge(self.core, i):
             return STAYS, Motion.FORWARD, targets
         motion = self._columns.motion[i]
@@ -384,7 +384,7 @@ class GamePaths(core.PathsBySlot):
 
 
 @lru_cache(maxsize=256)
-def _evenly(nodes: int) -> Any:
+def _space_evenly(nodes: int) -> Any:
     """Return the times at the nodes of a path, evenly spaced from 0 to 1, as memory."""
     return array("d", [number / max(1, nodes - 1) for number in range(nodes)])
 
@@ -442,9 +442,9 @@ class StoredPaths:
         offsets, edges = edges_at
         is_finite = np.isfinite(self._costs).ravel()
         if not len(first_costs):
-            return _chosen(is_finite[edges], edges_at)
+            return _select_edges(is_finite[edges], edges_at)
         counts = np.diff(offsets[:: len(self._columns.node_ids)])
-        return _chosen(is_finite[edges + np.repeat(first_costs, counts)], edges_at)
+        return _select_edges(is_finite[edges + np.repeat(first_costs, counts)], edges_at)
 
     def _begin(self, rows: int, most: int) -> None:
         self.most = most
@@ -689,10 +689,10 @@ def find_edges_at(columns: GraphColumns, mode: str) -> EdgesAt:
     may_use = find_usable_edges(columns, mode)
     leaving = columns.offsets, columns.out_edges
     entering = kernels.group_rows(columns.targets, len(columns.node_ids))
-    return _chosen(may_use[leaving[1]], leaving), _chosen(may_use[entering[1]], entering)
+    return _select_edges(may_use[leaving[1]], leaving), _select_edges(may_use[entering[1]], entering)
 
 
-def _chosen(kept: BoolArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+def _select_edges(kept: BoolArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
     """Return the offsets and rows of some of these edges; `kept` is a mask of the rows."""
     offsets, edges = edges_at
     return np.concatenate(([0], np.cumsum(kept)))[offsets], edges[kept]
@@ -837,7 +837,7 @@ class Travel(TravelSearch):
             if place is None:
                 raise BadValue(str(NoPath(here, target)))
             may_turn = core.back(roads.map, roads.edge_rows[place.edge]) >= 0
-            raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
+            raise make_no_path_error(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
 
     def _refuse_far(self, here: int, target: int) -> None:
         near = find_usable_graph(self._ctx, self._mode).neighborhoods[here]
@@ -847,7 +847,7 @@ class Travel(TravelSearch):
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths with `most` legs."""
         self._most = most
-        self._trips = paths_of_one(most)
+        self._trips = make_paths_of_one(most)
         self._route = self._trips.route
         self.take_trips(self._trips)
 
@@ -883,7 +883,7 @@ class TrafficTable:
 
     def __init__(self, columns: GraphColumns, mode: str) -> None:
         row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-        paths = forbidden_paths(columns).get(split_mode(mode)[0], [])
+        paths = list_forbidden_paths(columns).get(split_mode(mode)[0], [])
         self._columns = columns
         self._forbidden = kernels.ForbiddenPaths(tuple(row_of[id] for id in path) for path in paths)
         self._begins = [*self._forbidden.begins]
@@ -985,7 +985,7 @@ class MovesWithTurns:
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths over `most` nodes."""
         self._most = most
-        self._trips = paths_of_one(most)
+        self._trips = make_paths_of_one(most)
         self._paths = by_edges.PathsWithTurns(self._trips, self._states, self._reach.core)
 
     def _find_state(self, here: int, driven: Sequence[int]) -> int:
@@ -1134,7 +1134,7 @@ class TurnMap:
 
     def __init__(self, roads: RoadMap, columns: GraphColumns, costs: FloatArray, mode: str) -> None:
         may_use = find_usable_edges(columns, mode)
-        paths = forbidden_paths(columns).get(split_mode(mode)[0], [])
+        paths = list_forbidden_paths(columns).get(split_mode(mode)[0], [])
         self.routes = TurnRoutes(columns, costs, may_use, paths)
         starts, ends, edges, self.nodes = self.routes.list_arcs()
         self._first = len(self.nodes) - len(columns.node_ids)  # the state of traffic that begins on the first node
@@ -1241,7 +1241,7 @@ class TravelWithTurns(Travel):
             return
         nodes = route[1:] if route[0] == here else route
         if place is not None and nodes[:1] != [place.target]:
-            raise no_turning_back(place)
+            raise make_turning_error(place)
         nodes = nodes if place is None else nodes[1:]
         at = here if place is None else place.target
         self._go(place, here, speed, self._find_edges(self._find_start(here, place)[2], at, nodes))
@@ -1284,9 +1284,9 @@ class TravelWithTurns(Travel):
         pace = nan if speed is None else speed
         core.begin(self._trips, 0, state, arc, share, motion, self.now, pace, core.UNLIMITED)
         core.go(turns.map, self._trips, 0, Motion.FORWARD, len(route))
-        self._name_roads()
+        self._replace_states_by_roads()
 
-    def _name_roads(self) -> None:
+    def _replace_states_by_roads(self) -> None:
         """Replace the states and arcs of the path by nodes and edges of the map of roads."""
         trips = self._trips
         turns = self.turns
@@ -1303,7 +1303,7 @@ class TravelWithTurns(Travel):
             trips.backs[leg] = core.back(roads, edge)
 
 
-def no_turning_back(place: Progress) -> BadValue:
+def make_turning_error(place: Progress) -> BadValue:
     """Return the error for an agent that obeys turn restrictions and would have to turn back on an edge."""
     return BadValue(
         f"The agent is on the edge from node {place.source} to node {place.target} and obeys turn restrictions: it "
@@ -1335,10 +1335,10 @@ def weigh_edges(ctx: HostContext, weight: str | None, mode: str | None) -> Float
     if mode is None:
         whole: IGraph = ctx.graph.graph
         return whole.weights(weight)
-    return edge_weights(apply_mode(ctx.graph.columns(), mode), weight)
+    return find_edge_weights(apply_mode(ctx.graph.columns(), mode), weight)
 
 
-def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:
+def make_no_path_error(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:
     """Return the error for an agent on an edge from `here` to `end` that cannot reach a node."""
     if not is_paced:
         return BadValue(f"Node {target} is no end of the edge from node {here} to node {end}.")

@@ -67,7 +67,7 @@ class BlockCounts(NamedTuple):
     events: int = 0
 
 
-def cost_of(turns: int, moves: int, events: int) -> int:
+def compute_cost(turns: int, moves: int, events: int) -> int:
     """Return the memory cost of turns in bytes, without the values of events."""
     return _OF_TURN * turns + _OF_MOVE * moves + _OF_EVENT * events
 
@@ -80,7 +80,7 @@ def block(type: int, body: bytes, key: int, counts: BlockCounts) -> bytes:
     return b"".join((front, zlib.crc32(front).to_bytes(4, "little"), body))
 
 
-def head_of(data: bytes, at: int = 0) -> BlockHead:
+def decode_head(data: bytes, at: int = 0) -> BlockHead:
     """Decode the head of a block from its first `HEAD_SIZE` bytes.
 
     Raises:
@@ -108,7 +108,7 @@ class FileContents(NamedTuple):
     warning: str | None  # None of a finished one
 
 
-def at_byte(at: int) -> reporting_damage:
+def add_position_to_errors(at: int) -> reporting_damage:
     """Return a context manager that adds the position of a block to errors."""
     return reporting_damage(f"This recording is damaged at byte {at}", (*DAMAGES, MemoryError, RecursionError))
 
@@ -155,7 +155,7 @@ class BlockSource(NotPickled):
 
     def head(self, at: int) -> BlockHead:
         """Return the head of the block at a position (BadFile)."""
-        return head_of(self.read(at, min(HEAD_SIZE, self.size - at)), at)
+        return decode_head(self.read(at, min(HEAD_SIZE, self.size - at)), at)
 
     def body(self, head: BlockHead) -> bytes:
         """Return the body of a block.
@@ -171,14 +171,14 @@ class BlockSource(NotPickled):
         return body
 
 
-def contents_of(source: BlockSource, decoder: packing.Decoder) -> FileContents:
+def read_contents(source: BlockSource, decoder: packing.Decoder) -> FileContents:
     """Return the header and the list of blocks of a recording.
 
     Raises:
         RecordingError: not a recording, or its header is damaged or truncated.
     """
     _check_magic(source.read(0, min(len(MAGIC), source.size)))
-    with at_byte(len(MAGIC)):
+    with add_position_to_errors(len(MAGIC)):
         head = source.head(len(MAGIC))
         header = packing.unpack(source.body(head), decoder)
         if head.type != HEADER or head.key or not isinstance(header, dict):
@@ -216,7 +216,7 @@ class _Blocks:
         """Return the blocks from a position on, and a warning for an unfinished file."""
         source = self._source
         found = self._found
-        while (block := self._at(at)) is not None and self._joins(block):
+        while (block := self._read_block(at)) is not None and self._add_next_block(block):
             at = block.end
             if block.type == END and at == source.size:
                 return found, None
@@ -229,14 +229,14 @@ class _Blocks:
         rest = f" {source.size - at} bytes after them are lost." if source.size > at else ""
         return found, f"This recording was not finished: its first {turns} turns, up to byte {at}, can be read.{rest}"
 
-    def _at(self, at: int) -> BlockHead | None:
+    def _read_block(self, at: int) -> BlockHead | None:
         try:
             head = self._source.head(at)
         except BadFile:
             return None
         return head if head.key == self._key and head.end <= self._source.size else None
 
-    def _joins(self, block: BlockHead) -> bool:
+    def _add_next_block(self, block: BlockHead) -> bool:
         """Add a block if it continues the blocks found so far; return whether it does."""
         if block.type == END:
             return block.first == turns_of(self._found)
@@ -244,18 +244,18 @@ class _Blocks:
             return True  # of a later version
         is_next = block.first == turns_of(self._found)
         if (block.type == TURNS) != (block.turns > 0) or not (
-            is_next or (self._replaces(block) and self._is_sound(block))
+            is_next or (self._replace_block(block) and self._is_sound(block))
         ):
             return False
         self._join(block)
         return True
 
     def _join(self, block: BlockHead) -> None:
-        if self._replaces(block):
+        if self._replace_block(block):
             self._found.pop()
         self._found.append(block)
 
-    def _replaces(self, block: BlockHead) -> bool:
+    def _replace_block(self, block: BlockHead) -> bool:
         last = self._found[-1] if self._found else block._replace(first=-1)
         return last.type == block.type == TURNS and last.first == block.first and last.turns <= block.turns
 
@@ -269,9 +269,13 @@ class _Blocks:
     def _copy_behind(self, at: int) -> BlockHead | None:
         """Return the first valid block after a damaged place that replaces or continues the last block of turns."""
         tries = 0
-        for place in self._places_of(SYNC + bytes([TURNS]), at + 1):
-            block = self._at(place)
-            if block is not None and block.turns and (self._replaces(block) or block.first == turns_of(self._found)):
+        for place in self._find_positions(SYNC + bytes([TURNS]), at + 1):
+            block = self._read_block(place)
+            if (
+                block is not None
+                and block.turns
+                and (self._replace_block(block) or block.first == turns_of(self._found))
+            ):
                 if self._is_sound(block):
                     return block
                 tries += 1
@@ -279,7 +283,7 @@ class _Blocks:
                 return None
         return None
 
-    def _places_of(self, mark: bytes, at: int) -> Iterator[int]:
+    def _find_positions(self, mark: bytes, at: int) -> Iterator[int]:
         """Yield the positions of these bytes, from a position on."""
         while at < self._source.size:
             piece = self._source.read(at, min(_PIECE, self._source.size - at))

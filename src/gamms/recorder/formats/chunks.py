@@ -88,12 +88,12 @@ class TrackLayout:
         firsts = reader.sums(len(self.at))
         others = reader.column(len(self.order) - len(self.at))
         if are_floats:
-            others = self._sums(0, others)[~self.is_first]
+            others = self._sum_tracks(0, others)[~self.is_first]
         values = np.empty(len(self.order), np.int64)
-        values[self.order] = self._sums(firsts, others)
+        values[self.order] = self._sum_tracks(firsts, others)
         return values
 
-    def _sums(self, firsts: IntArray | int, others: IntArray) -> IntArray:
+    def _sum_tracks(self, firsts: IntArray | int, others: IntArray) -> IntArray:
         """Return the cumulative sums of each track, track by track."""
         parts = np.zeros(len(self.order), np.int64)
         parts[~self.is_first] = others
@@ -217,9 +217,9 @@ def part_of(log: Sequence[object]) -> LogPart:
     """
     log = log if isinstance(log, list) else list(log)
     try:
-        part = LogPart(_pairs(array("q", cast("list[int]", log))))
+        part = LogPart(_make_pairs(array("q", cast("list[int]", log))))
     except (TypeError, OverflowError):
-        part = _mixed(log)
+        part = _make_part(log)
     if len(part.moves) > blocks.MOST_MOVES or len(part.kinds) > blocks.MOST_EVENTS:
         raise BadValue(
             f"A turn of {len(part.moves)} moves and {len(part.kinds)} events cannot be recorded; at most "
@@ -228,7 +228,7 @@ def part_of(log: Sequence[object]) -> LogPart:
     return part
 
 
-def _mixed(log: Log) -> LogPart:
+def _make_part(log: Log) -> LogPart:
     """Return the log of a turn with events as a part."""
     found: list[IntArray] = []
     after = []
@@ -240,9 +240,9 @@ def _mixed(log: Log) -> LogPart:
     count = 0
     for _ in range(types.count(tuple)):
         end = types.index(tuple, begin)
-        moves = _moves(log[begin:end])
+        moves = _select_moves(log[begin:end])
         begin = end + 1
-        kind, one = _checked_event(log[end])
+        kind, one = _check_event(log[end])
         found.append(moves)
         count += len(moves)
         if kind == MOVES and isinstance(one, np.ndarray):
@@ -255,15 +255,15 @@ def _mixed(log: Log) -> LogPart:
             rows[kind].append(one)
         else:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
-    found.append(_moves(log[begin:]))
+    found.append(_select_moves(log[begin:]))
     numbers = {kind: EventRows.of(kind, each) for kind, each in rows.items() if each}
     whole = np.concatenate(found)
     return LogPart(whole, after, kinds, data, numbers)
 
 
-def _moves(numbers: Log) -> IntArray:
+def _select_moves(numbers: Log) -> IntArray:
     try:
-        return _pairs(array("q", numbers))
+        return _make_pairs(array("q", numbers))
     except TypeError as error:
         raise BadType(
             f"A log has ints and tuples (kind, data); this one has other entries ({reason(error)})."
@@ -272,13 +272,13 @@ def _moves(numbers: Log) -> IntArray:
         raise BadValue(f"Rows and nodes have 64 bits; {shown(numbers)} has more.") from None
 
 
-def _pairs(numbers: "array[int]") -> IntArray:
+def _make_pairs(numbers: "array[int]") -> IntArray:
     if len(numbers) % 2:
         raise BadValue("A log has two ints, row and node, for each move; one int is missing.")
     return np.frombuffer(numbers, np.int64).reshape(-1, 2)
 
 
-def _checked_event(event: tuple[Plain, ...]) -> tuple[int, Plain]:
+def _check_event(event: tuple[Plain, ...]) -> tuple[int, Plain]:
     if len(event) != 2 or type(event[0]) is not int or not -(1 << 63) <= event[0] < 1 << 63:
         raise BadValue(f"An event is a tuple of an int of 64 bits, its kind, and its data, not {shown(event)}.")
     return event
@@ -337,21 +337,21 @@ class WaitingTurns:
         """Return the body of the block."""
         parts = self.parts
         columns = [column(np.array([len(part.moves) for part in parts], np.int64))]
-        columns += self._columns_of_events()
-        columns[2:2] = self._columns_of_moves()
+        columns += self._list_event_columns()
+        columns[2:2] = self._list_move_columns()
         for kind in sorted(FORMS):
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
                 columns += EventRows.joined(some).columns(kind)
         data = list(chain.from_iterable(part.data for part in parts))
-        return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]), FAST)
+        return packing.pack_parts(data, columns, blocks.compute_cost(*self.counts[1:]), FAST)
 
-    def _columns_of_moves(self) -> Iterator[bytes]:
+    def _list_move_columns(self) -> Iterator[bytes]:
         """Yield rows, first nodes of tracks, and other nodes."""
         rows, nodes = np.concatenate([part.moves for part in self.parts]).T
         yield column(steps(rows))
         yield from TrackLayout(rows).columns(nodes)
 
-    def _columns_of_events(self) -> Iterator[bytes]:
+    def _list_event_columns(self) -> Iterator[bytes]:
         """Yield the number of events of each turn; for each event the moves before it, its kind, and its size."""
         of_turns, after, kinds, sizes = numbers = [list[int]() for _ in range(4)]
         moves = 0
@@ -465,7 +465,7 @@ class Chunk:
         return log + flat[at:]
 
 
-def chunk_of(head: blocks.BlockHead, body: bytes, decoder: packing.Decoder, charged: bytearray) -> Chunk:
+def decode_chunk(head: blocks.BlockHead, body: bytes, decoder: packing.Decoder, charged: bytearray) -> Chunk:
     """Decode the turns of a block.
 
     Args:
@@ -479,15 +479,15 @@ def chunk_of(head: blocks.BlockHead, body: bytes, decoder: packing.Decoder, char
     """
     data, columns = packing.unpack_parts(body, decoder.most_bytes, has_columns=True)
     reader = ByteReader(columns)
-    move_ends = _ends(reader.column(head.turns), head.moves, "moves")
-    event_ends = _ends(reader.column(head.turns), head.events, "events")
+    move_ends = _compute_ends(reader.column(head.turns), head.moves, "moves")
+    event_ends = _compute_ends(reader.column(head.turns), head.events, "events")
     moves = np.empty((head.moves, 2), np.int64)
     moves[:, 0] = reader.sums(head.moves)
     moves[:, 1] = TrackLayout(moves[:, 0]).take(reader)
     after = reader.sums(head.events)
     kinds = reader.column(head.events)
     sizes = reader.column(head.events)
-    data_ends = _ends(sizes, len(data), "bytes")
+    data_ends = _compute_ends(sizes, len(data), "bytes")
     found = _take_tracks(reader, kinds, sizes)
     reader.finish()
     moves.setflags(write=False)  # because views of it are returned
@@ -510,7 +510,7 @@ def _take_tracks(reader: ByteReader, kinds: IntArray, sizes: IntArray) -> dict[i
     return found
 
 
-def _ends(sizes: IntArray, total: int, what: str) -> IntArray:
+def _compute_ends(sizes: IntArray, total: int, what: str) -> IntArray:
     """Return the end of each part, given the sizes, after a 0."""
     ends = np.zeros(len(sizes) + 1, np.int64)
     if len(sizes) and (int(sizes.min()) < 0 or int(sizes.max()) > total):

@@ -15,7 +15,14 @@ from gamms.ir.packing import Decoder, unpack
 from gamms.limits import MemoryBudget
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
-from gamms.recorder.formats.blocks import BlockHead, BlockSource, FileContents, at_byte, contents_of, turns_of
+from gamms.recorder.formats.blocks import (
+    BlockHead,
+    BlockSource,
+    FileContents,
+    add_position_to_errors,
+    read_contents,
+    turns_of,
+)
 from gamms.recorder.streams import StreamOwner
 
 _KEPT = 4  # number of decoded blocks in memory
@@ -45,7 +52,7 @@ class Reader(StreamOwner):
         try:
             self._input = BlockSource(self._owned or source)  # type: ignore[arg-type]  # a path would have been opened
             self._decoder = Decoder(MemoryBudget(self._input.size, "it", is_streamed=True))
-            self._take(contents_of(self._input, self._decoder))
+            self._take(read_contents(self._input, self._decoder))
         except BaseException:
             self.close()
             raise
@@ -62,9 +69,9 @@ class Reader(StreamOwner):
         self._kept: OrderedDict[int, chunks.Chunk] = OrderedDict()
         self._charged: dict[int, bytearray] = {}  # position of a block -> which of its values have been charged
         for block in self._chunks:
-            with at_byte(block.at):
+            with add_position_to_errors(block.at):
                 self._decoder.allowance.begin()
-                self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
+                self._decoder.allowance.charge(blocks.compute_cost(block.turns, block.moves, block.events))
 
     def content(self) -> bytes:
         """Return the present bytes of the file."""
@@ -79,14 +86,14 @@ class Reader(StreamOwner):
         """
         self._check_range(turn, turn + 1)
         number = bisect_right(self._firsts, turn) - 1
-        chunk = self._kept.get(number) or self._chunk(number)
-        with at_byte(self._chunks[number].at):
+        chunk = self._kept.get(number) or self._read_chunk(number)
+        with add_position_to_errors(self._chunks[number].at):
             return chunk.log(turn, without)
 
     def moves(self, start: int = 0, stop: int | None = None) -> tuple[IntArray, IntArray, IntArray]:
         """Return all moves of turns `start` to `stop - 1`, in order: turns, rows, nodes, (moves,) each."""
         parts: list[tuple[IntArray, ...]] = []
-        for chunk, first, last in self._parts(start, stop):
+        for chunk, first, last in self._read_parts(start, stop):
             begin = chunk.move_ends[first]
             end = chunk.move_ends[last]
             sizes = np.diff(chunk.move_ends[first : last + 1])
@@ -101,7 +108,7 @@ class Reader(StreamOwner):
 
     def has_events(self, start: int, stop: int) -> bool:
         """Return whether turns `start` to `stop - 1` have events other than moves."""
-        parts = self._parts(start, stop, with_events=True)
+        parts = self._read_parts(start, stop, with_events=True)
         return any(chunk.event_ends[first] < chunk.event_ends[last] for chunk, first, last in parts)
 
     def events(
@@ -112,14 +119,14 @@ class Reader(StreamOwner):
         Yields:
             The turn; the number of moves of this turn before the event; its kind; its data.
         """
-        for chunk, first, last in self._parts(start, stop, with_events=True):
+        for chunk, first, last in self._read_parts(start, stop, with_events=True):
             numbers = chunk.numbers_of(first, last, kinds)
             turns = chunk.turns_of(numbers)
             places = chunk.after[numbers] - chunk.move_ends[turns]
             columns = (column.tolist() for column in (turns + chunk.first, places, chunk.kinds[numbers]))
             every = chunk.data_of(numbers)
             for turn, place, kind in zip(*columns, strict=True):
-                with at_byte(self._chunks[bisect_right(self._firsts, turn) - 1].at):
+                with add_position_to_errors(self._chunks[bisect_right(self._firsts, turn) - 1].at):
                     data = next(every)
                 yield turn, place, kind, data
 
@@ -140,7 +147,7 @@ class Reader(StreamOwner):
     def count_events(self) -> dict[int, int]:
         """Return the number of events of each kind."""
         counts: Counter[int] = Counter()
-        for chunk, _, _ in self._parts(0, None, with_events=True):
+        for chunk, _, _ in self._read_parts(0, None, with_events=True):
             counts.update(chunk.kinds.tolist())
         return dict(sorted(counts.items()))
 
@@ -161,7 +168,7 @@ class Reader(StreamOwner):
         if number < 0:
             return None
         block = self._keyframes[number]
-        with at_byte(block.at):
+        with add_position_to_errors(block.at):
             state = unpack(self._input.body(block), self._decoder, is_new=block.at not in self._charged)
             self._charged[block.at] = bytearray()
             if not isinstance(state, dict):
@@ -174,14 +181,14 @@ class Reader(StreamOwner):
         Raises:
             RecordingError (ValueError): a part is damaged.
         """
-        for _ in self._parts(0, None):
+        for _ in self._read_parts(0, None):
             pass
         for _ in self.events():
             pass
         for turn in self._keyframe_turns:
             self.keyframe(turn)
 
-    def _parts(
+    def _read_parts(
         self, start: int, stop: int | None, *, with_events: bool = False
     ) -> Iterator[tuple[chunks.Chunk, int, int]]:
         """Yield the chunks of these turns, or only chunks with events; with the first and the last of their turns."""
@@ -192,7 +199,7 @@ class Reader(StreamOwner):
             block = self._chunks[number]
             end = min(stop, block.first + block.turns)
             if block.events or not with_events:
-                yield self._chunk(number), start - block.first, end - block.first
+                yield self._read_chunk(number), start - block.first, end - block.first
             number = number + 1
             start = end
 
@@ -200,9 +207,9 @@ class Reader(StreamOwner):
         if not 0 <= start <= stop <= self.turns:
             raise BadValue(f"There are no turns {start} to {stop - 1}: this recording has turns 0 to {self.turns - 1}.")
 
-    def _chunk(self, number: int) -> chunks.Chunk:
+    def _read_chunk(self, number: int) -> chunks.Chunk:
         block = self._chunks[number]
-        with at_byte(block.at):
+        with add_position_to_errors(block.at):
             chunk = self._kept.pop(number, None) or self._read(block)
         self._kept[number] = chunk
         if len(self._kept) > _KEPT:
@@ -212,4 +219,4 @@ class Reader(StreamOwner):
     def _read(self, block: BlockHead) -> chunks.Chunk:
         body = self._input.body(block)
         charged = self._charged.setdefault(block.at, bytearray(block.events))
-        return chunks.chunk_of(block, body, self._decoder, charged)
+        return chunks.decode_chunk(block, body, self._decoder, charged)

@@ -111,10 +111,10 @@ class CborReader:
             if info not in _FLOATS and info not in _SIMPLE:
                 raise BadCbor("it holds a value that is no plain data")
             return self._unpack(_FLOATS[info]) if info in _FLOATS else _SIMPLE[info]
-        size = info if info < 24 else self._size(info)
+        size = info if info < 24 else self._read_size(info)
         return _READERS[kind](self, size, depth)
 
-    def _size(self, info: int) -> int:
+    def _read_size(self, info: int) -> int:
         if info not in _SIZES:
             raise BadCbor("it holds an item of no stated length")
         return int(self._unpack(_SIZES[info]))
@@ -126,7 +126,7 @@ class CborReader:
         self.position = position + form.size
         return form.unpack_from(self._data, position)[0]
 
-    def _bytes(self, size: int) -> bytes:
+    def _read_bytes(self, size: int) -> bytes:
         if size > MOST_BYTES:
             raise BadCbor(f"it holds a text of {size} bytes, more than {MOST_BYTES}")
         begin = self.position
@@ -136,9 +136,9 @@ class CborReader:
         self.position = end
         return bytes(self._data[begin:end])
 
-    def _text(self, size: int) -> str:
+    def _read_text(self, size: int) -> str:
         try:
-            return self._bytes(size).decode()
+            return self._read_bytes(size).decode()
         except UnicodeDecodeError as error:
             raise BadCbor("it holds a text that is not UTF-8") from error
 
@@ -148,23 +148,23 @@ class CborReader:
         if depth >= MOST_DEPTH:
             raise BadCbor(f"it is nested deeper than {MOST_DEPTH}")
 
-    def _list(self, count: int, depth: int) -> list[Plain]:
+    def _read_list(self, count: int, depth: int) -> list[Plain]:
         self._check_container(count, depth)
         return [self.item(depth + 1) for _ in range(count)]
 
-    def _dict(self, count: int, depth: int) -> dict[Plain, Plain]:
+    def _read_dict(self, count: int, depth: int) -> dict[Plain, Plain]:
         self._check_container(count, depth)
         found = {}
         for _ in range(count):
             key = self.item(depth + 1)
             if type(key) is not str:
-                key = self._key(key)
+                key = self._make_key(key)
             found[key] = self.item(depth + 1)
         if len(found) != count:
             raise BadCbor("it holds a map with a key that is there twice")
         return found
 
-    def _tagged(self, number: int, depth: int) -> Plain:
+    def _read_tagged(self, number: int, depth: int) -> Plain:
         """Return the value of a tag: an integer, a set, or a `Tagged`."""
         self._check_container(1, depth)
         value = self.item(depth + 1)
@@ -172,14 +172,14 @@ class CborReader:
             if len(value) > MOST_BIGNUM_BYTES:
                 raise BadCbor(f"it holds a number of {len(value)} bytes, more than {MOST_BIGNUM_BYTES}")
             size = int.from_bytes(value, "big")
-            return self._key(size if number == _BIGNUMS[0] else -1 - size)
+            return self._make_key(size if number == _BIGNUMS[0] else -1 - size)
         if number == SET and isinstance(value, list):
-            return set(map(self._key, value))
+            return set(map(self._make_key, value))
         return Tagged(number, value)
 
-    def _key(self, value: Plain) -> Plain:
+    def _make_key(self, value: Plain) -> Plain:
         try:
-            return self._keys.check(_hashable(value))
+            return self._keys.check(_make_hashable(value))
         except BadFile as error:
             raise BadCbor(str(error)) from error
 
@@ -187,19 +187,19 @@ class CborReader:
 _READERS: tuple[Callable[[CborReader, int, int], Plain], ...] = (  # by the upper three bits of the first byte
     lambda _, size, __: size,
     lambda _, size, __: -1 - size,
-    lambda reader, size, _: reader._bytes(size),
-    lambda reader, size, _: reader._text(size),
-    CborReader._list,
-    CborReader._dict,
-    CborReader._tagged,
+    lambda reader, size, _: reader._read_bytes(size),
+    lambda reader, size, _: reader._read_text(size),
+    CborReader._read_list,
+    CborReader._read_dict,
+    CborReader._read_tagged,
 )
 _SIMPLE_KIND = len(_READERS)
 
 
-def _hashable(value: Plain) -> Plain:
+def _make_hashable(value: Plain) -> Plain:
     """Return a dict key; lists, which the format has instead of tuples, become tuples."""
     if isinstance(value, list):
-        return tuple(_hashable(one) for one in value)
+        return tuple(_make_hashable(one) for one in value)
     if isinstance(value, set):
         return frozenset(value)
     if isinstance(value, dict | Tagged):
@@ -271,18 +271,18 @@ def _read_version(window: _StreamWindow) -> int:
 def _read_record(window: _StreamWindow) -> Record:
     while True:
         try:
-            return _next_record(window)
+            return _read_next_record(window)
         except Incomplete:
             if window.grow():
                 continue
         except BadCbor as error:
-            raise _damaged(window.offset, str(error)) from error
+            raise _make_damage_error(window.offset, str(error)) from error
         if window.position == len(window.data):
             raise RecordingError(f"{ENDED} There is no closing record at byte {window.offset}.")
         raise RecordingError(f"{ENDED} The record at byte {window.offset} is cut off.")
 
 
-def _next_record(window: _StreamWindow) -> Record:
+def _read_next_record(window: _StreamWindow) -> Record:
     data = window.data
     position = window.position
     if len(data) - position > _FRONT.size:
@@ -304,17 +304,17 @@ def _next_record(window: _StreamWindow) -> Record:
 def _check(record: Record, offset: int) -> None:
     opcode = record.get("opCode")
     if type(opcode) is not int or type(record.get("timestamp")) is not int:
-        raise _damaged(offset, "it has no whole 'timestamp' and 'opCode'")
+        raise _make_damage_error(offset, "it has no whole 'timestamp' and 'opCode'")
     if opcode not in FIELDS:
-        raise _damaged(offset, f"there is no operation {opcode:#x}")
+        raise _make_damage_error(offset, f"there is no operation {opcode:#x}")
     data = record.get("data")
     is_map = type(data) is dict or (data is None and opcode == _TERMINATE)
     if len(record) != (3 if "data" in record else 2) or not is_map:
-        raise _damaged(offset, "it has parts other than 'timestamp', 'opCode' and a map 'data'")
+        raise _make_damage_error(offset, "it has parts other than 'timestamp', 'opCode' and a map 'data'")
     if data is not None and not FIELDS[opcode] <= data.keys():
         missing = ", ".join(sorted(FIELDS[opcode] - data.keys()))
-        raise _damaged(offset, f"{OpCodes(opcode).name} needs {missing}")
+        raise _make_damage_error(offset, f"{OpCodes(opcode).name} needs {missing}")
 
 
-def _damaged(offset: int, reason: str) -> RecordingError:
+def _make_damage_error(offset: int, reason: str) -> RecordingError:
     return RecordingError(f"{ENDED} The record at byte {offset} is damaged: {reason}.")

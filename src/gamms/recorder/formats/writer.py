@@ -74,7 +74,7 @@ class Writer(NotPickled):
         self._seconds = seconds
         self._size = size
         self._clock = clock
-        self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
+        self._key = blocks.decode_head(head[: blocks.HEAD_SIZE]).crc
         self._file = stream if isinstance(stream, Output) else Output(stream)
         self._values = 0  # before the open block
         self._open = chunks.WaitingTurns(0)
@@ -145,7 +145,7 @@ class Writer(NotPickled):
         self._file.check()
         if self._file.can_overwrite and len(self._open.parts) > self._saved:
             part = self._open.since(self._saved)
-            self._file.extend(self._block(blocks.TURNS, part.body(), part.counts))
+            self._file.extend(self._write_block(blocks.TURNS, part.body(), part.counts))
             self._saved = len(self._open.parts)
         self._saved_at = self._clock()
 
@@ -169,9 +169,9 @@ class Writer(NotPickled):
         self._saved_at = self._clock()
 
     def _put(self, type: int, body: bytes, counts: blocks.BlockCounts) -> None:
-        self._file.append(self._block(type, body, counts))
+        self._file.append(self._write_block(type, body, counts))
 
-    def _block(self, type: int, body: bytes, counts: blocks.BlockCounts) -> bytes:
+    def _write_block(self, type: int, body: bytes, counts: blocks.BlockCounts) -> bytes:
         return blocks.block(type, body, self._key, counts)
 
 

@@ -24,14 +24,14 @@ FORMATS.register(".svg")(svg.svg)
 
 
 @FORMATS.register(".png")
-def _png(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
+def _render_png(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
     from gamms.visual.backends.raster import png
 
     return png(commands, camera, **words)
 
 
 @FORMATS.register(".pdf")
-def _pdf(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
+def _render_pdf(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
     from gamms.visual.backends.pdf import pdf
 
     return pdf(commands, camera, **words)
@@ -54,14 +54,14 @@ FILMS: Registry[FilmWriter] = Registry("film format", "gamms.films")
 
 
 @FILMS.register(".mp4")
-def _mp4(path: Path, width: int, height: int, fps: float) -> FilmWriter:
+def _open_mp4(path: Path, width: int, height: int, fps: float) -> FilmWriter:
     from gamms.visual.backends.av_backend import Mp4
 
     return Mp4(path, width, height, fps)
 
 
 @FILMS.register(".gif")
-def _gif(path: Path, width: int, height: int, fps: float) -> FilmWriter:
+def _open_gif(path: Path, width: int, height: int, fps: float) -> FilmWriter:
     from gamms.visual.backends.pillow_backend import Gif
 
     return Gif(path, width, height, fps)

@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands
 from gamms.plugins import needing
 from gamms.visual.appearance import Rgb, Rgba
-from gamms.visual.backends.pillow_backend import image_size
+from gamms.visual.backends.pillow_backend import read_image_size
 from gamms.visual.backends.vectors import Point, write_vectors
 from gamms.visual.camera import CSS_DPI, Camera
 from gamms.visual.font import ASCENT, FONT, warn_of_boxes
@@ -66,12 +66,12 @@ class _PdfWriter:
         self._paint = dict[str, int]()  # the arguments of drawPath
         page.setLineCap(_ROUND)
         page.setLineJoin(_ROUND)
-        self._ink(background)
+        self._set_ink(background)
         page.rect(0, 0, camera.width, camera.height, stroke=0, fill=1)
 
     def begin(self, color: Rgba, width: int, *, is_outline: bool) -> None:
         self._paint = {"stroke": int(is_outline), "fill": int(not is_outline), "fillMode": _EVEN_ODD}
-        self._ink(color)
+        self._set_ink(color)
         self._page.setLineWidth(width / 10)
 
     def end(self) -> None:
@@ -79,25 +79,25 @@ class _PdfWriter:
 
     def lines(self, lines: list[list[Point]]) -> None:
         """Draw lines as one path, so that transparent lines are blended once where they cross."""
-        self._page.drawPath(self._path(lines), **self._paint)
+        self._page.drawPath(self._make_path(lines), **self._paint)
 
     def circle(self, middle: Point, radius: int) -> None:
         path: Any = self._page.beginPath()
-        path.circle(*self._place(middle), radius / 10)
+        path.circle(*self._convert_point(middle), radius / 10)
         self._page.drawPath(path, **self._paint)
 
     def rectangle(self, corner: Point, width: int, height: int) -> None:
         path: Any = self._page.beginPath()
-        x, y = self._place(corner)
+        x, y = self._convert_point(corner)
         path.rect(x, y - height / 10, width / 10, height / 10)
         self._page.drawPath(path, **self._paint)
 
     def polygon(self, corners: list[Point]) -> None:
-        path = self._path([corners])
+        path = self._make_path([corners])
         path.close()
         self._page.drawPath(path, **self._paint)
 
-    def _ink(self, color: Rgba) -> None:
+    def _set_ink(self, color: Rgba) -> None:
         red, green, blue, alpha = (part / 255 for part in color)
         self._page.setFillColorRGB(red, green, blue)
         self._page.setStrokeColorRGB(red, green, blue)
@@ -106,16 +106,16 @@ class _PdfWriter:
             self._page.setFillAlpha(alpha)
             self._page.setStrokeAlpha(alpha)
 
-    def _place(self, point: Point) -> tuple[float, float]:
+    def _convert_point(self, point: Point) -> tuple[float, float]:
         x, y = point
         return x / 10, self._height - y / 10
 
-    def _path(self, lines: list[list[Point]]) -> Any:
+    def _make_path(self, lines: list[list[Point]]) -> Any:
         path: Any = self._page.beginPath()
         for line in lines:
-            path.moveTo(*self._place(line[0]))
+            path.moveTo(*self._convert_point(line[0]))
             for point in line[1:]:
-                path.lineTo(*self._place(point))
+                path.lineTo(*self._convert_point(point))
         return path
 
     def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
@@ -123,7 +123,7 @@ class _PdfWriter:
         if not words or not size:
             return
         warn_of_boxes(words)
-        x, y = self._place(corner)
+        x, y = self._convert_point(corner)
         for mode in (_FILL,) if halo is None else (_STROKE, _FILL):
             self._page.saveState()
             if halo is not None and mode == _STROKE:
@@ -143,12 +143,12 @@ class _PdfWriter:
 
     def image(self, path: str, middle: Point, half: int, angle: float) -> None:
         try:
-            width, height = image_size(path)
+            width, height = read_image_size(path)
         except OSError as error:
             raise BadValue(f"Cannot put {path!r} into a PDF: {error}") from None
         ratio = 2 * (half / 10) / max(width, height)
         self._page.saveState()
-        self._page.translate(*self._place(middle))
+        self._page.translate(*self._convert_point(middle))
         self._page.rotate(angle)
         sides = width * ratio, height * ratio
         self._page.drawImage(path, -sides[0] / 2, -sides[1] / 2, *sides, mask="auto")

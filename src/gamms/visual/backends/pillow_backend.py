@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plugins import needing
-from gamms.visual.font import ASCENT, EM, FONT, words_width
+from gamms.visual.font import ASCENT, EM, FONT, measure_words
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -54,7 +54,7 @@ class Patch(NamedTuple):
     top: int
 
 
-def image_module() -> Any:
+def import_image_module() -> Any:
     """Return Pillow's module of images.
 
     Raises:
@@ -68,7 +68,7 @@ def image_module() -> Any:
 # -- coverage -----------------------------------------------------------------------------------------------------
 
 
-def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> Patch | None:
+def compute_polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> Patch | None:
     """Return the coverage of filled polygons, each by the even-odd rule, clipped to a picture; overlaps count once.
 
     Args:
@@ -80,7 +80,7 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
     Returns:
         The coverage; None outside of the picture.
     """
-    module = image_module()
+    module = import_image_module()
     from PIL import ImageDraw
 
     low = np.maximum(np.floor(points.min(axis=0)), 0.0)
@@ -97,15 +97,15 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
     return Patch(np.asarray(image.reduce(_FINER)), left, top)
 
 
-def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: bool = False) -> ByteArray:
+def compute_text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: bool = False) -> ByteArray:
     """Return the coverage of text around its middle, turned counter-clockwise by degrees, maybe with its halo."""
-    module = image_module()
+    module = import_image_module()
     from PIL import ImageDraw, ImageFont
 
     finer = max(min(_FINER, _MOST_LETTER_PX // font_px), 1)
     font = ImageFont.truetype(str(FONT), EM * font_px * finer)
     room = 2 + font_px // 4  # for the halo, and for accents above the line
-    width = words_width(words, font_px)
+    width = measure_words(words, font_px)
     columns = ceil(width) + 2 * room
     rows = ceil(font_px * EM) + 2 * room
     image = module.new("L", (columns * finer, rows * finer))
@@ -115,7 +115,7 @@ def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: boo
     for letter in words:  # each exactly at its place, as in other formats
         stroke = round(_HALO_PX * finer) if has_halo else 0
         pen.text((x * finer, baseline * finer), letter, fill=255, font=font, anchor="ls", stroke_width=stroke)
-        x += words_width(letter, font_px)
+        x += measure_words(letter, font_px)
     if angle:
         image = image.rotate(angle, module.Resampling.BICUBIC, expand=True)
     return np.asarray(image.reduce(finer))
@@ -124,26 +124,26 @@ def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: boo
 # -- files --------------------------------------------------------------------------------------------------------
 
 
-def png_file(pixels: ByteArray, dpi: float) -> bytes:
+def encode_png(pixels: ByteArray, dpi: float) -> bytes:
     """Return a PNG file of RGB pixels (height, width, 3) with its paper size."""
     data = io.BytesIO()
-    image_module().fromarray(pixels).save(data, "PNG", dpi=(dpi, dpi))
+    import_image_module().fromarray(pixels).save(data, "PNG", dpi=(dpi, dpi))
     return data.getvalue()
 
 
-def pixels_of(file: bytes) -> ByteArray:
+def decode_pixels(file: bytes) -> ByteArray:
     """Return the RGB pixels (height, width, 3) of an image file."""
-    return np.asarray(image_module().open(io.BytesIO(file)).convert("RGB"))
+    return np.asarray(import_image_module().open(io.BytesIO(file)).convert("RGB"))
 
 
-def image_size(path: str) -> tuple[int, int]:
+def read_image_size(path: str) -> tuple[int, int]:
     """Return the width and height of an image file without decoding it.
 
     Raises:
         OSError: not an image.
         MissingExtra: Pillow is not installed.
     """
-    module = image_module()
+    module = import_image_module()
     # the caller knows the allowed number of pixels
     most = module.MAX_IMAGE_PIXELS
     module.MAX_IMAGE_PIXELS = None
@@ -165,7 +165,7 @@ class Gif:
     """
 
     def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
-        self._image = image_module()
+        self._image = import_image_module()
         self._fps = fps
         self._size = width, height
         self._path = path
@@ -178,7 +178,7 @@ class Gif:
         """Add a frame."""
         image = self._image.fromarray(picture.pixels())
         if self._palette is None:
-            self._palette = _palette(self._image, image)
+            self._palette = _make_palette(self._image, image)
         image = image.quantize(palette=self._palette, dither=self._image.Dither.NONE)
         frame = zlib.compress(image.tobytes(), 1)
         if self._frames[-1:] == [frame]:
@@ -196,12 +196,12 @@ class Gif:
         # Rounded in total, because frames last whole hundredths of a second.
         ends = np.rint(100.0 * np.cumsum([0, *self._counts]) / self._fps)
         durations = (10 * np.maximum(np.diff(ends), 1.0)).astype(np.int64).tolist()
-        images = self._images()
+        images = self._read_images()
         options = {"loop": 0, "optimize": False, "duration": durations}
         with self._path.open("wb") as file:
             next(images).save(file, "GIF", save_all=True, append_images=images, **options)
 
-    def _images(self) -> Iterator["Image"]:
+    def _read_images(self) -> Iterator["Image"]:
         for frame in self._frames:
             image = self._image.frombytes("P", self._size, zlib.decompress(frame))
             image.putpalette(self._palette.getpalette())
@@ -211,7 +211,7 @@ class Gif:
         """Stop collecting frames; the file is empty."""
 
 
-def _palette(module: ModuleType, image: "Image") -> Any:
+def _make_palette(module: ModuleType, image: "Image") -> Any:
     counts: Any = image.getcolors(image.width * image.height)
     weighed = sorted((-count * (max(color) - min(color)) ** 3, color) for count, color in counts)
     vivid = list(chain.from_iterable(color for _, color in weighed[:_VIVID]))

@@ -20,9 +20,16 @@ from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import refuse_above
 from gamms.visual.appearance import PAPER, Rgb, Rgba, is_dark
-from gamms.visual.backends.pillow_backend import ByteArray, Patch, PixelArray, image_module, image_size, text_coverage
-from gamms.visual.camera import extent
-from gamms.visual.font import EM, warn_of_boxes, words_width
+from gamms.visual.backends.pillow_backend import (
+    ByteArray,
+    Patch,
+    PixelArray,
+    compute_text_coverage,
+    import_image_module,
+    read_image_size,
+)
+from gamms.visual.camera import find_extent
+from gamms.visual.font import EM, measure_words, warn_of_boxes
 
 if TYPE_CHECKING:
     from pygame import Surface
@@ -76,7 +83,7 @@ class Canvas:
 
     def __init__(self, width: int, height: int, surface: "Surface | None" = None, paper: Rgb = PAPER) -> None:
         self._pygame = load()
-        image_module()  # so that a film without Pillow does not begin
+        import_image_module()  # so that a film without Pillow does not begin
         self.width = width
         self.height = height
         self._paper = paper
@@ -103,7 +110,7 @@ class Canvas:
 
     def hairlines(self, starts: FloatArray, ends: FloatArray, color: Rgba) -> None:
         """Draw smooth lines (lines, 2), one pixel wide, which must not extend far outside."""
-        low, high = extent(starts, ends)
+        low, high = find_extent(starts, ends)
         left, top = np.maximum(np.floor(low - 2), 0).astype(int).tolist()
         right, bottom = np.minimum(np.ceil(high + 2), (self.width, self.height)).astype(int).tolist()
         if right <= left or bottom <= top:
@@ -129,7 +136,7 @@ class Canvas:
 
     def cover(self, patch: Patch, color: Rgba) -> None:
         """Blend a color with the coverage of a patch."""
-        self.surface.blit(stamp(patch.coverage, color), (patch.left, patch.top))
+        self.surface.blit(make_stamp(patch.coverage, color), (patch.left, patch.top))
 
     def stamps(self, placed: Iterable[Placed]) -> None:
         """Paint surfaces, in order."""
@@ -164,8 +171,8 @@ class Canvas:
         most = min(_LETTERS * longest // font_px + _LETTERS, _MOST_LETTERS)
         words = _UNWRITABLE.sub(" ", words[-most:] if align_right else words[:most])
         warn_of_boxes(words)
-        written = _text(words, font_px, color, edge, round(angle % 360.0, 1))
-        across = words_width(words, font_px) / 2
+        written = _render_text(words, font_px, color, edge, round(angle % 360.0, 1))
+        across = measure_words(words, font_px) / 2
         down = EM * font_px / 2
         turn = radians(angle)
         begin = x - 2 * across if align_right else x
@@ -175,11 +182,11 @@ class Canvas:
 
     def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
         """Draw an image file in a square of `side` px around (x, y), rotated counter-clockwise by degrees."""
-        drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
+        drawn = _render_image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
         self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
 
 
-def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
+def make_stamp(coverage: ByteArray, color: Rgba) -> "Surface":
     """Return a surface of one color with the opacity `coverage` (rows, columns)."""
     rows, columns = coverage.shape
     surface = _paint(columns, rows, (*color[:3], 255))
@@ -188,12 +195,12 @@ def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
     return surface
 
 
-def painted_transparent(paint: "Callable[[Rgba], Surface]") -> "Surface":
-    """Paint over two colors, and return the result on a transparent surface; see `transparent`."""
-    return transparent(paint(BLACK), paint(WHITE))
+def paint_transparent(paint: "Callable[[Rgba], Surface]") -> "Surface":
+    """Paint over two colors, and return the result on a transparent surface; see `make_transparent`."""
+    return make_transparent(paint(BLACK), paint(WHITE))
 
 
-def transparent(over_black: "Surface", over_white: "Surface") -> "Surface":
+def make_transparent(over_black: "Surface", over_white: "Surface") -> "Surface":
     """Return a transparent surface from the same painting over black and over white.
 
     Blit it with BLEND_PREMULTIPLIED.
@@ -216,11 +223,11 @@ def _paint(width: int, height: int, color: Rgba) -> "Surface":
 
 
 @lru_cache(maxsize=4096)
-def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle: float) -> "Surface":
+def _render_text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle: float) -> "Surface":
     """Return text on a surface around its middle, turned counter-clockwise by degrees."""
-    surface = stamp(text_coverage(words, font_px, angle), (*color[:3], 255))
+    surface = make_stamp(compute_text_coverage(words, font_px, angle), (*color[:3], 255))
     if edge is not None:
-        halo = stamp(text_coverage(words, font_px, angle, has_halo=True), (*edge, 255))
+        halo = make_stamp(compute_text_coverage(words, font_px, angle, has_halo=True), (*edge, 255))
         halo.blit(surface, (0, 0))
         surface = halo
     surface.set_alpha(color[3])
@@ -235,14 +242,14 @@ def hold_image(surface: "Surface") -> str:
     name = f"surface {id(surface):#x}"
     if _held.get(name) is not surface:
         _held[name] = surface
-        _image.cache_clear()  # an earlier image may have had this name
+        _render_image.cache_clear()  # an earlier image may have had this name
     return name
 
 
 @lru_cache(maxsize=512)
-def _image(path: str, side: int, angle: float) -> "Surface":
+def _render_image(path: str, side: int, angle: float) -> "Surface":
     pygame = load()
-    image = _held.get(path) or _opened_image(path)
+    image = _held.get(path) or _open_image(path)
     ratio = side / max(image.get_size())
     size = [max(1, round(length * ratio)) for length in image.get_size()]
     fitted: Surface = pygame.transform.smoothscale(image, size)
@@ -250,7 +257,7 @@ def _image(path: str, side: int, angle: float) -> "Surface":
 
 
 @lru_cache(maxsize=64)
-def _opened_image(path: str) -> "Surface":
+def _open_image(path: str) -> "Surface":
     """Return the image with transparency, in the byte order of fast blits.
 
     Raises:
@@ -262,7 +269,7 @@ def _opened_image(path: str) -> "Surface":
         if path.lower().endswith(".svg") and hasattr(pygame.image, "load_sized_svg"):  # pygame-ce
             drawn: Surface = pygame.image.load_sized_svg(path, (_SVG_PX, _SVG_PX))
             return drawn
-        width, height = image_size(path)
+        width, height = read_image_size(path)
         refuse_above(width * height * _IMAGE_BYTES, f"The image {path!r} of {width} x {height} pixels")
         image = pygame.image.load(path)
     except (pygame.error, OSError) as error:

@@ -15,9 +15,9 @@ from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.appearance import Rgba
-from gamms.visual.backends.pillow_backend import EDGE_PX, ByteArray, Patch, polygons
-from gamms.visual.backends.pygame_backend import Canvas, stamp
-from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clipped, extent, touching
+from gamms.visual.backends.pillow_backend import EDGE_PX, ByteArray, Patch, compute_polygons
+from gamms.visual.backends.pygame_backend import Canvas, make_stamp
+from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clip_lines, find_extent, touching
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # minimum width of lines in world units
@@ -34,7 +34,7 @@ class Painting:
     def __init__(self, commands: DrawCommands) -> None:
         self.commands = commands
         rows = commands.in_painting_order()
-        self._runs = [_RUNS[kind](commands, rows[begin:end]) for kind, begin, end in _runs(commands, rows)]
+        self._runs = [_RUNS[kind](commands, rows[begin:end]) for kind, begin, end in _split_into_runs(commands, rows)]
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint the part visible to a camera, from back to front."""
@@ -45,7 +45,7 @@ class Painting:
 _Run = Callable[[Canvas, Camera], None]
 
 
-def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, int, int]]:
+def _split_into_runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, int, int]]:
     """Yield (kind, first, last + 1) of consecutive commands of one style."""
     kind = commands.kind[rows]
     has_style = np.isin(kind, (DrawKind.LINE, DrawKind.POLYGON))
@@ -55,7 +55,7 @@ def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, in
         yield DrawKind(int(kind[begin])), begin, end
 
 
-def _view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]:
+def _compute_view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]:
     """Return the left, low, right and high end of a camera's view plus a margin in pixels, world units."""
     margin = margin_px / camera.scale
     right = camera.left + camera.width / camera.scale
@@ -63,7 +63,7 @@ def _view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]
     return camera.left - margin, low - margin, right + margin, camera.top + margin
 
 
-def _rgba(commands: DrawCommands, row: int) -> Rgba:
+def _get_color(commands: DrawCommands, row: int) -> Rgba:
     red, green, blue, alpha = commands.color[row].tolist()
     return red, green, blue, alpha
 
@@ -81,7 +81,7 @@ class _Lines:
         self.low = np.minimum(self.starts, self.ends)
         self.high = np.maximum(self.starts, self.ends)
         row = int(rows[0])
-        self.color = _rgba(commands, row)
+        self.color = _get_color(commands, row)
         self.width = float(commands.width[row])
         self.is_in_world = bool(commands.space[row] == DrawSpace.WORLD)
 
@@ -93,7 +93,7 @@ class _Lines:
             exact = max(width_px * camera.scale, FAINTEST_PX)
             width_px = max(exact, _THINNEST_PX)
             color = (red, green, blue, round(alpha * min(exact, 1.0)))
-        seen = touching(self.low, self.high, _view(camera, width_px + _BEYOND_PX))
+        seen = touching(self.low, self.high, _compute_view(camera, width_px + _BEYOND_PX))
         if not seen.any() or width_px == 0.0 or color[3] == 0:
             return
         starts = camera.to_screen(self.starts[seen])
@@ -106,20 +106,20 @@ def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: f
     margin = width_px + _BEYOND_PX
     low = (-margin, -margin)
     high = (canvas.width + margin, canvas.height + margin)
-    lowest, highest = extent(starts, ends)
+    lowest, highest = find_extent(starts, ends)
     if (lowest < low).any() or (highest > high).any():
-        starts, ends = clipped(starts, ends, low, high)
+        starts, ends = clip_lines(starts, ends, low, high)
     if len(starts) == 0:
         return
     if width_px == _THINNEST_PX:
         canvas.hairlines(starts, ends, color)
         return
-    patch = strokes(starts, ends, width_px, canvas.width, canvas.height)
+    patch = compute_strokes(starts, ends, width_px, canvas.width, canvas.height)
     if patch is not None:
         canvas.cover(patch, color)
 
 
-def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch | None:
+def compute_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch | None:
     """Return the coverage of lines with round ends, clipped to a picture; overlaps count once.
 
     Args:
@@ -129,15 +129,15 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
         width: width of the picture.
         height: height of the picture.
     """
-    corners = _outlines(starts, ends, max(width_px, 1.0) / 2 - EDGE_PX)
+    corners = _outline_lines(starts, ends, max(width_px, 1.0) / 2 - EDGE_PX)
     offsets = np.arange(len(corners) + 1) * corners.shape[1]
-    patch = polygons(corners.reshape(-1, 2), offsets, width, height)
+    patch = compute_polygons(corners.reshape(-1, 2), offsets, width, height)
     if patch is None or width_px >= 1.0:
         return patch
     return patch._replace(coverage=np.rint(patch.coverage * width_px).astype(np.uint8))
 
 
-def _outlines(starts: FloatArray, ends: FloatArray, half: float) -> FloatArray:
+def _outline_lines(starts: FloatArray, ends: FloatArray, half: float) -> FloatArray:
     """Return the outlines (lines, corners, 2) of lines with round ends and half a width, all in one direction."""
     ways = ends - starts
     headings = np.arctan2(ways[:, 1], ways[:, 0])
@@ -171,7 +171,7 @@ class _Circles:
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
         radius = self.size * np.where(self.is_in_world, camera.scale, 1.0)
         farthest = max(self.largest_in_world * camera.scale, self.largest_px) + self.widest_px + _BEYOND_PX
-        near = touching(self.centers, self.centers, _view(camera, farthest + self.farthest_px))
+        near = touching(self.centers, self.centers, _compute_view(camera, farthest + self.farthest_px))
         near &= (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
         columns: tuple[np.ndarray[Any, Any], ...] = (self.centers, self.shift, radius, self.width, self.color)
         centers, shift, radius, width, color = (column[near] for column in columns)
@@ -182,11 +182,13 @@ class _Circles:
         is_small = (radius + width)[seen] <= _LARGEST_STAMP_PX
         for begin, end in pairwise(kernels.equal_runs(is_small).tolist()):
             rows = seen[begin:end]
-            paint = _stamped if is_small[begin] else _large
+            paint = _stamp_circles if is_small[begin] else _draw_large_circles
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
 
 
-def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
+def _stamp_circles(
+    canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray
+) -> None:
     sizes = np.rint(np.column_stack([radius, width]) * 10)
     reach = np.ceil(sizes[:, 0] / 10 + sizes[:, 1] / 10 / 2) + 1  # as of the stamp
     corner = centers - reach[:, None]
@@ -194,14 +196,14 @@ def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Flo
     steps = (corner - whole) * _STEPS
     looks = np.column_stack([sizes, steps, color]).astype(np.int32)
     keys = looks.view(f"V{looks.itemsize * looks.shape[1]}").ravel().tolist()  # bytes
-    stamps = {key: _stamp(key) for key in set(keys)}
+    stamps = {key: _make_stamp(key) for key in set(keys)}
     x, y = whole.astype(np.int64).T.tolist()
     # NOTE: never a list of pairs, which triggers the garbage collector (first frame of 100,000 edges).
     canvas.stamps(zip(map(stamps.__getitem__, keys), zip(x, y, strict=True), strict=True))
 
 
 @lru_cache(maxsize=8192)
-def _stamp(look: bytes) -> Any:
+def _make_stamp(look: bytes) -> Any:
     """Return a circle as a surface: radius and width in tenths of pixels, position within a pixel, and color."""
     radius, width, right, down, *color = np.frombuffer(look, np.int32).tolist()
     radius /= 10
@@ -210,11 +212,11 @@ def _stamp(look: bytes) -> Any:
     x, y = (reach + (step + 0.5) / _STEPS for step in (right, down))
     side = 2 * reach + 1
     full = np.zeros((side, side), np.uint8)
-    patch = disc(x, y, *_ring(radius, width), side, side)
+    patch = disc(x, y, *_compute_ring(radius, width), side, side)
     if patch is not None:
         rows, columns = patch.coverage.shape
         full[patch.top : patch.top + rows, patch.left : patch.left + columns] = patch.coverage
-    return stamp(full, tuple(color))
+    return make_stamp(full, tuple(color))
 
 
 def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
@@ -234,15 +236,17 @@ def disc(x: float, y: float, outer: float, inner: float, width: int, height: int
     return Patch(np.rint(np.maximum(covered, 0.0) * 255.0).astype(np.uint8), left, top)
 
 
-def _ring(radius: float, width: float) -> tuple[float, float]:
+def _compute_ring(radius: float, width: float) -> tuple[float, float]:
     """Return the outer and inner radius; 0 for a disc without a hole."""
     return (radius, 0.0) if width == 0.0 else (radius + width / 2, max(radius - width / 2, 0.0))
 
 
-def _large(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
+def _draw_large_circles(
+    canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray
+) -> None:
     columns = (centers.tolist(), radius.tolist(), width.tolist(), color.tolist())
     for (x, y), r, w, (red, green, blue, alpha) in zip(*columns, strict=True):
-        patch = disc(x, y, *_ring(r, w), canvas.width, canvas.height)
+        patch = disc(x, y, *_compute_ring(r, w), canvas.width, canvas.height)
         if patch is not None:
             canvas.cover(patch, (red, green, blue, alpha))
 
@@ -268,7 +272,7 @@ class _Polygons:
     """Polygons of one style; opaque ones are filled together, transparent ones one by one, so that they blend."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
-        self.color = _rgba(commands, int(rows[0]))
+        self.color = _get_color(commands, int(rows[0]))
         self.width = float(commands.width[rows[0]])
         take, self.offsets = kernels.chosen_runs(commands.offsets, rows)
         # world units, and pixels
@@ -283,16 +287,16 @@ class _Polygons:
         self.margin_px = self.width + float(np.abs(self.shifts).max())
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
-        seen = touching(self.low, self.high, _view(camera, self.margin_px))
+        seen = touching(self.low, self.high, _compute_view(camera, self.margin_px))
         if not seen.any() or self.color[3] == 0:
             return
         take, offsets = kernels.chosen_runs(self.offsets, np.flatnonzero(seen))
         points = camera.to_screen(self.points[take]) + self.shifts[take]
         if self.width > 0.0 or self.color[3] < _OPAQUE:
             for begin, end in pairwise(offsets.tolist()):
-                _polygon(canvas, points[begin:end], self.width, self.color)
+                _draw_polygon(canvas, points[begin:end], self.width, self.color)
             return
-        patch = polygons(points, offsets, camera.width, camera.height)
+        patch = compute_polygons(points, offsets, camera.width, camera.height)
         if patch is not None:
             canvas.cover(patch, self.color)
 
@@ -318,23 +322,23 @@ class _Command(NamedTuple):
             size=float(commands.size[row]) * scale,
             width=float(commands.width[row]),
             angle=float(commands.angle[row]),
-            color=_rgba(commands, row),
+            color=_get_color(commands, row),
             text=commands.text[row],
             extent=points[-1] * scale,
         )
 
 
-def _rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None:  # noqa: ARG001 - as of all kinds
+def _draw_rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None:  # noqa: ARG001 - as of all kinds
     x, y = command.points[0].tolist()
     width, height = command.extent.tolist()
     if command.width == 0.0:
         canvas.rectangle(x, y, width, height, command.color)
         return
     corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
-    _polygon(canvas, corners, command.width, command.color)
+    _draw_polygon(canvas, corners, command.width, command.color)
 
 
-def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -> None:
+def _draw_polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -> None:
     low = points.min(axis=0) - width_px
     high = points.max(axis=0) + width_px
     if (high < 0).any() or (low > (canvas.width, canvas.height)).any() or color[3] == 0:
@@ -342,19 +346,19 @@ def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -
     if width_px > 0.0:
         draw_lines(canvas, points, np.roll(points, -1, axis=0), width_px, color)
         return
-    patch = polygons(points, np.array([0, len(points)]), canvas.width, canvas.height)
+    patch = compute_polygons(points, np.array([0, len(points)]), canvas.width, canvas.height)
     if patch is not None:
         canvas.cover(patch, color)
 
 
-def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:
+def _draw_text(canvas: Canvas, camera: Camera, command: _Command) -> None:
     x, y = command.points[0].tolist()
     reach = 2.0 * command.size * len(command.text)  # an upper bound of the width
     if -reach < x < camera.width + reach and -reach < y < camera.height + reach:
         canvas.text(command.text, x, y, command.size, command.color, angle=command.angle)
 
 
-def _image(canvas: Canvas, camera: Camera, command: _Command) -> None:
+def _draw_image(canvas: Canvas, camera: Camera, command: _Command) -> None:
     x, y = command.points[0].tolist()
     reach = 1.5 * command.size
     is_seen = -reach < x < camera.width + reach and -reach < y < camera.height + reach
@@ -363,9 +367,9 @@ def _image(canvas: Canvas, camera: Camera, command: _Command) -> None:
 
 
 _SINGLE = {
-    DrawKind.RECTANGLE: _rectangle,
-    DrawKind.TEXT: _text,
-    DrawKind.IMAGE: _image,
+    DrawKind.RECTANGLE: _draw_rectangle,
+    DrawKind.TEXT: _draw_text,
+    DrawKind.IMAGE: _draw_image,
 }
 _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
     DrawKind.LINE: _Lines,
@@ -392,6 +396,6 @@ def png(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
     Raises:
         MissingExtra: pygame or Pillow is not installed.
     """
-    from gamms.visual.backends.pillow_backend import png_file
+    from gamms.visual.backends.pillow_backend import encode_png
 
-    return png_file(painted(commands, camera, background).pixels(), dpi)
+    return encode_png(painted(commands, camera, background).pixels(), dpi)

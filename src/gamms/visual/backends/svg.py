@@ -36,7 +36,7 @@ def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
     writer = _SvgWriter()
     write_vectors(commands, camera, background, writer)
     lines = [
-        _opening(camera, dpi),
+        _write_opening(camera, dpi),
         f"<title>{as_xml(title or 'GAMMS')}</title>",
         f'<rect width="100%" height="100%"{_paint("fill", background)}/>',
         '<g stroke-linecap="round" stroke-linejoin="round" fill-rule="evenodd">',
@@ -47,7 +47,7 @@ def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
     return "\n".join(lines).encode()
 
 
-def _opening(camera: Camera, dpi: float) -> str:
+def _write_opening(camera: Camera, dpi: float) -> str:
     width = camera.width
     height = camera.height
     sides = (f"{side}" if dpi == CSS_DPI else f"{side / dpi:.6g}in" for side in (width, height))
@@ -71,7 +71,7 @@ class _SvgWriter:
         self._body: list[str] = []
 
     def begin(self, color: Rgba, width: int, *, is_outline: bool) -> None:
-        stroke = f' fill="none"{_paint("stroke", color)} stroke-width="{_number(width)}"'
+        stroke = f' fill="none"{_paint("stroke", color)} stroke-width="{_format_number(width)}"'
         self._style = stroke if is_outline else _paint("fill", color)
         self._body = []
 
@@ -81,31 +81,32 @@ class _SvgWriter:
 
     def lines(self, lines: list[list[Point]]) -> None:
         if lines:
-            self.elements.append(f'<path{self._style} d="{_path(lines)}"/>')
+            self.elements.append(f'<path{self._style} d="{_write_path(lines)}"/>')
 
     def circle(self, middle: Point, radius: int) -> None:
         x, y = middle
-        self._body.append(f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>')
+        self._body.append(f'<circle cx="{_format_number(x)}" cy="{_format_number(y)}" r="{_format_number(radius)}"/>')
 
     def rectangle(self, corner: Point, width: int, height: int) -> None:
-        sides = f'width="{_number(width)}" height="{_number(height)}"'
-        self._body.append(f"<rect {_place(corner)} {sides}/>")
+        sides = f'width="{_format_number(width)}" height="{_format_number(height)}"'
+        self._body.append(f"<rect {_format_point(corner)} {sides}/>")
 
     def polygon(self, corners: list[Point]) -> None:
         steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *corners])]
-        self._body.append(f'<path d="{_joined(["m", *steps, "z"])}"/>')
+        self._body.append(f'<path d="{_join_steps(["m", *steps, "z"])}"/>')
 
     def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
         x, y = corner
-        place = f'{_place((x, y + round(ASCENT * size)))} font-size="{_number(size)}"{_turned(corner, angle)}'
+        start = _format_point((x, y + round(ASCENT * size)))
+        place = f'{start} font-size="{_format_number(size)}"{_write_rotation(corner, angle)}'
         outline = "" if halo is None else _HALO.format(*halo)
         self._body.append(f"<text {place}{outline}>{as_xml(words)}</text>")
 
     def image(self, path: str, middle: Point, half: int, angle: float) -> None:
         x, y = middle
-        side = _number(2 * half)
-        place = f'{_place((x - half, y - half))} width="{side}" height="{side}"{_turned(middle, angle)}'
-        self._body.append(f'<image {place} href="{_embedded(Path(path))}"/>')
+        side = _format_number(2 * half)
+        place = f'{_format_point((x - half, y - half))} width="{side}" height="{side}"{_write_rotation(middle, angle)}'
+        self._body.append(f'<image {place} href="{_embed_image(Path(path))}"/>')
 
 
 def _paint(role: str, color: Rgba) -> str:
@@ -114,12 +115,12 @@ def _paint(role: str, color: Rgba) -> str:
     return f' {role}="#{red:02x}{green:02x}{blue:02x}"{opacity}'
 
 
-def _path(lines: list[list[Point]]) -> str:
+def _write_path(lines: list[list[Point]]) -> str:
     """Return one path through all lines of a run, in connected chains."""
     steps = list[str]()
     x = 0
     y = 0
-    for chain in _chains([(line[0], line[-1]) for line in lines]):
+    for chain in _chain_lines([(line[0], line[-1]) for line in lines]):
         steps.append("m")
         for row, is_reversed in chain:
             for to_x, to_y in reversed(lines[row]) if is_reversed else lines[row]:
@@ -127,10 +128,10 @@ def _path(lines: list[list[Point]]) -> str:
                     steps.append(_step(to_x - x, to_y - y))
                     x = to_x
                     y = to_y
-    return _joined(steps)
+    return _join_steps(steps)
 
 
-def _chains(ends: Sequence[tuple[Point, Point]]) -> Iterator[list[tuple[int, bool]]]:
+def _chain_lines(ends: Sequence[tuple[Point, Point]]) -> Iterator[list[tuple[int, bool]]]:
     """Yield lines as (row, whether it is reversed), in chains where each line begins at the end of the previous one."""
     at = defaultdict[Point, list[int]](list)
     for row, (first, last) in enumerate(ends):
@@ -160,35 +161,35 @@ def _chains(ends: Sequence[tuple[Point, Point]]) -> Iterator[list[tuple[int, boo
             yield chain
 
 
-def _joined(steps: Iterable[str]) -> str:
+def _join_steps(steps: Iterable[str]) -> str:
     """Return the steps of a path without redundant spaces and zeros."""
     return _NEEDLESS.sub("", " ".join(steps))
 
 
 @lru_cache(maxsize=1 << 16)
 def _step(x: int, y: int) -> str:
-    return f"{_number(x)} {_number(y)}"
+    return f"{_format_number(x)} {_format_number(y)}"
 
 
-def _number(tenths: int) -> str:
+def _format_number(tenths: int) -> str:
     """Return tenths of pixels as the shortest decimal number of pixels."""
     whole, tenth = divmod(abs(tenths), 10)
     sign = "-" if tenths < 0 else ""
     return f"{sign}{whole}.{tenth}" if tenth else f"{sign}{whole}"
 
 
-def _place(point: Point) -> str:
+def _format_point(point: Point) -> str:
     x, y = point
-    return f'x="{_number(x)}" y="{_number(y)}"'
+    return f'x="{_format_number(x)}" y="{_format_number(y)}"'
 
 
-def _turned(middle: Point, angle: float) -> str:
+def _write_rotation(middle: Point, angle: float) -> str:
     """Return the attribute that rotates an element around a point."""
     x, y = middle
-    return f' transform="rotate({-angle:.6g} {_number(x)} {_number(y)})"' if angle else ""
+    return f' transform="rotate({-angle:.6g} {_format_number(x)} {_format_number(y)})"' if angle else ""
 
 
-def _embedded(path: Path) -> str:
+def _embed_image(path: Path) -> str:
     """Return the image as embedded data, so that the picture is one file."""
     if path.suffix.lower() not in _IMAGE_TYPES:
         raise BadValue(f"Cannot put {path.name!r} into a picture; use one of {', '.join(_IMAGE_TYPES)}.")

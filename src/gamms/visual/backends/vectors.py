@@ -52,7 +52,7 @@ class VectorWriter(Protocol):
 
 def write_vectors(commands: DrawCommands, camera: Camera, background: Rgba, writer: VectorWriter) -> None:
     """Write draw commands as seen by a camera over a background, from back to front."""
-    sheet = _sheet_of(commands, camera, background)
+    sheet = _make_sheet(commands, camera, background)
     for begin, end in pairwise(kernels.equal_runs(sheet.kind, sheet.width, *sheet.color.T).tolist()):
         kind = DrawKind(int(sheet.kind[begin]))
         red, green, blue, alpha = sheet.color[begin].tolist()
@@ -119,11 +119,11 @@ _ELEMENTS: dict[DrawKind, Callable[[_Sheet, int, VectorWriter], None]] = {
 }
 
 
-def _sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> _Sheet:
+def _make_sheet(commands: DrawCommands, camera: Camera, background: Rgba) -> _Sheet:
     """Return the view of a camera on draw commands over a background."""
     points = on_screen(commands, camera)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
-    rows = _seen(commands, camera, points, scale)
+    rows = _find_seen_rows(commands, camera, points, scale)
     take, offsets = kernels.chosen_runs(commands.offsets, rows)
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
@@ -131,17 +131,17 @@ def _sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> _Shee
     return _Sheet(
         kind=commands.kind[rows],
         color=commands.color[rows],
-        size=_tenths(commands.size * scale * font_scale)[rows],
-        width=_tenths(_widths_px(commands, scale))[rows],
+        size=_round_to_tenths(commands.size * scale * font_scale)[rows],
+        width=_round_to_tenths(_compute_widths_px(commands, scale))[rows],
         angle=commands.angle[rows],
         offsets=offsets,
-        points=_tenths(points)[take],
+        points=_round_to_tenths(points)[take],
         text=[commands.text[row] for row in rows.tolist()],
         paper=background[:3],
     )
 
 
-def _seen(commands: DrawCommands, camera: Camera, points: FloatArray, scale: FloatArray) -> IntArray:
+def _find_seen_rows(commands: DrawCommands, camera: Camera, points: FloatArray, scale: FloatArray) -> IntArray:
     """Return the rows in painting order, without rows outside the picture."""
     rows = commands.in_painting_order()
     if len(rows) == 0:
@@ -156,12 +156,12 @@ def _seen(commands: DrawCommands, camera: Camera, points: FloatArray, scale: Flo
     return seen
 
 
-def _widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:
+def _compute_widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:
     in_world = (commands.kind == DrawKind.LINE) & (commands.space == DrawSpace.WORLD)
     widths = np.where(in_world, np.maximum(commands.width * scale, FAINTEST_PX), commands.width)
     # An outline must not be rounded to 0, which means filled.
     return np.where(widths > 0.0, np.maximum(widths, 0.1), 0.0)
 
 
-def _tenths(pixels: FloatArray) -> IntArray:
+def _round_to_tenths(pixels: FloatArray) -> IntArray:
     return np.rint(pixels * 10.0).astype(np.int64)

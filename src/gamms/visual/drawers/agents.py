@@ -13,7 +13,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, AgentLooks, AnyColor, Circle, Rectangle, Rgb, rgba
-from gamms.visual.drawing import EDGE_PX, Disc, DiscOffsets, Points, drawing_of
+from gamms.visual.drawing import EDGE_PX, Disc, DiscOffsets, Points, get_drawing
 from gamms.visual.shown_turn import MovedAgents
 
 _Shape = TypeVar("_Shape", Circle, Rectangle)
@@ -23,17 +23,17 @@ def render_circle(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw a Circle found in `data`, or the one that `data` describes: x, y, radius (or scale), color."""
     if "scale" in data:
         data = {"radius": data["scale"], **data}
-    circle = _described(Circle, data)
+    circle = _read_shape(Circle, data)
     ctx.visual.render_circle(circle.x, circle.y, circle.radius, circle.color)
 
 
 def render_rectangle(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw a Rectangle found in `data`, or the one that `data` describes: x, y, width, height, color."""
-    shape = _described(Rectangle, data)
+    shape = _read_shape(Rectangle, data)
     ctx.visual.render_rectangle(shape.x, shape.y, shape.width, shape.height, shape.color)
 
 
-def _described(kind: type[_Shape], data: dict[str, Any]) -> _Shape:
+def _read_shape(kind: type[_Shape], data: dict[str, Any]) -> _Shape:
     for value in data.values():
         if isinstance(value, kind):
             return value
@@ -51,7 +51,7 @@ def rings(
     ctx: IContext, centers: Points, radius: float, color: ColorType, at_least_px: float, width_px: float = 2.0
 ) -> None:
     """Draw a ring around each of `centers` (rings, 2); a large one keeps the small one inside it."""
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     visual.render_circles(centers, radius, color, width_px)
     visual.render_circles(centers, at_least_px, color, width_px, in_pixels=True)
 
@@ -78,9 +78,9 @@ def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
     if agent.type == AgentType.AERIAL:
         render_aerial_agent(ctx, data)
         return
-    place = _place(ctx, look, agent, data.get("_alpha", 1.0))
+    place = _locate_agent(ctx, look, agent, data.get("_alpha", 1.0))
     if place is not None:
-        _body(ctx, look, *place)
+        _draw_body(ctx, look, *place)
 
 
 def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
@@ -91,16 +91,16 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
     look: AgentData = data["agent_data"]
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))
     cos, sin = agent.orientation
-    place = _place(ctx, look, agent, data.get("_alpha", 1.0))
+    place = _locate_agent(ctx, look, agent, data.get("_alpha", 1.0))
     if place is None:
         return
     x, y = place
-    for color, edge_px in ((outline_of(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
+    for color, edge_px in ((choose_outline(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
         rings(ctx, [(x, y)], RING * look.size, color, RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
             nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
-            drawing_of(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
-    _body(ctx, look, x, y)
+            get_drawing(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
+    _draw_body(ctx, look, x, y)
 
 
 def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
@@ -109,7 +109,7 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     Returns:
         False if an agent has an image; then nothing was drawn.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     agents = ctx.agent.agents
     hidden = visual.hidden_agents(share)
     if hidden:
@@ -123,9 +123,9 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     rows = [styles.setdefault((look.color, look.size, look.least_px), len(styles)) for look in looks]
     shown = [agents[look.name] for look in looks]
     columns = ([agent.current_node_id for agent in shown], [agent.prev_node_id for agent in shown], rows)
-    discs = [Disc(size, least_px, color, outline_of(color)) for color, size, least_px in styles]
+    discs = [Disc(size, least_px, color, choose_outline(color)) for color, size, least_px in styles]
     standing = _GroundAgents([agent.name for agent in shown], *(np.array(column, np.int64) for column in columns))
-    positions, shifts = _discs(ctx, standing, discs, share)
+    positions, shifts = _draw_discs(ctx, standing, discs, share)
     for look, (x, y), (right, down) in zip(looks, positions.tolist(), shifts.tolist(), strict=True):
         look.current_position = (x, y)
         look.shift = (right, down)
@@ -143,7 +143,7 @@ def render_looks(ctx: IContext, data: dict[str, Any]) -> None:
         numbers = {name: number for number, name in enumerate(positions.names)}
         rows = np.array([numbers.get(name, -1) for name in looks.names], np.int64)
         is_shown = rows >= 0
-    hidden = drawing_of(ctx).hidden_agents(share)
+    hidden = get_drawing(ctx).hidden_agents(share)
     if hidden:
         is_shown &= ~np.isin(rows, [row for row in positions.inactive if positions.names[row] in hidden])
     names = looks.names
@@ -153,11 +153,11 @@ def render_looks(ctx: IContext, data: dict[str, Any]) -> None:
         colors = colors[is_shown]
         names = [names[row] for row in np.flatnonzero(is_shown).tolist()]
     edge_px = min(EDGE_PX, looks.least_px)  # a small disc would be nothing but its edge
-    discs = [Disc(looks.size, looks.least_px, color, outline_of(color), edge_px) for color in looks.colors]
+    discs = [Disc(looks.size, looks.least_px, color, choose_outline(color), edge_px) for color in looks.colors]
     standing = _GroundAgents(
         names, positions.node_ids[rows], np.array(positions.previous_nodes, np.int64)[rows], colors
     )
-    looks.note(is_shown, *_discs(ctx, standing, discs, share))
+    looks.note(is_shown, *_draw_discs(ctx, standing, discs, share))
 
 
 class _GroundAgents(NamedTuple):
@@ -169,11 +169,11 @@ class _GroundAgents(NamedTuple):
     rows: IntArray  # (agents,) the disc of each
 
 
-def _discs(ctx: IContext, agents: _GroundAgents, discs: list[Disc], share: float) -> tuple[FloatArray, FloatArray]:
+def _draw_discs(ctx: IContext, agents: _GroundAgents, discs: list[Disc], share: float) -> tuple[FloatArray, FloatArray]:
     """Draw agents as discs, and return where, and by how many radii they are moved right and down, (agents, 2)."""
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     positions = visual.motion.positions_of(agents.names, agents.nodes, share)
-    shifts = _shifts(ctx, agents, share)
+    shifts = _compute_shifts(ctx, agents, share)
     visual.render_all_discs(positions, discs, agents.rows, shifts)
     return positions, shifts
 
@@ -182,12 +182,12 @@ _SPREAD = np.array([0.0, 0.0, 0.7, 0.85, 0.95, 1.0])  # number of discs on a nod
 _MOST_SPREAD = 6  # with more discs on a node, discs of the same look are drawn as one
 
 
-def _shifts(ctx: IContext, agents: _GroundAgents, share: float) -> FloatArray:
+def _compute_shifts(ctx: IContext, agents: _GroundAgents, share: float) -> FloatArray:
     """Return offsets in radii (agents, 2), to the right and down, that separate discs on the same node.
 
     The offsets of agents that leave or arrive change gradually.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     if not visual.has_default_look:
         visual.has_stacks = False
         return np.zeros((len(agents.names), 2))
@@ -242,23 +242,23 @@ def _spread(nodes: IntArray, rows: IntArray) -> FloatArray:
     return moves
 
 
-def _place(ctx: IContext, look: AgentData, agent: IAgent, share: float) -> tuple[float, float] | None:
+def _locate_agent(ctx: IContext, look: AgentData, agent: IAgent, share: float) -> tuple[float, float] | None:
     """Return where an agent is drawn, and note it in its look; None if it is not drawn."""
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     look.current_position = visual.position_of(look.name, share) if visual.is_shown(agent, share) else None
     return look.current_position
 
 
-def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
+def _draw_body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
     if look.image is not None:
         ctx.visual.render_image(x, y, look.image, look.size)
     else:
-        edge = outline_of(look.color)
-        drawing_of(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
+        edge = choose_outline(look.color)
+        get_drawing(ctx).render_discs([(x, y)], look.size, look.color, edge, at_least_px=look.least_px)
 
 
 @lru_cache(maxsize=256)
-def outline_of(color: AnyColor) -> Rgb:
+def choose_outline(color: AnyColor) -> Rgb:
     """Return a dark color around bright ones, white around the others."""
     red, green, blue, _ = rgba(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue
@@ -273,7 +273,7 @@ _TRAIL_PX = 3.0
 
 def render_past_trails(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the paths of `data["turns"]` turns except the last, in `data["colors"]` by agent; older ones are fainter."""
-    ages = list(enumerate(drawing_of(ctx).motion.past(data["turns"])))[1:]
+    ages = list(enumerate(get_drawing(ctx).motion.past(data["turns"])))[1:]
     for age, moves in reversed(ages):
         _draw_trails(ctx, moves, 1.0, data["colors"], round(_TRAIL_ALPHA * (1.0 - age / (data["turns"] + 1))))
 
@@ -283,7 +283,7 @@ render_past_trails.once_a_turn = True  # type: ignore[attr-defined] # then it is
 
 def render_trails(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the ways of the last turn as far as it is shown."""
-    motion = drawing_of(ctx).motion
+    motion = get_drawing(ctx).motion
     share = float(data.get("_alpha", 1.0))
     for moves in [motion.moves] if share < 1.0 else motion.past(1):
         _draw_trails(ctx, moves, share, data["colors"], _TRAIL_ALPHA)
@@ -299,4 +299,4 @@ def _draw_trails(ctx: IContext, moves: MovedAgents, share: float, colors: Mappin
     for color, lines in by_color.items():
         points = list(chain.from_iterable(lines))
         offsets = np.cumsum([0, *map(len, lines)])
-        drawing_of(ctx).render_lines(points, offsets, (*color[:3], alpha), _TRAIL_PX)
+        get_drawing(ctx).render_lines(points, offsets, (*color[:3], alpha), _TRAIL_PX)

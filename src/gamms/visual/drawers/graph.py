@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.ir.geometry import are_within, seamed
+from gamms.ir.geometry import are_within, seam_rings
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
-from gamms.ir.scenery import SceneryKind, ground_of
+from gamms.ir.scenery import SceneryKind, find_ground
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
-from gamms.visual.drawers.streets import lengths_along, median, part_of, polylines
-from gamms.visual.drawing import Drawing, drawing_of
+from gamms.visual.drawers.streets import find_median, measure_along, part_of, polylines
+from gamms.visual.drawing import Drawing, get_drawing
 from gamms.visual.legend import ColoredValues
 from gamms.visual.themes import WallTones
 
@@ -36,26 +36,26 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
     places = values.places[order][rows >= 0]
     rows = rows[rows >= 0]
     draw = _draw_nodes if values.of == "nodes" else _draw_edges
-    unit = typical_edge_length(columns)
+    unit = find_typical_edge_length(columns)
     for begin, end in pairwise(kernels.equal_runs(places).tolist()):
         draw(ctx, columns, rows[begin:end], unit, values.colors[int(places[begin])])
 
 
-def longer_side(columns: GraphColumns) -> float:
+def measure_longer_side(columns: GraphColumns) -> float:
     """Return the larger of the extents of a map from west to east and from south to north; 0.0 for no map."""
     return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) else 0.0
 
 
-def typical_edge_length(columns: GraphColumns) -> float:
+def find_typical_edge_length(columns: GraphColumns) -> float:
     """Return the median length of edges as the crow flies; for a map without any, how large it is, or 1.0."""
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     if len(ways):
-        return median(np.hypot(ways[:, 0], ways[:, 1]))
-    return longer_side(columns) if len(columns.xy) > 1 else 1.0
+        return find_median(np.hypot(ways[:, 0], ways[:, 1]))
+    return measure_longer_side(columns) if len(columns.xy) > 1 else 1.0
 
 
 def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: AnyColor) -> None:
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     centers = columns.xy[rows]
     visual.render_circles(centers, _NODE * unit, color)
     visual.render_circles(centers, _NODE_PX, color, in_pixels=True)
@@ -64,8 +64,8 @@ def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: floa
 def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: AnyColor) -> None:
     points: FloatArray
     points, offsets = polylines(columns, rows)
-    drawing_of(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
-    drawing_of(ctx).render_lines(points, offsets, color, _EDGE_PX)
+    get_drawing(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
+    get_drawing(ctx).render_lines(points, offsets, color, _EDGE_PX)
 
 
 render_values.once_a_turn = True  # type: ignore[attr-defined] # values do not glide
@@ -91,21 +91,21 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     shown = ctx.visual.get_viewport()
     least = 0.0 if shown is None else _RING_PX / shown[-1]
     radius = least if data.get("_ink") and least else max(look.node_size, least)
-    rows = _edges_between(columns, next(iter(options.values())), set(options.values()))
-    ways = [_between_rings(polylines(columns, row)[0], radius) for row in rows[:, None]]
+    rows = _find_edges(columns, next(iter(options.values())), set(options.values()))
+    ways = [_cut_ends(polylines(columns, row)[0], radius) for row in rows[:, None]]
     if ways:
         offsets = np.cumsum([0, *map(len, ways)])
-        drawing_of(ctx).render_lines(np.vstack(ways), offsets, data.get("_ink") or look.edge_color, _CHOICE_PX)
-    drawing_of(ctx).render_circles(places, radius, data.get("_ink") or look.node_color, _CHOICE_PX)
+        get_drawing(ctx).render_lines(np.vstack(ways), offsets, data.get("_ink") or look.edge_color, _CHOICE_PX)
+    get_drawing(ctx).render_circles(places, radius, data.get("_ink") or look.node_color, _CHOICE_PX)
 
 
-def _between_rings(way: FloatArray, radius: float) -> FloatArray:
+def _cut_ends(way: FloatArray, radius: float) -> FloatArray:
     """Return a way without its ends, which would cover the agents there; all of it where nothing would be left."""
-    along = lengths_along(way)
+    along = measure_along(way)
     return way if 2 * radius >= along[-1] else part_of(way, along, radius, along[-1] - radius)
 
 
-def _edges_between(columns: GraphColumns, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
+def _find_edges(columns: GraphColumns, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
     """Return the edges that lead from a node to some others."""
     [begin] = np.flatnonzero(columns.node_ids == here)
     edges = columns.out_edges[columns.offsets[begin] : columns.offsets[begin + 1]]
@@ -136,21 +136,21 @@ class Footprints(NamedTuple):
         return np.minimum.reduceat(self.points, first), np.maximum.reduceat(self.points, first)
 
 
-def footprints(faces: ObstacleColumns) -> Footprints:
+def find_footprints(faces: ObstacleColumns) -> Footprints:
     """Return the footprints of faces whose top edges lead, one after the other, around something.
 
     A ring inside the one before, of the same type, height and base, is a courtyard: it makes a hole.
     """
-    rings, is_forward = _rings(faces.corners[:, 0], faces.corners[:, 1])
+    rings, is_forward = _find_rings(faces.corners[:, 0], faces.corners[:, 1])
     outlines: list[_Outline] = [
         faces.corners[begin:end, 0 if forward else 1, :2].tolist()
         for (begin, end), forward in zip(rings.tolist(), is_forward, strict=True)
     ]
     first = rings[:, 0]
     looks = np.column_stack((faces.types, faces.corners[:, 0, 2], faces.corners[:, 2, 2]))[first].tolist()
-    bundles = _bundles(outlines, looks)
+    bundles = _group_rings(outlines, looks)
     closed = [np.array([*outline, outline[0]]) for outline in outlines]
-    polygons = [seamed([closed[ring] for ring in bundle]) for bundle in bundles]
+    polygons = [seam_rings([closed[ring] for ring in bundle]) for bundle in bundles]
     row_of = np.full(len(faces.ids), -1)
     for row, bundle in enumerate(bundles):
         for ring in bundle:
@@ -159,20 +159,20 @@ def footprints(faces: ObstacleColumns) -> Footprints:
     return Footprints(
         points=np.concatenate([np.empty((0, 2)), *polygons]),
         offsets=np.cumsum([0, *map(len, polygons)]),
-        heights=_above_ground(faces.corners[outer]),
+        heights=_compute_wall_heights(faces.corners[outer]),
         types=faces.types[outer],
         row_of=row_of,
     )
 
 
-def _above_ground(corners: FloatArray) -> FloatArray:
+def _compute_wall_heights(corners: FloatArray) -> FloatArray:
     """Return how high walls (walls, 4, 3) are: above their bases if none begins at 0, where the map is not flat."""
     tops = corners[:, 0, 2]
     bases = corners[:, 2, 2]
     return tops - bases if bases.all() else tops
 
 
-def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]:
+def _find_rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]:
     """Return the first row and last row + 1 of each ring, (rings, 2), and whether its faces join from right to left."""
     found = dict.fromkeys(map(tuple, kernels.closed_rings(rights, lefts).tolist()), True)
     taken = np.zeros(len(rights), bool)
@@ -186,7 +186,7 @@ def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]
     return np.array(rings, np.int64).reshape(-1, 2), [found[ring] for ring in rings]
 
 
-def _bundles(outlines: list[_Outline], looks: list[list[float]]) -> list[list[int]]:
+def _group_rings(outlines: list[_Outline], looks: list[list[float]]) -> list[list[int]]:
     """Yield the rings of each footprint: the outer ring, then the rings of its courtyards."""
     bundles: list[list[int]] = []
     for ring, outline in enumerate(outlines):
@@ -224,8 +224,8 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
 
     Faces of one type are drawn at once, the types in the order of their first face.
     """
-    columns = obstacles_to_draw(ctx)
-    visual = drawing_of(ctx)
+    columns = find_obstacles_to_draw(ctx)
+    visual = get_drawing(ctx)
     thickness = data.get("boundary_thickness", 1.0)
     if data.get("fill"):
         _draw_buildings(ctx, columns, data.get("color_map", {}), thickness, visual.theme.map.walls)
@@ -236,7 +236,7 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
         _draw_tops(visual, columns, columns.types == type, colors.get(type, OTHER_OBSTACLE), thickness)
 
 
-def obstacles_to_draw(ctx: IContext) -> ObstacleColumns:
+def find_obstacles_to_draw(ctx: IContext) -> ObstacleColumns:
     """Return the obstacles of a context; of one without any, the buildings that are drawn and block no sight."""
     obstacles = ctx.graph.obstacle_columns()
     return obstacles if len(obstacles.ids) else ctx.graph.scenery_columns().buildings
@@ -249,10 +249,10 @@ def render_base_map(ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG00
     """Draw the areas and lines of the scenery on the ground of the map: parks, water, then rails."""
     columns = ctx.graph.columns()
     scenery = ctx.graph.scenery_columns()
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     tones = visual.theme.map.ground
-    walls = obstacles_to_draw(ctx).corners.reshape(-1, 3)[:, :2]
-    ground = ground_of(scenery.points, columns.xy, *columns.polylines.values(), walls)
+    walls = find_obstacles_to_draw(ctx).corners.reshape(-1, 3)[:, :2]
+    ground = find_ground(scenery.points, columns.xy, *columns.polylines.values(), walls)
     if len(ground):
         (left, low), (right, high) = ground.tolist()
         visual.render_polygon([(left, low), (right, low), (right, high), (left, high)], tones.land)
@@ -285,13 +285,13 @@ def _draw_buildings(
     ctx: IContext, columns: ObstacleColumns, colors: dict[int, Any], thickness: float, tones: WallTones
 ) -> None:
     """Fill closed outlines, the highest last; then draw all top edges."""
-    visual = drawing_of(ctx)
-    built = footprints(columns)
+    visual = get_drawing(ctx)
+    built = find_footprints(columns)
     is_filled = ~_is_fence(ctx, built)
     own = np.isin(built.types, list(colors))
-    step = _steps(built.heights)
+    step = _find_tones(built.heights)
     for number in range(_STEPS):
-        tone = _between(tones.low, tones.high, number / (_STEPS - 1))
+        tone = _blend_colors(tones.low, tones.high, number / (_STEPS - 1))
         _fill(visual, built, is_filled & ~own & (step == number), tone)
     has_own = np.isin(columns.types, list(colors))
     is_around = np.append(is_filled, False)[built.row_of]  # the row -1 is the last
@@ -299,7 +299,7 @@ def _draw_buildings(
     _draw_tops(visual, columns, ~has_own & ~is_around, tones.wall, thickness)
     for type, color in colors.items():
         _fill(visual, built, is_filled & (built.types == type), color)
-        _draw_tops(visual, columns, (columns.types == type) & is_around, _shaded(color), thickness)
+        _draw_tops(visual, columns, (columns.types == type) & is_around, _shade_color(color), thickness)
         _draw_tops(visual, columns, (columns.types == type) & ~is_around, color, thickness)
 
 
@@ -318,7 +318,7 @@ def _is_fence(ctx: IContext, built: Footprints) -> BoolArray:
     return is_fence
 
 
-def _steps(heights: FloatArray) -> IntArray:
+def _find_tones(heights: FloatArray) -> IntArray:
     """Return which of the tones each height has."""
     if len(heights) == 0:
         return np.zeros(0, np.int64)
@@ -330,11 +330,11 @@ def _steps(heights: FloatArray) -> IntArray:
     return steps
 
 
-def _between(low: Rgb, high: Rgb, share: float) -> Rgb:
+def _blend_colors(low: Rgb, high: Rgb, share: float) -> Rgb:
     red, green, blue = (round(a + share * (b - a)) for a, b in zip(low, high, strict=True))
     return red, green, blue
 
 
-def _shaded(color: AnyColor) -> Rgba:
+def _shade_color(color: AnyColor) -> Rgba:
     red, green, blue, alpha = rgba(color)
     return round(_SHADE * red), round(_SHADE * green), round(_SHADE * blue), alpha

@@ -2,7 +2,7 @@
 
 A mark has the color of the agent that it is about. Marks stand below discs of agents at their right and left, where
 grids have neither edges nor nodes, and apart from several agents on the node; they lie on a layer below agents, so that
-they cross out none. `drawn_marks` returns them as labels need them, so that they get names.
+they cross out none. `get_drawn_marks` returns them as labels need them, so that they get names.
 """
 
 from collections import Counter
@@ -14,9 +14,9 @@ import numpy as np
 from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
-from gamms.visual.appearance import AgentData, AnyColor, Rgba, color_group, rgba
+from gamms.visual.appearance import AgentData, AnyColor, Rgba, get_color_group, rgba
 from gamms.visual.constants import Layer
-from gamms.visual.drawing import drawing_of
+from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 TAG_TURNS = 5  # that a tag is shown
@@ -58,31 +58,33 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     `data` may have `colors` by team; the `size` of agents; names of agents as `of`, so that tags without any of these
     are left out; and the agents that `render_eliminated` marks as `out`, for which no tag is marked.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     marks = list[_AgentMark]()
     out = data.get("out", {})
     colors = visual.group_colors() | data.get("colors", {})
     new = visual.events.of_turns("tag", 1)
     taken = Counter(visual.position_of(name) for name in out)
-    for node, tags in _tags(ctx, data.get("of"), out).items():
+    for node, tags in _find_latest_tags(ctx, data.get("of"), out).items():
         at = ctx.graph.graph.get_node(node)
         for number, (name, tag) in enumerate(sorted(tags.items()), taken[at.x, at.y]):
             agents = ctx.agent.agents
-            side = color_group(ctx.agent.agents[name])
-            color = _aged(colors.get(side, colors[str(side)]), is_new=tag in new)
-            witnesses = {str(color_group(agents[one])) for one in (name, tag.get("agent")) if one in agents}
+            side = get_color_group(ctx.agent.agents[name])
+            color = _fade_color(colors.get(side, colors[str(side)]), is_new=tag in new)
+            witnesses = {str(get_color_group(agents[one])) for one in (name, tag.get("agent")) if one in agents}
             owner = Owner(sides=tuple(sorted(witnesses)))
             signs = _RING, 0.6 * _CROSS
             marks.append(_AgentMark(name, color, (at.x, at.y), number, signs, owner, int(tag.get("turn", 0))))
     _draw(ctx, marks, data)
 
 
-def _tags(ctx: IContext, of: Collection[str] | None, out: Collection[str]) -> dict[int, dict[str, dict[str, Any]]]:
+def _find_latest_tags(
+    ctx: IContext, of: Collection[str] | None, out: Collection[str]
+) -> dict[int, dict[str, dict[str, Any]]]:
     """Return node -> agent -> its latest tag there, for marked tags."""
     graph = ctx.graph.graph
     agents = ctx.agent.agents
     found = dict[int, dict[str, dict[str, Any]]]()
-    for tag in drawing_of(ctx).events.of_turns("tag", TAG_TURNS):
+    for tag in get_drawing(ctx).events.of_turns("tag", TAG_TURNS):
         node = tag.get("node", -1)
         name = tag.get("other", "")
         is_open = of is None or tag.get("agent") in of or name in of
@@ -97,32 +99,32 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
     `data["out"]` maps the agents that are out to whether each arrived; `data["colors"]` has their colors, and
     `data["size"]` is the radius of agents.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     marks = list[_AgentMark]()
     taken = Counter[tuple[float, float]]()
     for name, has_arrived in data["out"].items():
         color = data["colors"][name]
         place = visual.position_of(name)
-        color = _aged(color, is_new=name in visual.events.eliminated())
+        color = _fade_color(color, is_new=name in visual.events.eliminated())
         marks.append(_AgentMark(name, color, place, taken[place], (_TICK if has_arrived else _CROSS,), Owner(name)))
         taken[place] += 1
     _draw(ctx, marks, data)
 
 
-def drawn_marks(artist: IArtist) -> list[AgentData]:
+def get_drawn_marks(artist: IArtist) -> list[AgentData]:
     """Return the marks that an artist drew last, at their places."""
     data = getattr(artist, "data", None)
     return data.get(_MARKS, []) if isinstance(data, dict) and artist.get_visible() else []
 
 
-def _aged(color: AnyColor, *, is_new: bool) -> Rgba:
+def _fade_color(color: AnyColor, *, is_new: bool) -> Rgba:
     red, green, blue, alpha = rgba(color)
     return red, green, blue, alpha if is_new else min(alpha, _PALE)
 
 
 def _draw(ctx: IContext, marks: Sequence[_AgentMark], data: dict[str, Any]) -> None:
     """Draw marks beside their places, first the edges of all, and note in `data` where they are."""
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     last = {mark.place: mark.number for mark in marks}
     places = []
     shifts = []
@@ -147,12 +149,12 @@ def _draw(ctx: IContext, marks: Sequence[_AgentMark], data: dict[str, Any]) -> N
     ]
 
 
-def _rows_of_tags(ctx: IContext) -> LegendRows | None:
-    is_marked = bool(_tags(ctx, None, drawing_of(ctx).events.out()))
+def _make_tag_rows(ctx: IContext) -> LegendRows | None:
+    is_marked = bool(_find_latest_tags(ctx, None, get_drawing(ctx).events.out()))
     return LegendRows("", (LegendRow(SIGN, "tagged", sign="tag"),)) if is_marked else None
 
 
-def rows_of_eliminated(out: Mapping[str, bool]) -> LegendRows:
+def make_elimination_rows(out: Mapping[str, bool]) -> LegendRows:
     """Return the legend of the agents that are out, where these arrived or not."""
     words = ((False, "out", "cross"), (True, "arrived", "tick"))
     return LegendRows(
@@ -160,7 +162,7 @@ def rows_of_eliminated(out: Mapping[str, bool]) -> LegendRows:
     )
 
 
-render_tags.__dict__.update(artist="tags", layer=Layer.TAGS, legend=_rows_of_tags)
+render_tags.__dict__.update(artist="tags", layer=Layer.TAGS, legend=_make_tag_rows)
 _DRAWERS: tuple[Callable[..., None], ...] = render_tags, render_eliminated
 for _drawer in _DRAWERS:
     _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide

@@ -12,9 +12,9 @@ from gamms.ir.messages import ARRIVALS
 from gamms.knowledge.sides import find_receivers
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import Rgba, color_group
+from gamms.visual.appearance import Rgba, get_color_group
 from gamms.visual.drawers.agents import RING, RING_PX, rings
-from gamms.visual.drawing import drawing_of
+from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 _MOST = 2000  # arcs
@@ -51,36 +51,36 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
     names of agents: a message from a hidden agent is a ring around its receiver; and `size`, the radius of agents in
     world units: rings lie outside their discs.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     agents = ctx.agent.agents
     alpha = data.get("_alpha", 1.0)
     hidden = data.get("hidden", ())
-    for sender, receiver, is_overheard in islice(_arriving(ctx, data.get("of")), _MOST):
+    for sender, receiver, is_overheard in islice(_list_arriving_messages(ctx, data.get("of")), _MOST):
         if sender not in agents or receiver not in agents or receiver in hidden:
             continue
-        color = (*visual.color_of(color_group(agents[sender])), _FAINT if is_overheard else _INK)
+        color = (*visual.color_of(get_color_group(agents[sender])), _FAINT if is_overheard else _INK)
         end = visual.position_of(receiver, alpha)
         if sender in hidden:
-            _ring(ctx, data, receiver, color)
+            _draw_ring(ctx, data, receiver, color)
         else:
-            arc = _arc(visual.position_of(sender, alpha), end)
+            arc = _compute_arc(visual.position_of(sender, alpha), end)
             visual.render_lines(arc, [0, len(arc)], color, _LINE_PX)
-    for sender in islice(_unheard(ctx, data.get("of")), _MOST):
+    for sender in islice(_list_unheard_senders(ctx, data.get("of")), _MOST):
         if sender in agents and sender not in hidden:
-            color = (*visual.color_of(color_group(agents[sender])), round(_UNHEARD_INK - _FADED * alpha))
-            _ring(ctx, data, sender, color, alpha)
+            color = (*visual.color_of(get_color_group(agents[sender])), round(_UNHEARD_INK - _FADED * alpha))
+            _draw_ring(ctx, data, sender, color, alpha)
 
 
-def _ring(ctx: IContext, data: dict[str, Any], name: str, color: Rgba, grown: float = 0.0) -> None:
+def _draw_ring(ctx: IContext, data: dict[str, Any], name: str, color: Rgba, grown: float = 0.0) -> None:
     """Draw a ring around an agent, outside its disc, that has grown by a share of all that it grows."""
     flies = ctx.agent.agents[name].type == AgentType.AERIAL
     radius = (RING if flies else 1.0) + _BEYOND + _WIDER * grown
     least_px = (RING_PX if flies else _DISC_PX) + _BEYOND_PX + _WIDER_PX * grown
-    place = drawing_of(ctx).position_of(name, data.get("_alpha", 1.0))
+    place = get_drawing(ctx).position_of(name, data.get("_alpha", 1.0))
     rings(ctx, [place], radius * data.get("size", 0.0), color, least_px, _LINE_PX)
 
 
-def _unheard(ctx: IContext, of: Collection[str] | None) -> Iterator[str]:
+def _list_unheard_senders(ctx: IContext, of: Collection[str] | None) -> Iterator[str]:
     """Yield the senders of messages of this turn that no agent, or none of these, will hear or overhear, each once."""
     game = ctx.current_game
     turn = 0 if game is None else game.turn
@@ -90,7 +90,7 @@ def _unheard(ctx: IContext, of: Collection[str] | None) -> Iterator[str]:
     yield from dict.fromkeys(sender for sender in lost if of is None or sender in of)
 
 
-def _arriving(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, str, bool]]:
+def _list_arriving_messages(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, str, bool]]:
     """Yield sender, receiver and whether it is overheard, for messages that arrive before the next turn."""
     game = ctx.current_game
     turn = 0 if game is None else game.turn
@@ -103,7 +103,7 @@ def _arriving(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, 
             yield from ((entry["sender"], name, key == "overheard") for name in arriving)
 
 
-def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
+def _compute_arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
     """Return points (points, 2) from start to end that bend to the left, so that there and back are two arcs."""
     first = np.array(start)
     way = np.subtract(end, start)
@@ -111,14 +111,14 @@ def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
     return first + _BEND[:, None] * way + (4.0 * _BEND * (1.0 - _BEND))[:, None] * aside
 
 
-def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> LegendRows | None:
+def make_message_legend(ctx: IContext, of: Collection[str] | None = None) -> LegendRows | None:
     """Return the legend rows of the messages that are shown; `of` is as for `render_messages`."""
     rows = list[LegendRow]()
-    if next(_arriving(ctx, of), None) is not None:
+    if next(_list_arriving_messages(ctx, of), None) is not None:
         rows.append(LegendRow(SIGN, "message", sign="curve"))
-    if next(_unheard(ctx, of), None) is not None:
+    if next(_list_unheard_senders(ctx, of), None) is not None:
         rows.append(LegendRow(SIGN, "message that nobody hears", sign="ring"))
     return LegendRows("", tuple(rows)) if rows else None
 
 
-render_messages.__dict__["legend"] = legend_of_messages
+render_messages.__dict__["legend"] = make_message_legend

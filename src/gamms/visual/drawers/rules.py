@@ -17,9 +17,9 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, rgba
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.graph import typical_edge_length
-from gamms.visual.drawers.streets import one_way_each, polylines
-from gamms.visual.drawing import drawing_of
+from gamms.visual.drawers.graph import find_typical_edge_length
+from gamms.visual.drawers.streets import find_distinct_roads, polylines
+from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
@@ -45,42 +45,42 @@ _POLE = np.array([(0.0, 0.0), (0.0, -1.0)]) * FLAG_PX
 _CLOTH = np.array([(0.0, -1.0), (0.7, -0.75), (0.0, -0.5)]) * FLAG_PX
 
 
-def game_data(ctx: IContext) -> Mapping[Any, Any]:
+def get_game_data(ctx: IContext) -> Mapping[Any, Any]:
     """Return the data of rules in a context; empty before a game has begun."""
     game = ctx.current_game
     return {} if game is None else game.data
 
 
-def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:
+def find_flags(ctx: IContext) -> dict[str, dict[str, Any]]:
     """Return all data of rules that describe flags, by key."""
-    return _first(
-        (key, kept | {"bases": _first(kept["bases"].items())})
-        for key, kept in game_data(ctx).items()
+    return _take_first(
+        (key, kept | {"bases": _take_first(kept["bases"].items())})
+        for key, kept in get_game_data(ctx).items()
         if isinstance(kept, dict) and isinstance(kept.get("bases"), dict) and isinstance(kept.get("carriers"), dict)
     )
 
 
-def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
+def find_territories(ctx: IContext) -> dict[str, dict[Any, str]]:
     """Return all territories in the data of rules, by name: team -> node ids as text."""
-    kept = game_data(ctx).get(TERRITORIES)
+    kept = get_game_data(ctx).get(TERRITORIES)
     if not isinstance(kept, dict):
         return {}
-    return _first((name, _first(owned.items())) for name, owned in kept.items() if _is_owned(owned))
+    return _take_first((name, _take_first(owned.items())) for name, owned in kept.items() if _is_owned(owned))
 
 
-def goals_in(ctx: IContext) -> dict[Any, str]:
+def find_goals(ctx: IContext) -> dict[Any, str]:
     """Return all goals in the data of rules: team -> node ids as text."""
-    kept = game_data(ctx).get(GOALS)
-    return _first(kept.items()) if isinstance(kept, dict) and _is_owned(kept) else {}
+    kept = get_game_data(ctx).get(GOALS)
+    return _take_first(kept.items()) if isinstance(kept, dict) and _is_owned(kept) else {}
 
 
-def teams_of_rules(ctx: IContext) -> set[str]:
+def find_teams_of_rules(ctx: IContext) -> set[str]:
     """Return the teams of flags, territories and goals, by their text."""
-    owned = [flags["bases"] for flags in flags_in(ctx).values()] + [*territories_in(ctx).values(), goals_in(ctx)]
+    owned = [flags["bases"] for flags in find_flags(ctx).values()] + [*find_territories(ctx).values(), find_goals(ctx)]
     return {text_of(team) for team in chain.from_iterable(owned)}
 
 
-def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+def _take_first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
     """Return the first items up to the limit, because a hostile recording may have any number."""
     return dict(islice(items, _MOST))
 
@@ -94,11 +94,11 @@ def _is_owned(value: object) -> bool:
 
 def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the flags under `data["key"]` that agents carry, beside these agents; see `render_homes` for `data`."""
-    visual = drawing_of(ctx)
-    for color, _, carrier in _flags(ctx, data):
+    visual = get_drawing(ctx)
+    for color, _, carrier in _list_flags(ctx, data):
         if carrier in ctx.agent.agents:
             with visual.owned(agent=carrier):
-                _pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
+                _draw_pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
 
 
 def render_homes(ctx: IContext, data: dict[str, Any]) -> None:
@@ -106,22 +106,22 @@ def render_homes(ctx: IContext, data: dict[str, Any]) -> None:
 
     `data` may have `colors` by team, and names of agents as `hidden`: flags that hidden agents carry are not shown.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     graph = ctx.graph.graph
-    for color, base, carrier in _flags(ctx, data):
+    for color, base, carrier in _list_flags(ctx, data):
         if not graph.has_node(base):
             continue
         home = graph.get_node(base)
         visual.render_symbols([(home.x, home.y)], _BASE_PX * _BASE, color, _BASE_LINE_PX)
         if carrier not in ctx.agent.agents:
             visual.render_symbols([(home.x, home.y)], _AT_HOME_PX * _BASE, color)
-            _pennant(ctx, home.x, home.y, color)
+            _draw_pennant(ctx, home.x, home.y, color)
 
 
-def _flags(ctx: IContext, data: dict[str, Any]) -> Iterator[tuple[AnyColor, Any, Any]]:
+def _list_flags(ctx: IContext, data: dict[str, Any]) -> Iterator[tuple[AnyColor, Any, Any]]:
     """Yield the color, the home and the carrier of the shown flags."""
-    kept = flags_in(ctx).get(data["key"], {"bases": {}, "carriers": {}})
-    for team, color in team_colors_of(ctx, kept["bases"], data.get("colors")).items():
+    kept = find_flags(ctx).get(data["key"], {"bases": {}, "carriers": {}})
+    for team, color in find_team_colors(ctx, kept["bases"], data.get("colors")).items():
         carrier = kept["carriers"].get(team)
         if carrier not in data.get("hidden", ()):
             yield color, kept["bases"][team], carrier
@@ -137,7 +137,7 @@ class KeyedDrawer:
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
         self.artist = key
-        self.keywords = {"key": key, "colors": _checked_colors(colors)}
+        self.keywords = {"key": key, "colors": _check_colors(colors)}
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other drawer draws the same."""
@@ -183,15 +183,15 @@ class FlagsDrawer(KeyedDrawer):
         render_flags(ctx, {**data, **self.keywords})
 
 
-def _checked_colors(colors: object) -> Mapping[Any, Any] | None:
+def _check_colors(colors: object) -> Mapping[Any, Any] | None:
     """Raise BadType unless these are colors by team."""
     if colors is not None and not isinstance(colors, Mapping):
         raise BadType(f"colors must be a mapping from teams to colors, not {shown(colors)}.")
     return colors
 
 
-def _pennant(ctx: IContext, x: float, y: float, color: AnyColor) -> None:
-    visual = drawing_of(ctx)
+def _draw_pennant(ctx: IContext, x: float, y: float, color: AnyColor) -> None:
+    visual = get_drawing(ctx)
     visual.render_symbols([(x, y)], _POLE, color, _POLE_PX)
     visual.render_symbols([(x, y)], _CLOTH, color)
 
@@ -210,7 +210,7 @@ def as_text(ids: IntArray) -> str:
     return " ".join(f"{begin}" if begin == end else f"{begin}..{end}" for begin, end in runs)
 
 
-def in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+def find_ids_in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
     """Return a mask of the ids (ids,) in a text of `as_text`; a malicious text may have any number.
 
     Raises:
@@ -246,14 +246,14 @@ class TerritoryDrawer(KeyedDrawer):
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG002 - the arguments of every drawer
         """Draw the territory."""
-        owned = territories_in(ctx).get(self._name, {})
+        owned = find_territories(ctx).get(self._name, {})
         columns = ctx.graph.columns()
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
             self._seen = (columns, owned)
-            self._breadth = _BAND * typical_edge_length(columns)
-            self._places = _places(columns, owned)
-        visual = drawing_of(ctx)
-        for team, color in team_colors_of(ctx, self._places, self._given).items():
+            self._breadth = _BAND * find_typical_edge_length(columns)
+            self._places = _find_team_streets(columns, owned)
+        visual = get_drawing(ctx)
+        for team, color in find_team_colors(ctx, self._places, self._given).items():
             tint = (*rgba(color)[:3], _TINT)
             ground = self._places[team]
             visual.render_lines(ground.points, ground.offsets, tint, self._breadth, in_world=True)
@@ -268,12 +268,12 @@ class _TeamStreets(NamedTuple):
     alone: FloatArray  # (nodes, 2)
 
 
-def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _TeamStreets]:
+def _find_team_streets(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _TeamStreets]:
     """Return the ground of each team, without nodes that are gone."""
-    streets = one_way_each(columns)
+    streets = find_distinct_roads(columns)
     found = {}
     for team, nodes in owned.items():
-        is_own = in_text(nodes, columns.node_ids)
+        is_own = find_ids_in_text(nodes, columns.node_ids)
         rows = streets[is_own[columns.sources[streets]] & is_own[columns.targets[streets]]]
         is_alone = is_own.copy()
         is_alone[columns.sources[rows]] = False
@@ -283,19 +283,19 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _TeamS
     return found
 
 
-def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
+def find_team_colors(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
     """Return a color for each team: the given color, or that of its agents if none is declared."""
-    colors = drawing_of(ctx).group_colors(sorted(teams, key=str))
+    colors = get_drawing(ctx).group_colors(sorted(teams, key=str))
     return {team: (given or {}).get(team, colors[text_of(team)]) for team in sorted(teams, key=text_of)}
 
 
 def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the nodes that agents are to reach, by the rule `reach`; `data` may have `colors` by team."""
-    goals = goals_in(ctx)
+    goals = find_goals(ctx)
     columns = ctx.graph.columns()
-    visual = drawing_of(ctx)
-    for team, color in team_colors_of(ctx, goals, data.get("colors")).items():
-        places = columns.xy[in_text(goals[team], columns.node_ids)]
+    visual = get_drawing(ctx)
+    for team, color in find_team_colors(ctx, goals, data.get("colors")).items():
+        places = columns.xy[find_ids_in_text(goals[team], columns.node_ids)]
         if len(places) > _FEW_GOALS:
             visual.render_circles(places, _DOT_PX, (*rgba(color)[:3], 2 * _TINT), in_pixels=True)
             continue

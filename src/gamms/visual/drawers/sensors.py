@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.geometry import rings_of, seamed, union_of
+from gamms.ir.geometry import list_rings, seam_rings, unite
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, Color, Rgba, rgba
 from gamms.visual.drawers.agents import rings
-from gamms.visual.drawers.streets import dashes, lengths_along
-from gamms.visual.drawing import Points, drawing_of
-from gamms.visual.shown_turn import view_of
+from gamms.visual.drawers.streets import cut_dashes, measure_along
+from gamms.visual.drawing import Points, get_drawing
+from gamms.visual.shown_turn import get_view
 
 _ALPHA = 150
 _NODE_PX = 3.0
@@ -44,8 +44,8 @@ def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
         NotOffered: it has no `last_view`.
     """
     sensor = ctx.sensor.get_sensor(data["name"])
-    if not drawing_of(ctx).carriers.is_blind(sensor):
-        _draw(ctx, data, view_of(sensor))
+    if not get_drawing(ctx).carriers.is_blind(sensor):
+        _draw(ctx, data, get_view(sensor))
 
 
 def render_sight(ctx: IContext, data: dict[str, Any]) -> None:
@@ -64,38 +64,42 @@ def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
     """
     views: dict[AnyColor, list[SensorView]] = {}
     for color, view in data["sights"]:
-        views.setdefault(color, []).append(sparse(view))
+        views.setdefault(color, []).append(remove_edge_ends(view))
     alpha = min(_FILL_ALPHA, round(255 * (1 - (1 - _MOST_OPAQUE) ** (1 / max(len(views), 1)))))
     for color, of_color in views.items():
-        outlines = [_carried(ctx, view, view.outline, data) for view in of_color if len(view.outline)]
-        _fields_of_view(ctx, outlines, color, alpha)
-        _dash(ctx, [_carried(ctx, view, view.dashed, data) for view in of_color if len(view.dashed)], color)
-    visual = drawing_of(ctx)
+        outlines = [_move_with_carrier(ctx, view, view.outline, data) for view in of_color if len(view.outline)]
+        _draw_fields_of_view(ctx, outlines, color, alpha)
+        _draw_dashed_border(
+            ctx, [_move_with_carrier(ctx, view, view.dashed, data) for view in of_color if len(view.dashed)], color
+        )
+    visual = get_drawing(ctx)
     for color, of_color in views.items():
         lines = dict[bytes, FloatArray]()
         for view in of_color:
             lines |= {line.tobytes(): line for line in np.split(view.lines, view.offsets[1:-1]) if len(line)}
         if lines:
             offsets = np.cumsum([0, *map(len, lines.values())])
-            visual.render_lines(np.concatenate([*lines.values()]), offsets, _faint(color, _MANY_ALPHA), _MANY_PX)
+            visual.render_lines(
+                np.concatenate([*lines.values()]), offsets, _make_transparent(color, _MANY_ALPHA), _MANY_PX
+            )
     for color, of_color in views.items():
         marked = [view.nodes for view in of_color if len(view.nodes)]
         if marked:
             nodes = np.unique(np.concatenate(marked), axis=0)
-            visual.render_circles(nodes, _MANY_PX / 2, _faint(color), in_pixels=True)
+            visual.render_circles(nodes, _MANY_PX / 2, _make_transparent(color), in_pixels=True)
         for view in of_color:
             if len(view.agents) and not view.names:
                 rings(ctx, view.agents, data["size"], rgba(color), _RING_PX)
 
 
-def sparse(view: SensorView) -> SensorView:
+def remove_edge_ends(view: SensorView) -> SensorView:
     """Return a view without the nodes at the ends of its edges."""
     return replace(view, nodes=view.nodes[:0]) if len(view.lines) else view
 
 
 def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the rings of sensor views around agents at their shown positions."""
-    position_of = drawing_of(ctx).position_of
+    position_of = get_drawing(ctx).position_of
     share = data.get("_alpha", 1.0)
     agents = ctx.agent.agents
     for color, view in data["sights"]:
@@ -107,12 +111,12 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
     data = {**data.get("_defaults", {}), **data}
     color = data.get("color", data.get("node_color", Color.Cyan))
     if len(view.outline):
-        field_of_view(ctx, _carried(ctx, view, view.outline, data), color)
+        draw_field_of_view(ctx, _move_with_carrier(ctx, view, view.outline, data), color)
     if len(view.dashed):
-        _dash(ctx, [_carried(ctx, view, view.dashed, data)], color)
+        _draw_dashed_border(ctx, [_move_with_carrier(ctx, view, view.dashed, data)], color)
     if len(view.lines):
-        edge_color = _faint(data.get("edge_color", color))
-        drawing_of(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
+        edge_color = _make_transparent(data.get("edge_color", color))
+        get_drawing(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
     if len(view.nodes):
         default = _JUNCTION_RADIUS if len(view.lines) else _NODE_RADIUS
         _mark(ctx, view.nodes, data.get("node_size", default), data.get("node_color", color))
@@ -120,21 +124,21 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
         rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
 
 
-def _carried(ctx: IContext, view: SensorView, corners: FloatArray, data: dict[str, Any]) -> FloatArray:
+def _move_with_carrier(ctx: IContext, view: SensorView, corners: FloatArray, data: dict[str, Any]) -> FloatArray:
     """Return the corners of a field of view, around its carrier as it is shown while it moves."""
     share = data.get("_alpha", 1.0)
     if view.carrier is None or share >= 1.0 or view.carrier not in ctx.agent.agents:
         return corners
-    position_of = drawing_of(ctx).position_of
+    position_of = get_drawing(ctx).position_of
     moved: FloatArray = corners + np.subtract(position_of(view.carrier, share), position_of(view.carrier, 1.0))
     return moved
 
 
 def _mark(ctx: IContext, centers: Points, radius: float, color: AnyColor) -> None:
     """Draw a ring, and a small dot for when the ring is too small: an agent there keeps its own color."""
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     visual.render_circles(centers, radius, color, 2.0)
-    visual.render_circles(centers, _NODE_PX, _faint(color), in_pixels=True)
+    visual.render_circles(centers, _NODE_PX, _make_transparent(color), in_pixels=True)
 
 
 render_sensor.once_a_turn = True  # type: ignore[attr-defined] # sensors look once a turn
@@ -151,47 +155,47 @@ _DASHES = 40
 _DASH_PX = 1.5
 
 
-def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
+def draw_field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
     """Fill `outline` (corners, 2) transparently, unless it contains the whole map.
 
     Raises:
         BadValue: a corner that is no pair of finite numbers.
     """
-    corners = _drawn_corners(ctx, outline)
+    corners = _cut_outline(ctx, outline)
     if len(corners) == 0:
         return
-    visual = drawing_of(ctx)
-    visual.render_polygon(corners.tolist(), _faint(color, _FILL_ALPHA))
-    visual.render_polygon(corners.tolist(), _faint(color, _RIM_ALPHA), 1)
+    visual = get_drawing(ctx)
+    visual.render_polygon(corners.tolist(), _make_transparent(color, _FILL_ALPHA))
+    visual.render_polygon(corners.tolist(), _make_transparent(color, _RIM_ALPHA), 1)
 
 
-def _fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, alpha: int) -> None:
+def _draw_fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, alpha: int) -> None:
     """Fill the union of fields of view, and draw its border."""
-    bounded = _bounded(ctx, outlines)
+    bounded = _unite_outlines(ctx, outlines)
     if not bounded:
         return
-    visual = drawing_of(ctx)
-    fills = [seamed(rings) for rings in bounded]
+    visual = get_drawing(ctx)
+    fills = [seam_rings(rings) for rings in bounded]
     rims = list(chain.from_iterable(bounded))
-    visual.render_polygons(np.concatenate(fills), np.cumsum([0, *map(len, fills)]), _faint(color, alpha))
-    visual.render_lines(np.concatenate(rims), np.cumsum([0, *map(len, rims)]), _faint(color, _RIM_ALPHA))
+    visual.render_polygons(np.concatenate(fills), np.cumsum([0, *map(len, fills)]), _make_transparent(color, alpha))
+    visual.render_lines(np.concatenate(rims), np.cumsum([0, *map(len, rims)]), _make_transparent(color, _RIM_ALPHA))
 
 
-def _dash(ctx: IContext, outlines: list[FloatArray], color: AnyColor) -> None:
+def _draw_dashed_border(ctx: IContext, outlines: list[FloatArray], color: AnyColor) -> None:
     """Draw the border of the union of fields of view dashed."""
-    visual = drawing_of(ctx)
-    for rim in chain.from_iterable(_bounded(ctx, outlines)):
-        points, offsets = dashes(rim, np.array([0, len(rim)]), lengths_along(rim)[-1] / _DASHES)
-        visual.render_lines(points, offsets, _faint(color, _RIM_ALPHA), _DASH_PX)
+    visual = get_drawing(ctx)
+    for rim in chain.from_iterable(_unite_outlines(ctx, outlines)):
+        points, offsets = cut_dashes(rim, np.array([0, len(rim)]), measure_along(rim)[-1] / _DASHES)
+        visual.render_lines(points, offsets, _make_transparent(color, _RIM_ALPHA), _DASH_PX)
 
 
-def _bounded(ctx: IContext, outlines: list[FloatArray]) -> list[list[FloatArray]]:
+def _unite_outlines(ctx: IContext, outlines: list[FloatArray]) -> list[list[FloatArray]]:
     """Return the union of fields of view: the closed rings of each polygon."""
-    corners = [_drawn_corners(ctx, outline) for outline in outlines]
-    return [rings_of(polygon) for polygon in union_of([one for one in corners if len(one)])]
+    corners = [_cut_outline(ctx, outline) for outline in outlines]
+    return [list_rings(polygon) for polygon in unite([one for one in corners if len(one)])]
 
 
-def _drawn_corners(ctx: IContext, outline: Points) -> FloatArray:
+def _cut_outline(ctx: IContext, outline: Points) -> FloatArray:
     """Return a field of view (corners, 2), cut to the surroundings of the map; empty if it contains the whole map.
 
     Raises:
@@ -200,7 +204,7 @@ def _drawn_corners(ctx: IContext, outline: Points) -> FloatArray:
     corners = np.asarray(outline, np.float64)
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {shown(outline)}.")
-    box = drawing_of(ctx).of_map(_around_the_map)
+    box = get_drawing(ctx).of_map(_compute_surroundings)
     if box is not None:
         corners = cut(corners, *box)
     is_drawn = len(corners) > 2 and (box is None or not _is_whole(corners, *box))
@@ -232,7 +236,7 @@ def _cut_off(corners: FloatArray, axis: int, limit: float, side: float) -> Float
     return inside
 
 
-def _around_the_map(columns: GraphColumns) -> tuple[FloatArray, FloatArray] | None:
+def _compute_surroundings(columns: GraphColumns) -> tuple[FloatArray, FloatArray] | None:
     """Return the lower left and upper right corner of the box that fields of view are cut to; None for no extent."""
     xy = columns.xy
     if len(xy) == 0:
@@ -248,7 +252,7 @@ def _is_whole(corners: FloatArray, low: FloatArray, high: FloatArray) -> bool:
     return bool(((corners == low) | (corners == high)).any(axis=1).all())
 
 
-def _faint(color: AnyColor, alpha: int = _ALPHA) -> Rgba:
+def _make_transparent(color: AnyColor, alpha: int = _ALPHA) -> Rgba:
     """Return a color with the default transparency, unless it is more transparent already."""
     red, green, blue, own = rgba(color)
     return red, green, blue, min(own, alpha)

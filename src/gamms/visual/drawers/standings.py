@@ -17,10 +17,10 @@ from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
 from gamms.text import as_text as text_of
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import color_group
+from gamms.visual.appearance import get_color_group
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.rules import game_data, in_text, team_colors_of
-from gamms.visual.drawing import drawing_of
+from gamms.visual.drawers.rules import find_ids_in_text, find_team_colors, get_game_data
+from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 # in `ctx.game.data`
@@ -59,9 +59,9 @@ _THICK_PX = 5.0
 _XY = tuple[float, float]
 
 
-def counted_in(ctx: IContext, group: str) -> dict[str, dict[str, Any]]:
+def find_counts(ctx: IContext, group: str) -> dict[str, dict[str, Any]]:
     """Return the drawable counts of rules in one of the groups, by key."""
-    kept: Any = game_data(ctx).get(group)
+    kept: Any = get_game_data(ctx).get(group)
     fields = _FIELDS[group]
     fit = (
         (str(key), state)
@@ -76,19 +76,19 @@ def render_held(ctx: IContext, data: dict[str, Any]) -> None:
 
     `data` may have `colors` by team.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     columns = ctx.graph.columns()
-    held = counted_in(ctx, HELD)
-    colors = team_colors_of(ctx, {state.get("team"): None for state in held.values()}, data.get("colors"))
+    held = find_counts(ctx, HELD)
+    colors = find_team_colors(ctx, {state.get("team"): None for state in held.values()}, data.get("colors"))
     for state in held.values():
-        places = columns.xy[in_text(state["nodes"], columns.node_ids)]
+        places = columns.xy[find_ids_in_text(state["nodes"], columns.node_ids)]
         visual.render_circles(places, _PLACE_PX, SIGN, _THIN_PX, in_pixels=True)
         share = min(1.0, max(0, state["turns"]) / max(1, state["of"]))
         if state.get("team") is not None and share > 0.0:
-            visual.render_symbols(places, _arc(share, _PLACE_PX), colors[state["team"]], _ARC_PX)
+            visual.render_symbols(places, _compute_arc(share, _PLACE_PX), colors[state["team"]], _ARC_PX)
 
 
-def _arc(share: float, radius: float) -> FloatArray:
+def _compute_arc(share: float, radius: float) -> FloatArray:
     """Return the corners (corners, 2) of an outline that is a part of a circle, from the top on and clockwise."""
     turn = 2.0 * pi * share * np.linspace(0.0, 1.0, 2 + int(_FINE * share))
     arc = np.column_stack([np.sin(turn), -np.cos(turn)]) * radius
@@ -100,14 +100,14 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
 
     `data` may have `colors` by team.
     """
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     columns = ctx.graph.columns()
-    for state in counted_in(ctx, DISCOVERED).values():
+    for state in find_counts(ctx, DISCOVERED).values():
         by = dict(islice(state["by"].items(), _MOST))
-        nodes = columns.xy[in_text(state["nodes"], columns.node_ids)]
+        nodes = columns.xy[find_ids_in_text(state["nodes"], columns.node_ids)]
         with visual.owned(sides=()):
             visual.render_symbols(nodes, _PLACE_PX * _SQUARE, SIGN, _THIN_PX)
-        for number, (team, color) in enumerate(team_colors_of(ctx, by, data.get("colors")).items()):
+        for number, (team, color) in enumerate(find_team_colors(ctx, by, data.get("colors")).items()):
             found = columns.xy[np.isin(columns.node_ids, by[team])]
             with visual.owned(sides=[text_of(team)]):
                 visual.render_symbols(found, (_PLACE_PX + number * _WIDER_PX) * _SQUARE, color, _FOUND_PX)
@@ -115,28 +115,28 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
 
 def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw a bar below each agent for its amounts of the rule `resource`, with a length relative to a full amount."""
-    visual = drawing_of(ctx)
-    for number, state in enumerate(counted_in(ctx, RESOURCES).values()):
-        for agent, place, amount in _marked(ctx, state["amounts"], data):
+    visual = get_drawing(ctx)
+    for number, state in enumerate(find_counts(ctx, RESOURCES).values()):
+        for agent, place, amount in _list_marked_agents(ctx, state["amounts"], data):
             left = -_BAR_PX / 2
             down = _BELOW_PX + number * _APART_PX
             part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
-            own = visual.color_of(color_group(agent))
+            own = visual.color_of(get_color_group(agent))
             ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, own, 0.0))
             for length, color, more_px in ends:
                 line = [(left, down), (left + length * _BAR_PX, down)]
-                with visual.owned(*_owner_of(agent)):
+                with visual.owned(*_find_owner(agent)):
                     visual.render_symbols([place] if length > 0.0 else [], line, color, _THICK_PX + more_px)
 
 
 def render_cooldowns(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw around each agent how long it cannot do a deed again, by the rule `cooldown`: an arc that gets shorter."""
-    visual = drawing_of(ctx)
-    for number, state in enumerate(counted_in(ctx, COOLDOWNS).values()):
-        for agent, place, turns in _marked(ctx, state["left"], data):
+    visual = get_drawing(ctx)
+    for number, state in enumerate(find_counts(ctx, COOLDOWNS).values()):
+        for agent, place, turns in _list_marked_agents(ctx, state["left"], data):
             share = min(1.0, max(0.0, turns / (state["of"] or 1)))
-            with visual.owned(*_owner_of(agent)):
-                visual.render_symbols([place], _arc(share, _AROUND_PX + number * _NEXT_PX), SIGN, _LINE_PX)
+            with visual.owned(*_find_owner(agent)):
+                visual.render_symbols([place], _compute_arc(share, _AROUND_PX + number * _NEXT_PX), SIGN, _LINE_PX)
 
 
 def render_doing(ctx: IContext, data: dict[str, Any]) -> None:
@@ -144,54 +144,56 @@ def render_doing(ctx: IContext, data: dict[str, Any]) -> None:
 
     It is outside the arcs of cooldowns, apart from the disc of the same color.
     """
-    visual = drawing_of(ctx)
-    radius = _AROUND_PX + (1 + len(counted_in(ctx, COOLDOWNS))) * _NEXT_PX
-    for state in counted_in(ctx, DOING).values():
-        for agent, place, turns in _marked(ctx, state["left"], data):
+    visual = get_drawing(ctx)
+    radius = _AROUND_PX + (1 + len(find_counts(ctx, COOLDOWNS))) * _NEXT_PX
+    for state in find_counts(ctx, DOING).values():
+        for agent, place, turns in _list_marked_agents(ctx, state["left"], data):
             share = min(1.0, max(0.0, 1.0 - turns / (state["of"] or 1)))
-            with visual.owned(*_owner_of(agent)):
-                visual.render_symbols([place], _arc(1.0, radius), SIGN, 1.0)
+            with visual.owned(*_find_owner(agent)):
+                visual.render_symbols([place], _compute_arc(1.0, radius), SIGN, 1.0)
                 if share > 0.0:
-                    color = visual.color_of(color_group(agent))
-                    visual.render_symbols([place], _arc(share, radius), color, _LINE_PX)
+                    color = visual.color_of(get_color_group(agent))
+                    visual.render_symbols([place], _compute_arc(share, radius), color, _LINE_PX)
 
 
-def _owner_of(agent: IAgent) -> Owner:
+def _find_owner(agent: IAgent) -> Owner:
     """Return the owner of a sign that goes with an agent and that its own team alone knows of."""
-    return Owner(agent.name, (str(color_group(agent)),))
+    return Owner(agent.name, (str(get_color_group(agent)),))
 
 
-def _facts_of_amounts(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
+def _describe_amounts(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
     """Return agent -> text of the amount it has left."""
     found: dict[str, list[tuple[str, Any]]] = {}
-    for resource, state in counted_in(ctx, RESOURCES).items():
+    for resource, state in find_counts(ctx, RESOURCES).items():
         for name, amount in islice(state["amounts"].items(), _MOST):
             found.setdefault(str(name), []).append((f"{resource} left", amount))
     return found
 
 
-def _facts_of_cooldowns(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
+def _describe_cooldowns(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
     """Return agent -> the deeds that it cannot do yet, in words, with the number of turns."""
     found: dict[str, list[tuple[str, Any]]] = {}
-    for deed, state in counted_in(ctx, COOLDOWNS).items():
+    for deed, state in find_counts(ctx, COOLDOWNS).items():
         for name, turns in islice(state["left"].items(), _MOST):
             found.setdefault(str(name), []).append((f"{deed} not ready", f"{turns} turns"))
     return found
 
 
-def _facts_of_doing(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
+def _describe_doing(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
     """Return agent -> the deed that it is doing, in words, with the number of turns that are left."""
     found: dict[str, list[tuple[str, Any]]] = {}
-    for deed, state in counted_in(ctx, DOING).items():
+    for deed, state in find_counts(ctx, DOING).items():
         for name, turns in islice(state["left"].items(), _MOST):
             if isinstance(turns, int | float):
                 found.setdefault(str(name), []).append((f"{deed} goes on", f"{turns:.3g} turns"))
     return found
 
 
-def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Iterator[tuple[IAgent, _XY, float]]:
+def _list_marked_agents(
+    ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]
+) -> Iterator[tuple[IAgent, _XY, float]]:
     """Yield the shown agents with position and number; none if there are too many to be legible."""
-    visual = drawing_of(ctx)
+    visual = get_drawing(ctx)
     share = data.get("_alpha", 1.0)
     for name, number in sorted(numbers.items()) if len(numbers) <= _MOST else ():
         agent = ctx.agent.agents.get(name)
@@ -199,18 +201,18 @@ def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Ite
             yield agent, visual.position_of(name, share), number
 
 
-def _rows_of_amounts(ctx: IContext) -> LegendRows | None:
-    rows = tuple(LegendRow(SIGN, f"{name} left", sign="gauge") for name in counted_in(ctx, RESOURCES))
+def _make_amount_rows(ctx: IContext) -> LegendRows | None:
+    rows = tuple(LegendRow(SIGN, f"{name} left", sign="gauge") for name in find_counts(ctx, RESOURCES))
     return LegendRows("", rows) if rows else None
 
 
-def _rows_of_cooldowns(ctx: IContext) -> LegendRows | None:
-    rows = tuple(LegendRow(SIGN, f"{deed} not ready", sign="timer") for deed in counted_in(ctx, COOLDOWNS))
+def _make_cooldown_rows(ctx: IContext) -> LegendRows | None:
+    rows = tuple(LegendRow(SIGN, f"{deed} not ready", sign="timer") for deed in find_counts(ctx, COOLDOWNS))
     return LegendRows("", rows) if rows else None
 
 
-def _rows_of_doing(ctx: IContext) -> LegendRows | None:
-    rows = tuple(LegendRow(SIGN, f"{deed} goes on", sign="arc") for deed in counted_in(ctx, DOING))
+def _make_doing_rows(ctx: IContext) -> LegendRows | None:
+    rows = tuple(LegendRow(SIGN, f"{deed} goes on", sign="arc") for deed in find_counts(ctx, DOING))
     return LegendRows("", rows) if rows else None
 
 
@@ -229,13 +231,13 @@ render_discovered.__dict__.update(
     legend=LegendRows("", (LegendRow(SIGN, "discovered", sign="square"),)),
 )
 render_amounts.__dict__.update(
-    artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_amounts, facts=_facts_of_amounts
+    artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_make_amount_rows, facts=_describe_amounts
 )
 render_cooldowns.__dict__.update(
-    artist="cooldowns", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_cooldowns, facts=_facts_of_cooldowns
+    artist="cooldowns", layer=Layer.FLAGS, is_mark=True, legend=_make_cooldown_rows, facts=_describe_cooldowns
 )
 render_doing.__dict__.update(
-    artist="doing", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_doing, facts=_facts_of_doing
+    artist="doing", layer=Layer.FLAGS, is_mark=True, legend=_make_doing_rows, facts=_describe_doing
 )
 for _drawer in (render_held, render_discovered, render_amounts, render_cooldowns, render_doing):
     _drawer.__dict__["is_in_fog"] = True  # teams that see little know of it

@@ -9,7 +9,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, rgba
-from gamms.visual.drawing import Drawing, drawing_of
+from gamms.visual.drawing import Drawing, get_drawing
 
 _IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # coordinate systems in degrees, whose lengths are not in metres
 _FEW = 2_000  # the number of edges up to which streets are wider
@@ -73,8 +73,8 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     """
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
-    visual = drawing_of(ctx)
-    streets = visual.of_map(_streets)
+    visual = get_drawing(ctx)
+    streets = visual.of_map(_make_streets)
     is_apart = data.get("tunnels") == "below"
     if columns.crs is None:
         for points, offsets, *_ in streets.strokes:
@@ -92,46 +92,46 @@ def render_tunnels(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the tunnels, which `render_graph` omits, and their nodes."""
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
-    visual = drawing_of(ctx)
-    streets = visual.of_map(_streets)
+    visual = get_drawing(ctx)
+    streets = visual.of_map(_make_streets)
     _draw(visual, [one for one in streets.strokes if one.level == _BELOW], look, tinted=True)
     if streets.is_below.any():
-        color = shaded(look.node_color, _TUNNEL_SHADE, visual)
+        color = change_shade(look.node_color, _TUNNEL_SHADE, visual)
         visual.render_circles(columns.xy[streets.is_below], look.node_size, color)
 
 
-def in_metres(columns: GraphColumns) -> bool:
+def is_in_metres(columns: GraphColumns) -> bool:
     """Return whether lengths on a map are metres."""
     return columns.crs is not None and columns.crs not in _IN_DEGREES
 
 
 def has_tunnels(columns: GraphColumns) -> bool:
     """Return whether the graph is a real map with a tunnel."""
-    return columns.crs is not None and bool((levels_of(columns) == _BELOW).any())
+    return columns.crs is not None and bool((find_levels(columns) == _BELOW).any())
 
 
 def _draw(visual: Drawing, strokes: list[_Strokes], look: GraphData, *, tinted: bool) -> None:
     for points, offsets, width, shade, _ in strokes:
-        color = shaded(look.edge_color, shade, visual) if tinted and shade else look.edge_color
+        color = change_shade(look.edge_color, shade, visual) if tinted and shade else look.edge_color
         visual.render_lines(points, offsets, color, width, in_world=True)
 
 
-def shaded(color: AnyColor, shade: float, visual: Drawing) -> AnyColor:
+def change_shade(color: AnyColor, shade: float, visual: Drawing) -> AnyColor:
     """Return a color that is nearer to that of the background, or, below 0.0, to that of words."""
     goal = visual.theme.background if shade > 0.0 else visual.theme.ink
     red, green, blue = (round(a + abs(shade) * (b - a)) for a, b in zip(rgba(color)[:3], goal[:3], strict=True))
     return red, green, blue
 
 
-def _streets(columns: GraphColumns) -> _Streets:
+def _make_streets(columns: GraphColumns) -> _Streets:
     """Return the drawing of a graph: tunnels first, then by road class, bridges last."""
-    rows = one_way_each(columns)
+    rows = find_distinct_roads(columns)
     is_below = np.zeros(len(columns.xy), bool)
     if columns.crs is None:
         return _Streets([_Strokes(*polylines(columns, rows), 0.0, 0.0, 0)] if len(rows) else [], is_below)
-    breadth = min(_STREET, _SLIM * median(columns.lengths))
-    classes = classes_of(columns)
-    levels = levels_of(columns)
+    breadth = min(_STREET, _SLIM * find_median(columns.lengths))
+    classes = find_classes(columns)
+    levels = find_levels(columns)
     is_main = classes > _ORDINARY
     strokes = list[_Strokes]()
     # Each look is a pass over the picture: great tunnels look like others, great roads are above the others anyway.
@@ -143,7 +143,7 @@ def _streets(columns: GraphColumns) -> _Streets:
             if len(part):
                 lines = polylines(columns, part)
                 is_tunnel = level == _BELOW
-                lines = dashes(*lines, _DASH) if is_tunnel else lines
+                lines = cut_dashes(*lines, _DASH) if is_tunnel else lines
                 strokes.append(_Strokes(*lines, width * breadth, _TUNNEL_SHADE if is_tunnel else shade, level))
     if (levels == _BELOW).any():
         ends = np.concatenate([columns.sources, columns.targets])
@@ -153,34 +153,34 @@ def _streets(columns: GraphColumns) -> _Streets:
     return _Streets(strokes, is_below)
 
 
-def classes_of(columns: GraphColumns) -> IntArray:
+def find_classes(columns: GraphColumns) -> IntArray:
     """Return the class of each edge, (edges,); streets where it is not known."""
     classes = np.full(len(columns.edge_ids), _ORDINARY)
     kinds = columns.edge_attributes.get("highway", {})
     # NOTE: the usual kind costs no call (first frame of 100,000 edges).
-    found = [_CLASS_OF.get(one, _ORDINARY) if type(one) is str else _class_of(one) for one in kinds.values()]
+    found = [_CLASS_OF.get(one, _ORDINARY) if type(one) is str else _find_class(one) for one in kinds.values()]
     classes[list(kinds)] = found
     return classes
 
 
-def _class_of(kinds: object) -> int:
+def _find_class(kinds: object) -> int:
     """Return the greatest class of a way of several kinds."""
     known = [kind for kind in kinds if isinstance(kind, str)] if isinstance(kinds, list | tuple) else []
     return max((_CLASS_OF.get(kind, _ORDINARY) for kind in known), default=_ORDINARY)
 
 
-def levels_of(columns: GraphColumns) -> IntArray:
+def find_levels(columns: GraphColumns) -> IntArray:
     """Return which edges, (edges,), are tunnels, bridges or on the ground."""
     levels = np.zeros(len(columns.edge_ids), np.int64)
     attributes = columns.edge_attributes
-    layers = {row: _layer(value) for row, value in attributes.get("layer", {}).items()}
+    layers = {row: _find_layer(value) for row, value in attributes.get("layer", {}).items()}
     levels[list(layers)] = list(layers.values())
     for key, level in (("tunnel", _BELOW), ("bridge", _ABOVE)):
         levels[[row for row, value in attributes.get(key, {}).items() if _is_so(value)]] = level
     return levels
 
 
-def _layer(value: object) -> int:
+def _find_layer(value: object) -> int:
     """Return on which side of the ground a layer as tags have it is: -1, 0 or 1."""
     text = str(value).strip()
     if not text.lstrip("-").isdigit() or int(text) == 0:
@@ -193,17 +193,17 @@ def _is_so(value: object) -> bool:
     return any(map(_is_so, value)) if isinstance(value, list | tuple) else value not in (None, False, "", "no")
 
 
-def dashes(points: FloatArray, offsets: IntArray, period: float) -> tuple[FloatArray, IntArray]:
+def cut_dashes(points: FloatArray, offsets: IntArray, period: float) -> tuple[FloatArray, IntArray]:
     """Return the dashes of polylines as polylines; each begins and ends with half a dash, so that they fit together."""
     found = list[FloatArray]()
     for line in np.split(points, offsets[1:-1]):
-        along = lengths_along(line)
+        along = measure_along(line)
         if along[-1] > 0.0:
-            found += _dashes_of(line, along, period)
+            found += _cut_into_dashes(line, along, period)
     return np.concatenate([np.empty((0, 2)), *found]), np.cumsum([0, *map(len, found)])
 
 
-def _dashes_of(line: FloatArray, along: FloatArray, period: float) -> Iterator[FloatArray]:
+def _cut_into_dashes(line: FloatArray, along: FloatArray, period: float) -> Iterator[FloatArray]:
     """Yield the dashes of a polyline, whose points are so far from its beginning."""
     length = float(along[-1])
     gaps = max(round(length / period), 1)
@@ -214,18 +214,18 @@ def _dashes_of(line: FloatArray, along: FloatArray, period: float) -> Iterator[F
         yield part_of(line, along, begin, end)
 
 
-def lengths_along(line: FloatArray) -> FloatArray:
+def measure_along(line: FloatArray) -> FloatArray:
     """Return how far along a polyline (points, 2) each of its points is."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
 
 
 def part_of(line: FloatArray, along: FloatArray, begin: float, end: float) -> FloatArray:
-    """Return the part of a polyline between two distances; `along` is from `lengths_along`."""
+    """Return the part of a polyline between two distances; `along` is from `measure_along`."""
     first, last = np.column_stack([np.interp([begin, end], along, axis) for axis in line.T])
     return np.vstack([first, line[(along > begin) & (along < end)], last])
 
 
-def median(lengths: FloatArray) -> float:
+def find_median(lengths: FloatArray) -> float:
     """Return the median of some lengths; 0.0 of none."""
     if len(lengths) == 0:
         return 0.0
@@ -252,7 +252,7 @@ def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArr
     return points, offsets
 
 
-def one_way_each(columns: GraphColumns) -> IntArray:
+def find_distinct_roads(columns: GraphColumns) -> IntArray:
     """Return edge rows without duplicates of earlier edges in the same or the opposite direction."""
     straight = np.flatnonzero(_is_straight(columns))
     low = np.minimum(columns.sources[straight], columns.targets[straight])
@@ -260,7 +260,7 @@ def one_way_each(columns: GraphColumns) -> IntArray:
     _, first = np.unique(low * len(columns.node_ids) + high, return_index=True)
     seen: dict[bytes, int] = {}
     for row in sorted(columns.polylines):
-        seen.setdefault(_undirected(columns.polylines[row]), row)
+        seen.setdefault(_make_undirected_key(columns.polylines[row]), row)
     return np.sort(np.concatenate([straight[first], np.fromiter(seen.values(), np.int64, len(seen))]))
 
 
@@ -271,6 +271,6 @@ def _is_straight(columns: GraphColumns) -> BoolArray:
     return is_straight
 
 
-def _undirected(bend: FloatArray) -> bytes:
+def _make_undirected_key(bend: FloatArray) -> bytes:
     """Return the same bytes for a polyline and its reverse."""
     return min(bend.tobytes(), bend[::-1].tobytes())

@@ -47,15 +47,15 @@ def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
     """
     pygame = load()
     with (
-        _default_environment(_NO_HANDLERS, "1"),
-        _default_environment(_RUNTIME, gettempdir()),
+        _set_default_environment(_NO_HANDLERS, "1"),
+        _set_default_environment(_RUNTIME, gettempdir()),
         warnings.catch_warnings(),
     ):
         warnings.filterwarnings("ignore", message=_RESIZED, category=RuntimeWarning)
         try:
             pygame.display.init()
             _check_is_seen(pygame)
-            pygame.display.set_icon(_icon(pygame))
+            pygame.display.set_icon(_draw_icon(pygame))
             surface = pygame.display.set_mode((width, height), pygame.RESIZABLE)
         except pygame.error as error:
             if not _owners:
@@ -75,7 +75,7 @@ _ICON_FINER = 4
 _ICON_NODES = ((14, 44), (32, 16), (50, 42))  # of a small graph, each in the color of a team
 
 
-def _icon(pygame: ModuleType) -> Any:
+def _draw_icon(pygame: ModuleType) -> Any:
     """Return the picture for title and task bars: three agents on a graph."""
     side = _ICON_PX * _ICON_FINER
     large = pygame.Surface((side, side), pygame.SRCALPHA, 32)
@@ -123,14 +123,14 @@ def close_window(owner: Owner) -> None:
             load().display.quit()
 
 
-def window_surface() -> Any:
+def get_window_surface() -> Any:
     """Return the surface of the window in its present size; None without a window."""
     display = load().display
     return display.get_surface() if display.get_init() else None
 
 
 @contextmanager
-def _default_environment(name: str, value: str) -> Iterator[None]:
+def _set_default_environment(name: str, value: str) -> Iterator[None]:
     """Set an environment variable for a moment, unless the user has set it."""
     is_ours = name not in os.environ
     os.environ.setdefault(name, value)

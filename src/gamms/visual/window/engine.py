@@ -10,16 +10,16 @@ from typing import Any, Literal, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_declared, as_text, misspelt
-from gamms.deciding import outside_of_deciding, refused_while_deciding
+from gamms.arguments import as_bool, as_declared, as_text, explain_misspelled
+from gamms.deciding import lift_decide_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
 from gamms.typing import ArtistType, IContext, ISensor
 from gamms.typing.recorder import IPlayback, Step
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, IVisualizationEngine, SensorVisual
-from gamms.visual.appearance import Color, GraphData, color_group
-from gamms.visual.artist import Artist, ArtistGroup, data_of
+from gamms.visual.appearance import Color, GraphData, get_color_group
+from gamms.visual.artist import Artist, ArtistGroup, get_data
 from gamms.visual.backends.pygame_backend import Canvas, hold_image, load
 from gamms.visual.camera import Camera, is_near
 from gamms.visual.compat import RenderManager, WindowNames
@@ -33,8 +33,8 @@ from gamms.visual.labels import as_choice
 from gamms.visual.legend import blocks_of
 from gamms.visual.scene import FrameBudget, Scene
 from gamms.visual.shown_turn import as_turns
-from gamms.visual.themes import theme_called
-from gamms.visual.window.display import FrameTiming, close_window, is_watched, open_window, window_surface
+from gamms.visual.themes import find_theme
+from gamms.visual.window.display import FrameTiming, close_window, get_window_surface, is_watched, open_window
 from gamms.visual.window.framing import Framing
 from gamms.visual.window.input import Handlers, Input, NodeChoice, Question, question
 from gamms.visual.window.overlay import Overlay
@@ -106,9 +106,9 @@ class WindowEngine(WindowNames, PictureEngine):
         street_names: bool = True,
         **kwargs: object,
     ) -> None:
-        theme_ = theme_called(theme)
+        theme_ = find_theme(theme)
         self._theme = theme
-        drawing = Drawing(ctx, theme_, _held)
+        drawing = Drawing(ctx, theme_, _describe_image)
         super().__init__(ctx, simulation_time_constant=simulation_time_constant, drawing=drawing)
         width, height = size(width, height)
         self.camera = RenderManager(ctx, screen_width=width, screen_height=height)
@@ -128,17 +128,17 @@ class WindowEngine(WindowNames, PictureEngine):
         self._was_closed = False
         self.hud: HudLines | None = self.overlay.turn_lines
         self.question: Question | None = None
-        self.input = Input(self.camera, self._handlers())
+        self.input = Input(self.camera, self._make_handlers())
         self._framing = Framing(ctx, self.camera, self.overlay, self.input)
         self.overlay.pointer = lambda: self.input.pointer
         look = {"node_color": Color.Green, "node_size": 4.0, "edge_color": Color.Green}
         given: object = input_overlay or {}
         if not isinstance(given, Mapping):
             raise BadType(f"input_overlay must be a dict with some of {', '.join(look)}, not {shown(given)}.")
-        for sentence in (*misspelt(kwargs, _OPTIONS), *misspelt(given, look)):
+        for sentence in (*explain_misspelled(kwargs, _OPTIONS), *explain_misspelled(given, look)):
             ctx.logger.warning("vis_kwargs: %s", sentence)
         self._declare_options({**look, **given})
-        self._scene = Scene(ctx, self._world, tiles_turns=True)
+        self._scene = Scene(ctx, self._make_world_key, tiles_turns=True)
         self.drawer_surface = None
         self._has_painters = False
         self._will_quit = False
@@ -149,7 +149,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.screen = open_window(self, width, height, as_text(title, "title"))
         self.resized(*self.screen.get_size())
 
-    def _handlers(self) -> Handlers:
+    def _make_handlers(self) -> Handlers:
         pace = self.pace
         overlay = self.overlay
         actions = {
@@ -185,29 +185,29 @@ class WindowEngine(WindowNames, PictureEngine):
         if not self.overlay.dismiss():
             self.overlay.pin(at)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def set_theme(self, name: str) -> None:
         """Change the theme: "light", "dark" or "print".
 
         Raises:
             BadValue: the theme does not exist.
         """
-        theme = theme_called(name)
+        theme = find_theme(name)
         self._theme = name
         self._background = theme.background
         self.drawing.theme = theme
         self.overlay.set_theme(theme)
         self.artists.edits += 1
-        self._scene = Scene(self.ctx, self._world, tiles_turns=True)
+        self._scene = Scene(self.ctx, self._make_world_key, tiles_turns=True)
         self._is_fresh = True
         self._show_options(self.question)
-        self._caption(after_jump=True)
+        self._set_caption(after_jump=True)
 
     def toggle_theme(self) -> None:
         """Switch between the light and the dark theme."""
         self.set_theme("light" if self._theme == "dark" else "dark")
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def quit(self) -> None:
         """End the context because the window was closed; during a turn of `ctx.game`, wait for the end of the turn."""
         self._will_quit = True
@@ -229,7 +229,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     # -- frames ----------------------------------------------------------------------------------------------
 
-    @outside_of_deciding
+    @lift_decide_phase
     def update(self) -> None:
         """Handle keys and mouse, and draw one frame, without waiting."""
         self._is_fresh = True
@@ -245,10 +245,10 @@ class WindowEngine(WindowNames, PictureEngine):
         self.drawing.motion.begin_turn()
         self._count_turn()
         self._renew_fog()
-        self._caption()
+        self._set_caption()
         self._is_fresh = True
         self.pace.begin_turn()
-        self._frames_while(lambda: self.pace.is_showing)
+        self._draw_frames_while(lambda: self.pace.is_showing)
 
     def _count_turn(self) -> None:
         """Update the number of turns of the game, or of the replay, and the new events."""
@@ -271,7 +271,7 @@ class WindowEngine(WindowNames, PictureEngine):
             overlay.timeline.add(overlay.turns, {"scores": game.scores})
             overlay.timeline.add(overlay.turns, {"over": game.over})
 
-    @outside_of_deciding
+    @lift_decide_phase
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
         """Ask a person for the action of an agent: a node, or a flight (dx, dy, dz).
 
@@ -286,18 +286,18 @@ class WindowEngine(WindowNames, PictureEngine):
         self.question = asked
         self._show_options(asked)
         if self._fog is True:
-            self._see_as(str(color_group(self.ctx.agent.get_agent(agent_name))))
+            self._see_as(str(get_color_group(self.ctx.agent.get_agent(agent_name))))
         if isinstance(asked, NodeChoice):
             self._framing.see_choices(asked.places)
         self._is_fresh = True
         try:
-            self._frames_while(lambda: asked.answer is None)
+            self._draw_frames_while(lambda: asked.answer is None)
         finally:
             self.question = None
             self._show_options(None)
         return super().human_input(agent_name, state) if asked.answer is None else asked.answer
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def stay_open(self) -> None:
         """Show how things are until the window is closed, or a key handler or drawer ends the context.
 
@@ -308,7 +308,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self._is_fresh = True
             self._renew_fog()
         while not self.ctx.is_terminated() and not self._will_quit:
-            self._frames_while(lambda: not self._can_play())
+            self._draw_frames_while(lambda: not self._can_play())
             if self._can_play() and self.playback is not None:
                 self.playback.play_turn()
 
@@ -348,7 +348,7 @@ class WindowEngine(WindowNames, PictureEngine):
         """Update the fog; show everything at the end of a game in which a person was asked."""
         if isinstance(self._fog, str):
             self._see_as(self._fog)
-            teams = {str(color_group(agent)) for agent in self.ctx.agent.create_iter()}
+            teams = {str(get_color_group(agent)) for agent in self.ctx.agent.create_iter()}
             if teams and self._fog not in teams and not self._is_fog_known:
                 self._is_fog_known = True
                 self.ctx.logger.warning(f"fog=: {UnknownName('team', self._fog, teams)} Everything is shown.")
@@ -357,7 +357,7 @@ class WindowEngine(WindowNames, PictureEngine):
         elif self.artists.fog is not None:
             self.artists.fog.look()
 
-    def _caption(self, *, after_jump: bool = False) -> None:
+    def _set_caption(self, *, after_jump: bool = False) -> None:
         hidden = () if self.artists.fog is None else self.artists.fog.hidden
         self.overlay.caption(hidden, self.turn_seconds, after_jump=after_jump)
 
@@ -374,7 +374,7 @@ class WindowEngine(WindowNames, PictureEngine):
         overlay.timeline.can_seek = playback.can_seek
         for turn, highlight in playback.highlights():
             overlay.timeline.add(turn, highlight)
-        self._land(playback)
+        self._show_recorded_turn(playback)
 
     def _end_playback(self) -> None:
         if self.playback is not None:
@@ -383,7 +383,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self.overlay.is_replay = False
             self.overlay.new_timeline()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def seek(self, turn: int) -> None:
         """Jump to the state after a number of turns of the replayed recording, and continue from there.
 
@@ -394,33 +394,33 @@ class WindowEngine(WindowNames, PictureEngine):
         if self.playback is None or not self.playback.is_open:
             raise BadValue("There is no turn to go to: no recording of version 3 is being replayed.")
         self.playback.seek(turn)
-        self._land(self.playback)
+        self._show_recorded_turn(self.playback)
         self.pace.show_end()
 
-    def _land(self, playback: IPlayback) -> None:
+    def _show_recorded_turn(self, playback: IPlayback) -> None:
         """Show the turn that a recording is at, with the trails that lead there."""
         overlay = self.overlay
         motion = self.drawing.motion
         turn = playback.turn
         first = max(turn - overlay.most_trails, 0)
         steps = [playback.steps(one) for one in range(first, turn + 1)] if turn else [{}]
-        moves = [motion.moves_between(_new_steps(before, after)) for before, after in pairwise(steps)]
+        moves = [motion.moves_between(_find_new_steps(before, after)) for before, after in pairwise(steps)]
         self.drawing.turns.jump(moves)
         motion.begin_turn()
         overlay.turns = turn
         overlay.is_over = turn >= playback.turns
         self._is_fresh = True
         self._renew_fog()
-        self._caption(after_jump=True)
+        self._set_caption(after_jump=True)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def step_back(self) -> None:
         """Jump back by one turn, and pause."""
         if self.playback is not None and self.playback.can_seek:
             self.pace.is_paused = True
             self._wanted = max(self.overlay.turns - 1, 0)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def _go_to_start(self) -> None:
         """Jump to the start of the recording, and pause; in a game that is played, show the whole graph."""
         if self.playback is None:
@@ -429,7 +429,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self.pace.is_paused = True
             self._wanted = 0
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def _go_to_end(self) -> None:
         """Jump to the last turn of the recording, and pause."""
         if self.playback is not None and self.playback.can_seek:
@@ -456,7 +456,7 @@ class WindowEngine(WindowNames, PictureEngine):
     def _release_timeline(self) -> None:
         self.pace.is_held = False
 
-    def _frames_while(self, goes_on: Callable[[], bool]) -> None:
+    def _draw_frames_while(self, goes_on: Callable[[], bool]) -> None:
         """Draw frames at the frame rate while the window is open and the condition holds."""
         self.pace.is_capped = True
         try:
@@ -495,7 +495,7 @@ class WindowEngine(WindowNames, PictureEngine):
         """Draw the present state and the words on it; it is seen after the next flip of the display."""
         if self.ctx.is_terminated():
             return
-        self.screen = window_surface() or self.screen
+        self.screen = get_window_surface() or self.screen
         overlay = self.overlay
         overlay.limit_sizes()
         if self._is_fresh or not overlay.shown:
@@ -510,13 +510,13 @@ class WindowEngine(WindowNames, PictureEngine):
             return
         width, height = self.screen.get_size()
         canvas = Canvas(width, height, self.screen)
-        self._scene.paint(canvas, self.camera.camera(), self._background, self._budget())
+        self._scene.paint(canvas, self.camera.camera(), self._background, self._make_frame_budget())
         overlay.paint(canvas, self.hud, self.question)
 
     def _draw(self, group: ArtistGroup, share: float) -> DrawCommands:
         self.drawer_surface = None
         for artist in group.artists:
-            data = data_of(artist)
+            data = get_data(artist)
             if "agent_data" in data:
                 data["_waiting_simulation"] = self.pace.is_showing
         commands = group.commands(share)
@@ -526,11 +526,11 @@ class WindowEngine(WindowNames, PictureEngine):
             self._has_painters = self._has_painters or ArtistType.STATIC in kinds
         return commands
 
-    def _world(self) -> Any:
+    def _make_world_key(self) -> Any:
         """Return a key of the inputs of STATIC artists; custom painting also depends on the camera."""
         return self.drawing.map_version(), self.camera.camera() if self._has_painters else None
 
-    def _budget(self) -> FrameBudget:
+    def _make_frame_budget(self) -> FrameBudget:
         now = monotonic()
         camera = self.camera.camera()
         last = self._last_camera
@@ -562,7 +562,7 @@ class WindowEngine(WindowNames, PictureEngine):
         super().look_at_all()
         self.see_everything()
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def see_everything(self) -> None:
         """Show the whole graph in the window, also after it is resized."""
         if not self.ctx.is_terminated():
@@ -575,7 +575,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def resized(self, width: int, height: int) -> None:
         """Adapt to a new size of the window."""
-        self.screen = window_surface() or self.screen
+        self.screen = get_window_surface() or self.screen
         self.pictures.width = width
         self.pictures.height = height
         self.camera.set_screen_size(width, height)
@@ -591,7 +591,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self.camera.camera_size = max(float(np.ptp(xy, axis=0).max()), _SMALLEST)
         return artist
 
-    @refused_while_deciding
+    @refuse_while_deciding
     @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
         """Declare how an agent looks."""
@@ -631,12 +631,12 @@ class WindowEngine(WindowNames, PictureEngine):
         artist.set_visible(asked is not None)
 
 
-def _new_steps(before: dict[str, Step], after: dict[str, Step]) -> dict[str, Step]:
+def _find_new_steps(before: dict[str, Step], after: dict[str, Step]) -> dict[str, Step]:
     """Return the last moves of agents that were not their last ones before."""
     return {name: step for name, step in after.items() if before.get(name) != step}
 
 
-def _held(image: object) -> str:
+def _describe_image(image: object) -> str:
     """Return the path of an image file, or a name for a loaded image."""
     return hold_image(image) if isinstance(image, load().Surface) else image_path(image)
 

@@ -8,7 +8,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.camera import WindowCamera
 from gamms.visual.default_scene import reach_of_views
-from gamms.visual.drawers.graph import longer_side
+from gamms.visual.drawers.graph import measure_longer_side
 from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.window.input import Input
 from gamms.visual.window.overlay import Overlay
@@ -43,7 +43,7 @@ class Framing:
     @property
     def map_extent(self) -> float | None:
         """The larger side of the graph, in world units; None if all nodes are at one place."""
-        return longer_side(self._ctx.graph.columns()) or None
+        return measure_longer_side(self._ctx.graph.columns()) or None
 
     def fit(self) -> None:
         """Show the whole graph, as long as the camera was not moved."""

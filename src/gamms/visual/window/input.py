@@ -11,7 +11,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.backends.pygame_backend import load
-from gamms.visual.camera import Point, WindowCamera, nearest_point
+from gamms.visual.camera import Point, WindowCamera, find_nearest_point
 from gamms.visual.keys import find_actions
 
 if TYPE_CHECKING:
@@ -209,7 +209,7 @@ class Input:
         self._has_taken = False  # the timeline
         self.has_moved_camera = False  # since everything was seen
         pygame = load()
-        self._events = self._event_actions(pygame)
+        self._events = self._make_event_actions(pygame)
         actions: dict[str, Callable[[], None]] = {
             **handlers.actions,
             "zoom in": lambda: self._zoom(1 / _TAP),
@@ -222,15 +222,15 @@ class Input:
             getattr(pygame, f"K_{prefix}{digit}"): digit for prefix, digit in product(("", "KP"), range(10))
         }
 
-    def _event_actions(self, pygame: ModuleType) -> dict[int, Callable[[Any], None]]:
+    def _make_event_actions(self, pygame: ModuleType) -> dict[int, Callable[[Any], None]]:
         return {
             pygame.QUIT: self._quit,
             pygame.KEYDOWN: self._press,
             pygame.KEYUP: self._release,
-            pygame.MOUSEBUTTONDOWN: self._button,
+            pygame.MOUSEBUTTONDOWN: self._handle_button,
             pygame.MOUSEBUTTONUP: self._release_button,
             pygame.MOUSEMOTION: self._move,
-            pygame.MOUSEWHEEL: self._wheel,
+            pygame.MOUSEWHEEL: self._handle_wheel,
             pygame.WINDOWLEAVE: self._leave,
             pygame.WINDOWFOCUSLOST: self._lose_focus,
             pygame.VIDEORESIZE: self._resize,
@@ -313,7 +313,7 @@ class Input:
 
     # -- mouse -----------------------------------------------------------------------------------------------
 
-    def _button(self, event: "Event") -> None:
+    def _handle_button(self, event: "Event") -> None:
         if event.button in (1, 2, 3):
             self.pointer = event.pos
             self._has_taken = event.button == 1 and self._do.take(event.pos)
@@ -329,7 +329,7 @@ class Input:
             asked.point_at(*view.screen_to_world(x, y))
             return True
         if isinstance(asked, NodeChoice):
-            option = nearest_point(view.camera().to_screen(asked.places), x, y)
+            option = find_nearest_point(view.camera().to_screen(asked.places), x, y)
             if option is not None:
                 asked.choose(option)
                 return True
@@ -356,7 +356,7 @@ class Input:
         if is_click and event.button == 1:
             self._do.click(event.pos)
 
-    def _wheel(self, event: "Event") -> None:
+    def _handle_wheel(self, event: "Event") -> None:
         notches = getattr(event, "precise_y", 0.0) or event.y
         self._zoom(_ZOOM**-notches)
 

@@ -6,31 +6,31 @@ from typing import Any
 
 import numpy as np
 
-from gamms.deciding import Guarded, phase_of, refused_while_deciding
+from gamms.deciding import Guarded, get_phase, refuse_while_deciding
 from gamms.ir.game_state import ALL_PLAYED
 from gamms.ir.graph import FloatArray
 from gamms.text import as_text
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, color_group, rgba
-from gamms.visual.artist import drawn_looks, looks_of
+from gamms.visual.appearance import AgentData, get_color_group, rgba
+from gamms.visual.artist import collect_drawn_looks, list_looks
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import Point, WindowCamera, nearest_point
+from gamms.visual.camera import Point, WindowCamera, find_nearest_point
 from gamms.visual.captions import (
     CAPTION_SECONDS,
     CaptionLine,
     Captions,
     ResultCard,
     end_card,
+    find_scores,
     score_line,
-    scores_of,
 )
 from gamms.visual.charts import ChartHistory
-from gamms.visual.default_scene import DefaultScene, artists_of_sights
+from gamms.visual.default_scene import DefaultScene, make_sight_artists
 from gamms.visual.drawing import Drawing
-from gamms.visual.labels import AUTO, Choice, Labels, dots_in, draw_names
+from gamms.visual.labels import AUTO, Choice, Labels, convert_dots, draw_names
 from gamms.visual.layout import Layout
 from gamms.visual.legend import LegendRows, Pen
 from gamms.visual.page import noted
@@ -79,7 +79,7 @@ class Overlay(Guarded):
     def __init__(
         self, ctx: IContext, drawing: Drawing, artists: Artists, camera: WindowCamera, pace: FrameTiming, theme: Theme
     ) -> None:
-        self._phase = phase_of(ctx)
+        self._phase = get_phase(ctx)
         self._ctx = ctx
         self._drawing = drawing
         self._artists = artists
@@ -87,7 +87,7 @@ class Overlay(Guarded):
         self._pace = pace
         self._scene = DefaultScene(ctx, theme)
         self.hud = Hud(theme)
-        self.timeline = Timeline(self._team_of)
+        self.timeline = Timeline(self._find_team)
         self.shown: dict[str, IArtist] = {}
         self.trails = 0
         self.most_trails = _DEFAULT_TRAILS
@@ -116,12 +116,12 @@ class Overlay(Guarded):
 
     def new_timeline(self) -> None:
         """Clear all events, because another game follows."""
-        self.timeline = Timeline(self._team_of)
+        self.timeline = Timeline(self._find_team)
         self._charts = ChartHistory()
 
-    def _team_of(self, name: str) -> str | None:
+    def _find_team(self, name: str) -> str | None:
         agent = self._ctx.agent.agents.get(name)
-        return None if agent is None else str(color_group(agent))
+        return None if agent is None else str(get_color_group(agent))
 
     def caption(self, hidden: Collection[str], turn_seconds: float, *, after_jump: bool = False) -> None:
         """Show captions of the present turn, and for some seconds of earlier turns.
@@ -164,46 +164,46 @@ class Overlay(Guarded):
 
     def hints(self) -> dict[str, IArtist]:
         """Return artists of the view of the agent under the pointer, unless it is already shown."""
-        name = self._pointed_name()
+        name = self._find_pointed_name()
         if name != self._hinted[0]:
-            self._hinted = name, {} if name is None else self._hints_of(name)
+            self._hinted = name, {} if name is None else self._make_hints(name)
         return self._hinted[1]
 
-    def _hints_of(self, name: str) -> dict[str, IArtist]:
+    def _make_hints(self, name: str) -> dict[str, IArtist]:
         agent: Any = self._ctx.agent.get_agent(name)
-        look = next((look for look in looks_of(self.shown) if look.name == name), AgentData(name))
+        look = next((look for look in list_looks(self.shown) if look.name == name), AgentData(name))
         sights = [self._drawing.carriers.sight(sensor, agent) for sensor in getattr(agent, "sensors", {}).values()]
         unseen = [one for one in sights if one.view is not None and f"sensor_{one.sensor.sensor_id}" not in self.shown]
         colored = {one.sensor.sensor_id: [(rgba(look.color)[:3], one.view)] for one in unseen}
-        hints: dict[str, IArtist] = {**artists_of_sights(self._ctx, colored, look.size, self._artists.declared)}
+        hints: dict[str, IArtist] = {**make_sight_artists(self._ctx, colored, look.size, self._artists.declared)}
         return {f"{key} of the hint" if key in ("rings", "sights") else key: artist for key, artist in hints.items()}
 
     # -- agents under the pointer ----------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def pin(self, at: tuple[float, float] | None) -> None:
         """Pin the panel of the agent at a point of the screen; unpin it if there is no agent, or for None."""
-        self._pinned = None if at is None else self._agent_at(at)
+        self._pinned = None if at is None else self._find_agent(at)
 
     def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
         """Return text about the agent under the pointer, else about the clicked one.
 
         Also where it is on the screen, and how many pixels beside it words begin.
         """
-        name = self._pointed_name()
+        name = self._find_pointed_name()
         if name is None:
             return None
-        names, columns = drawn_looks(self.shown)
+        names, columns = collect_drawn_looks(self.shown)
         if name not in names:
             return None
         row = names.index(name)
-        dots = dots_in(columns[row : row + 1], self._camera.camera())
+        dots = convert_dots(columns[row : row + 1], self._camera.camera())
         x, y = dots.centers[0].tolist()
-        return facts_about(self._ctx, name), (x, y), float(dots.radii[0]) + _BESIDE_PX
+        return list_facts_about(self._ctx, name), (x, y), float(dots.radii[0]) + _BESIDE_PX
 
-    def _pointed_name(self) -> str | None:
+    def _find_pointed_name(self) -> str | None:
         pointer = self.pointer()
-        name = None if pointer is None else self._agent_at(pointer)
+        name = None if pointer is None else self._find_agent(pointer)
         if (
             name is None
             and self._pinned in self._ctx.agent.agents
@@ -212,9 +212,9 @@ class Overlay(Guarded):
             name = self._pinned
         return name
 
-    def _agent_at(self, at: tuple[float, float]) -> str | None:
-        names, columns = drawn_looks(self.shown)
-        row = nearest_point(dots_in(columns, self._camera.camera()).centers, *at)
+    def _find_agent(self, at: tuple[float, float]) -> str | None:
+        names, columns = collect_drawn_looks(self.shown)
+        row = find_nearest_point(convert_dots(columns, self._camera.camera()).centers, *at)
         name = None if row is None else names[row]
         return name if name in self._ctx.agent.agents else None
 
@@ -225,14 +225,18 @@ class Overlay(Guarded):
         game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
         speed = "" if self._pace.speed == 1.0 else f" · {self._pace.speed:g}x"
-        scores = scores_of(ctx, self.timeline.scores)
+        scores = find_scores(ctx, self.timeline.scores)
         explained = {
             row.name for block in self.hud.legend.blocks if isinstance(block, LegendRows) for row in block.rows
         }
         is_said = self.hud.legend.width > 0 and scores.keys() <= explained
-        return [f"turn {turn}{speed}", *([] if is_said or not scores else [score_line(scores)]), *self._left()]
+        return [
+            f"turn {turn}{speed}",
+            *([] if is_said or not scores else [score_line(scores)]),
+            *self._describe_survivors(),
+        ]
 
-    def _left(self) -> list[str]:
+    def _describe_survivors(self) -> list[str]:
         """Return how many of each team are left, once an agent is out."""
         positions = self._ctx.agent.positions
         teams = positions.teams
@@ -276,7 +280,7 @@ class Overlay(Guarded):
         self.hud.paint(canvas, lines, prompt, credit, foot, has_hint=has_hint)
         if self.hud.is_shown and self._artists.fog is None:  # a team does not know what the program collects
             lines_of_charts = self._charts.lines(self.turns)
-            self.hud.paint_charts(canvas, lines_of_charts, self._drawing.group_colors(), self._team_of)
+            self.hud.paint_charts(canvas, lines_of_charts, self._drawing.group_colors(), self._find_team)
         card = self.card() if self.hud.is_shown else None
         if self.captions and self.hud.is_shown and not self.hud.has_help and card is None:
             self.hud.paint_captions(canvas, self.captions)
@@ -309,7 +313,7 @@ class Overlay(Guarded):
         reason = "end of the recording" if self.is_replay else ALL_PLAYED
         return end_card(self._ctx, self.turns, self.timeline.scores, reason)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def dismiss(self) -> bool:
         """Dismiss the result card; return False if there is none."""
         is_shown = self.card() is not None
@@ -320,7 +324,7 @@ class Overlay(Guarded):
     def _paint_choices(self, canvas: Canvas, question: NodeChoice) -> None:
         """Paint the number of each choice beyond it, seen from the one who is asked, where no other number is."""
         places = self._camera.camera().to_screen(question.places)
-        for number, way in enumerate(_ways(places)):
+        for number, way in enumerate(_compute_directions(places)):
             self.hud.paint_badge(canvas, str(number), places[number] + _directions(way))
         half = BADGE_PX / 2
         self.hud.layout.cover(np.hstack([places - half, places + half]))
@@ -346,19 +350,19 @@ class Overlay(Guarded):
 
     # -- keys ----------------------------------------------------------------------------------------------
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def toggle_labels(self) -> None:
         """Toggle the names of agents."""
         self.labels = not (self._names.are_shown if self.labels == AUTO else self.labels)
 
-    @refused_while_deciding
+    @refuse_while_deciding
     def toggle_trails(self) -> None:
         """Toggle trails."""
         self.trails = 0 if self.trails else self.most_trails
         self.shown = {}
 
 
-def facts_about(ctx: IContext, name: str) -> list[str]:
+def list_facts_about(ctx: IContext, name: str) -> list[str]:
     """Return a few lines about an agent: name, team, position, and the last data of its sensors."""
     agent: Any = ctx.agent.get_agent(name)
     team = getattr(agent, "team", None)
@@ -372,11 +376,11 @@ def facts_about(ctx: IContext, name: str) -> list[str]:
         lines.append("out of the game")
     sensed = agent.state.get("sensor") if isinstance(agent.state, dict) else None
     for sensor, (kind, data) in (sensed or {}).items():
-        lines.append(f"{sensor} ({getattr(kind, 'name', kind)}): {_summary(data)}")
+        lines.append(f"{sensor} ({getattr(kind, 'name', kind)}): {_summarize_data(data)}")
     return lines
 
 
-def _summary(data: object) -> str:
+def _summarize_data(data: object) -> str:
     """Return a short text about the data of a sensor."""
     if isinstance(data, dict):
         counts = [f"{len(part)} {name}" for name, part in data.items() if isinstance(part, dict | list | tuple | set)]
@@ -395,7 +399,7 @@ _TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.4, -2.4)  # radians: rotations
 _OUT_PX = BADGE_PX + 18 * np.arange(6.0)  # from its node, if no direction nearer to it is free
 
 
-def _ways(places: FloatArray) -> FloatArray:
+def _compute_directions(places: FloatArray) -> FloatArray:
     """Return unit vectors (places, 2) from the first place to the others; its own is into the widest gap."""
     ways: FloatArray = places - places[0]
     lengths = np.hypot(ways[:, 0], ways[:, 1])

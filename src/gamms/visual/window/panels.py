@@ -9,7 +9,7 @@ import numpy as np
 from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, Rgba
-from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
+from gamms.visual.backends.pygame_backend import Canvas, load, paint_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
 from gamms.visual.captions import (
@@ -17,13 +17,13 @@ from gamms.visual.captions import (
     LINE_PX,
     CaptionLine,
     ResultCard,
-    captions_width,
-    card_size,
     draw_captions,
     draw_card,
+    measure_captions_width,
+    measure_card,
 )
 from gamms.visual.charts import HEIGHT_PX, WIDTH_PX, ChartLine, draw_chart
-from gamms.visual.font import words_width
+from gamms.visual.font import measure_words
 from gamms.visual.keys import explain_keys
 from gamms.visual.layout import Layout
 from gamms.visual.legend import Block, Legend, Pen
@@ -80,17 +80,17 @@ class Hud:
         foot = max(foot_px, _ABOVE_NOTE_PX) + EDGE_PX
         self.layout = Layout((EDGE_PX, EDGE_PX, canvas.width - EDGE_PX, canvas.height - foot))
         if self.is_shown:
-            self._paint_lines(canvas, _wrapped(tuple(map(_short, lines)), canvas.width), (EDGE_PX, EDGE_PX))
-        asked = _wrapped(tuple(prompt), canvas.width)
-        width, height = _size(asked)
+            self._paint_lines(canvas, _wrap_lines(tuple(map(_shorten_line, lines)), canvas.width), (EDGE_PX, EDGE_PX))
+        asked = _wrap_lines(tuple(prompt), canvas.width)
+        width, height = _measure_size(asked)
         self._paint_lines(canvas, asked, (round((canvas.width - width) / 2), canvas.height - foot - height))
         if self.is_shown:
             self._paint_legend(canvas)
-            help_lines = _wrapped(_help_lines(), canvas.width) if self.has_help else ()
-            self._paint_lines(canvas, help_lines, self._find_lower_left(*_size(help_lines)))
+            help_lines = _wrap_lines(_make_help_lines(), canvas.width) if self.has_help else ()
+            self._paint_lines(canvas, help_lines, self._find_lower_left(*_measure_size(help_lines)))
             if has_hint and not self.has_help:
-                self._foot(canvas, _HINT)
-        self._foot(canvas, credit, is_right=True)
+                self._write_foot(canvas, _HINT)
+        self._write_foot(canvas, credit, is_right=True)
 
     def _paint_legend(self, canvas: Canvas) -> None:
         """Paint the legend in the upper right corner, or below the lines there, if it has room."""
@@ -106,11 +106,11 @@ class Hud:
     def paint_captions(self, canvas: Canvas, captions: Sequence[CaptionLine]) -> None:
         """Paint the captions in the lower left corner, or above what is there; earlier turns are faint."""
         room = canvas.width - 2 * (EDGE_PX + _PAD_PX) - INDENT_PX
-        width = round(captions_width(captions, room)) + 2 * _PAD_PX
+        width = round(measure_captions_width(captions, room)) + 2 * _PAD_PX
         height = round(LINE_PX * len(captions)) + _PAD_PX
         left, top = self._find_lower_left(width, height)
         self._paint_panel(canvas, (left, top), (width, height))
-        pen = _screen_pen(canvas, self.theme)
+        pen = _make_screen_pen(canvas, self.theme)
         draw_captions(pen, captions, (left + _PAD_PX, top + _PAD_PX / 2, room), self.theme.faint[:3])
         pen.paint(canvas)
 
@@ -120,7 +120,7 @@ class Hud:
         places = self.layout.list_above((left, bottom - height, left + width, bottom), EDGE_PX)
         return _corner(places[self.layout.choose(places, EDGE_PX)])
 
-    def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
+    def _write_foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Write small print in a lower corner."""
         x = canvas.width - EDGE_PX if is_right else EDGE_PX
         y = canvas.height - 20
@@ -131,8 +131,8 @@ class Hud:
     def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float) -> None:
         """Paint facts beside a point, where they cover no other panel; of a point outside below the lines."""
         x, y = at
-        lines = _wrapped(tuple(map(_short, facts)), canvas.width)
-        width, height = _size(lines)
+        lines = _wrap_lines(tuple(map(_shorten_line, facts)), canvas.width)
+        width, height = _measure_size(lines)
         places = self.layout.list_below((EDGE_PX, EDGE_PX, EDGE_PX + width, EDGE_PX + height), EDGE_PX)
         if 0 <= x <= canvas.width and 0 <= y <= canvas.height:
             corners = [(x + beside_px, y - height / 2), (x - beside_px - width, y - height / 2)]
@@ -173,7 +173,7 @@ class Hud:
             return
         left, top = _corner(places[row])
         self._paint_panel(canvas, (left, top), (width, height))
-        pen = _screen_pen(canvas, self.theme)
+        pen = _make_screen_pen(canvas, self.theme)
         for row, (name, lines) in enumerate(list(charts.items())[:count]):
             groups = {line: group_of(line) for line in lines}
             inks = {line: colors[group] for line, group in groups.items() if group is not None and group in colors}
@@ -182,14 +182,14 @@ class Hud:
 
     def paint_card(self, canvas: Canvas, card: ResultCard) -> None:
         """Paint how a game ended in the upper middle or below the panels there; in a small window, at the left edge."""
-        width, height = card_size(card)
+        width, height = measure_card(card)
         left = (canvas.width - width) / 2
         top = max((canvas.height - height) / 5, EDGE_PX)
         places = self.layout.list_below((left, top, left + width, top + height), EDGE_PX)
         aside = self.layout.list_below((EDGE_PX, top, EDGE_PX + width, top + height), EDGE_PX)
         places = np.vstack([places, aside])
         place = places[self.layout.choose(places, EDGE_PX)]
-        pen = _screen_pen(canvas, self.theme)
+        pen = _make_screen_pen(canvas, self.theme)
         center = float(place[0]) + width / 2, float(place[1]) + height / 2
         draw_card(pen, card, center, self.theme.card[:3], self.theme.faint[:3])
         pen.paint(canvas)
@@ -200,13 +200,13 @@ class Hud:
         if not lines:
             return
         left, top = corner
-        self._paint_panel(canvas, corner, _size(tuple(lines)))
+        self._paint_panel(canvas, corner, _measure_size(tuple(lines)))
         for row, line in enumerate(lines):
             canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, FONT_PX, self.theme.ink)
 
     def _paint_panel(self, canvas: Canvas, corner: tuple[int, int], size: tuple[int, int]) -> None:
         """Paint an empty panel from its upper left corner, and cover its area."""
-        canvas.surface.blit(plain_panel(*size, self.theme.card, self.theme.border), corner)
+        canvas.surface.blit(make_panel(*size, self.theme.card, self.theme.border), corner)
         self.layout.cover(np.append(corner, np.add(corner, size)))
 
     def paint_badge(self, canvas: Canvas, words: str, middles: FloatArray) -> None:
@@ -214,21 +214,21 @@ class Hud:
 
         It has the color of words, which no team has.
         """
-        width = max(text_px(words, FONT_PX) + 10, BADGE_PX)
+        width = max(measure_text_px(words, FONT_PX) + 10, BADGE_PX)
         half = np.array([width / 2, BADGE_PX / 2])
         places = np.hstack([middles - half, middles + half])
         place = places[self.layout.choose(places, 1.0)]
         left, top = _corner(place)
-        badge = plain_panel(width, BADGE_PX, self.theme.ink, self.theme.background, radius=BADGE_PX // 2)
+        badge = make_panel(width, BADGE_PX, self.theme.ink, self.theme.background, radius=BADGE_PX // 2)
         canvas.surface.blit(badge, (left, top))
         edge = self.theme.ink[:3]  # none, so that no halo of another color is around the words
-        x = left + (width - text_px(words, FONT_PX)) / 2
+        x = left + (width - measure_text_px(words, FONT_PX)) / 2
         canvas.text(words, x, top + 6, FONT_PX, self.theme.background, edge=edge)
         self.layout.cover(place)
 
 
 @lru_cache
-def _help_lines() -> tuple[str, ...]:
+def _make_help_lines() -> tuple[str, ...]:
     """Return the keys of the window, two kinds to a line."""
     each = [f"{keys}: {words}" for words, keys in explain_keys("window").items()]
     each.append("line below: go to any turn of a replay")
@@ -240,17 +240,17 @@ def _corner(place: FloatArray) -> tuple[int, int]:
     return round(place[0]), round(place[1])
 
 
-def text_px(words: str, font_px: int) -> int:
+def measure_text_px(words: str, font_px: int) -> int:
     """Return how wide words are, in whole pixels."""
-    return round(words_width(words, font_px))
+    return round(measure_words(words, font_px))
 
 
-def _short(line: str) -> str:
+def _shorten_line(line: str) -> str:
     return line if len(line) <= _LONGEST else line[: _LONGEST - 1] + "…"
 
 
 @lru_cache(maxsize=256)
-def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
+def _wrap_lines(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
     """Return the lines of a panel as narrow as the window."""
     most_px = width_px - 2 * (EDGE_PX + _PAD_PX)
     narrow = list[str]()
@@ -258,7 +258,7 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
         narrow.append("")
         for word in line.split(" "):
             longer = f"{narrow[-1]} {word}" if narrow[-1] else word
-            if narrow[-1] and text_px(longer, FONT_PX) > most_px:
+            if narrow[-1] and measure_text_px(longer, FONT_PX) > most_px:
                 narrow.append(word)
             else:
                 narrow[-1] = longer
@@ -266,8 +266,8 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=256)
-def _size(words: tuple[str, ...]) -> tuple[int, int]:
-    widest = max((text_px(line, FONT_PX) for line in words), default=0)
+def _measure_size(words: tuple[str, ...]) -> tuple[int, int]:
+    widest = max((measure_text_px(line, FONT_PX) for line in words), default=0)
     return widest + 2 * _PAD_PX, len(words) * _LINE_PX + 2 * _PAD_PX - 5
 
 
@@ -305,17 +305,17 @@ class WindowLegend:
     def paint(self, canvas: Canvas, top: int) -> None:
         """Paint it at the right edge, from `top` downwards."""
         if self._panel_surface is None:
-            self._panel_surface = painted_transparent(self._painted)
+            self._panel_surface = paint_transparent(self._paint_legend)
         place = canvas.width - self.width, top
         canvas.surface.blit(self._panel_surface, place, special_flags=load().BLEND_PREMULTIPLIED)
 
-    def _painted(self, behind: Rgba) -> Any:
+    def _paint_legend(self, behind: Rgba) -> Any:
         theme = self._theme
         canvas = Canvas(self.width, self.height, paper=theme.background[:3])
         canvas.fill(behind)
-        card = plain_panel(self.width - EDGE_PX, self.height - EDGE_PX, theme.card, theme.border)
+        card = make_panel(self.width - EDGE_PX, self.height - EDGE_PX, theme.card, theme.border)
         canvas.surface.blit(card, (0, EDGE_PX))
-        pen = _screen_pen(canvas, theme)
+        pen = _make_screen_pen(canvas, theme)
         self._legend.draw(pen, EDGE_PX, 2 * EDGE_PX, None)
         pen.paint(canvas)
         return canvas.surface
@@ -329,7 +329,7 @@ class _ScreenPen(Pen):
         Painting(self.commands.freeze()).paint(canvas, self.camera)
 
 
-def _screen_pen(canvas: Canvas, theme: Theme) -> _ScreenPen:
+def _make_screen_pen(canvas: Canvas, theme: Theme) -> _ScreenPen:
     return _ScreenPen(Camera(canvas.width, canvas.height, 0.0, 0.0, 1.0), 1.0, theme.ink[:3])
 
 
@@ -337,7 +337,7 @@ _FINER = 4  # pixels in which a panel is drawn for one of its own
 
 
 @lru_cache(maxsize=256)
-def plain_panel(width: int, height: int, color: Rgba, border: Rgba | None = None, radius: int = 8) -> Any:
+def make_panel(width: int, height: int, color: Rgba, border: Rgba | None = None, radius: int = 8) -> Any:
     """Return an empty panel with round, smooth corners, as a surface."""
     pygame = load()
     large = pygame.Surface((_FINER * width, _FINER * height), pygame.SRCALPHA, 32)

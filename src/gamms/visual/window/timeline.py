@@ -9,9 +9,9 @@ from gamms.text import as_text
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load
 from gamms.visual.camera import Point
-from gamms.visual.captions import UNMARKED, captions_of, ending, rises
+from gamms.visual.captions import UNMARKED, ending, list_rises, write_captions
 from gamms.visual.themes import Theme
-from gamms.visual.window.panels import EDGE_PX, FONT_PX, plain_panel, text_px
+from gamms.visual.window.panels import EDGE_PX, FONT_PX, make_panel, measure_text_px
 
 HEIGHT_PX = 34
 _ABOVE_EDGE_PX = 28  # of the window, for the small print below
@@ -64,7 +64,7 @@ class Timeline:
     def add(self, turn: int, highlight: Mapping[str, Any]) -> None:
         """Add an event of a rule, `scores`, or the end, which is `over`."""
         if "scores" in highlight:
-            for words, of in rises(highlight["scores"], self.scores):
+            for words, of in list_rises(highlight["scores"], self.scores):
                 self._marks.append(TimelineMark(turn, self._team_of(str(of)) or of, words, True))
         elif "over" in highlight:
             over = highlight["over"]
@@ -74,7 +74,7 @@ class Timeline:
                     TimelineMark(turn, None if winner is None else as_text(winner), ending(over)[0], True)
                 )
         elif highlight.get("kind") not in UNMARKED:
-            for words, agent in captions_of([highlight]):
+            for words, agent in write_captions([highlight]):
                 self._marks.append(TimelineMark(turn, None if agent is None else self._team_of(agent), words, False))
 
     # -- on the screen -----------------------------------------------------------------------------------------
@@ -123,8 +123,8 @@ class Timeline:
         width = canvas.width - 2 * EDGE_PX
         if width < HEIGHT_PX:
             return
-        canvas.surface.blit(plain_panel(width, HEIGHT_PX, theme.card, theme.border), (left, top))
-        longest = text_px(f"{self.turns} / {self.turns}", FONT_PX)  # so that the line keeps its length
+        canvas.surface.blit(make_panel(width, HEIGHT_PX, theme.card, theme.border), (left, top))
+        longest = measure_text_px(f"{self.turns} / {self.turns}", FONT_PX)  # so that the line keeps its length
         button = _BUTTON_PX if self.can_seek else 0
         words = longest + _PAD_PX
         words = words if width > 3 * words + button else 0
@@ -134,20 +134,20 @@ class Timeline:
         middle = top + HEIGHT_PX // 2
         if button:
             _paint_button(canvas, theme, left + _PAD_PX, middle, is_running=is_running)
-        track = plain_panel(long, _TRACK_PX, (*theme.faint[:3], 90), radius=_TRACK_PX // 2)
+        track = make_panel(long, _TRACK_PX, (*theme.faint[:3], 90), radius=_TRACK_PX // 2)
         canvas.surface.blit(track, (begin, middle - _TRACK_PX // 2))
         share = min(done / self.turns, 1.0)
         if long * share >= _TRACK_PX:
-            past = plain_panel(round(long * share), _TRACK_PX, theme.faint, radius=_TRACK_PX // 2)
+            past = make_panel(round(long * share), _TRACK_PX, theme.faint, radius=_TRACK_PX // 2)
             canvas.surface.blit(past, (begin, middle - _TRACK_PX // 2))
         for mark in sorted(self._marks, key=lambda one: one.is_major):
             wide, high = _MAJOR_PX if mark.is_major else _MINOR_PX
             color = (*colors.get(str(mark.team), theme.faint[:3]), 255)
             x = begin + long * min(mark.turn / self.turns, 1.0) - wide / 2
-            canvas.surface.blit(plain_panel(wide, high, color, radius=1), (round(x), middle - high // 2))
+            canvas.surface.blit(make_panel(wide, high, color, radius=1), (round(x), middle - high // 2))
         if self.can_seek:
             half = _HANDLE_PX // 2
-            handle = plain_panel(_HANDLE_PX, _HANDLE_PX, theme.ink, (*theme.card[:3], 255), radius=half)
+            handle = make_panel(_HANDLE_PX, _HANDLE_PX, theme.ink, (*theme.card[:3], 255), radius=half)
             canvas.surface.blit(handle, (round(begin + long * share) - half, middle - half))
         if words:
             x = left + width - _PAD_PX
@@ -158,13 +158,13 @@ def _paint_button(canvas: Canvas, theme: Theme, x: int, middle: int, *, is_runni
     """Paint the effect of a click on the button: pause, or continue."""
     if is_running:
         for bar in (0, 7):
-            canvas.surface.blit(plain_panel(4, 14, theme.ink, radius=1), (x + bar, middle - 7))
+            canvas.surface.blit(make_panel(4, 14, theme.ink, radius=1), (x + bar, middle - 7))
     else:
-        canvas.surface.blit(_arrow(theme.ink), (x, middle - 7))
+        canvas.surface.blit(_draw_arrow(theme.ink), (x, middle - 7))
 
 
 @lru_cache(maxsize=8)
-def _arrow(color: Rgba) -> Any:
+def _draw_arrow(color: Rgba) -> Any:
     """Return a smooth triangle that points to the right."""
     pygame = load()
     large = pygame.Surface((48, 56), pygame.SRCALPHA, 32)
