@@ -172,7 +172,7 @@ def test_ctrl_c_keeps_the_rows_and_says_how_to_go_on(folder):
     (folder / "hunts.yaml").write_text(HUNTS.replace("players:stay", "players:sleep").replace("0:3", "0:300"))
     program = [sys.executable, "-m", "gamms", "experiment", "hunts.yaml", "--workers", "0"]
     running = subprocess.Popen(program, stderr=subprocess.PIPE, env=dict(os.environ))
-    while not folders.read_rows(folder / "results" / "journal.jsonl"):
+    while not folders.read_journal(folder / "results" / "journal.jsonl"):
         assert running.poll() is None
         time.sleep(0.02)
     running.send_signal(signal.SIGINT)

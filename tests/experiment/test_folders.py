@@ -155,8 +155,8 @@ PROGRAM = """
 import sys, time
 from pathlib import Path
 from gamms.experiment import folders
-from gamms.folders import locked
-with locked(Path(sys.argv[1])):
+from gamms.folders import lock_folder
+with lock_folder(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(60)
 """

@@ -255,7 +255,7 @@ class Team(ContextPart):
     def _read_column(self, column: str) -> Any:
         """Return a column of the block for all members, (agents,); deleted members have their own blocks."""
         rows, deleted = self._select_members()
-        values = rows.of(getattr(self._block_of(), column))
+        values = rows.gather(getattr(self._block_of(), column))
         if deleted:
             values = list(values)
         for number, agent in deleted.items():
@@ -267,7 +267,7 @@ class Team(ContextPart):
         """The nodes of the members, (agents,) ids; read-only, use `move` to move them."""
         rows, deleted = self._select_members()
         block = self._block_of()
-        nodes: Any = block.ids_of(rows.of(block.node))
+        nodes: Any = block.ids_of(rows.gather(block.node))
         if deleted:
             nodes = [*nodes]
         for number, agent in deleted.items():

@@ -288,7 +288,7 @@ class AgentColumns:
         if self.is_closed:
             return 0
         nodes = memoryview(array(INT64, ends)) if type(ends) is list else ends
-        before = rows.of(self.node) if self.is_noting else None
+        before = rows.gather(self.node) if self.is_noting else None
         if len(self._goals) < len(nodes):  # NOTE: kept, because to make it takes a twentieth of a turn (w8 one)
             self._goals = memoryview(array(INT64, bytes(8 * len(nodes))))
         goals = self._goals[: len(nodes)]
@@ -300,7 +300,7 @@ class AgentColumns:
         else:
             self._changed.update(rows.as_set)
         if before is not None and moved:
-            self._note_moves(rows, before, rows.of(self.node), nodes, moved)
+            self._note_moves(rows, before, rows.gather(self.node), nodes, moved)
         return 0
 
     def _note_moves(self, rows: Any, before: Any, goals: Any, ends: Any, moved: int) -> None:

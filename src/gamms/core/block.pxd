@@ -35,7 +35,7 @@ cdef class Block:
     @cython.locals(block=Block, size=Py_ssize_t)
     cpdef copy_row(self, Py_ssize_t source, Py_ssize_t target, Block of=*)
     @cython.locals(copy=Block, size=Py_ssize_t)
-    cpdef copied(self, Py_ssize_t game=*)
+    cpdef copy_game(self, Py_ssize_t game=*)
     cdef _begin_own(self, Py_ssize_t game)
 
 cdef _cast_memory(bytearray memory, str code)

@@ -125,7 +125,7 @@ class Block:
         self.memory[target * size : (target + 1) * size] = block.memory[source * size : (source + 1) * size]
         self._begin_own(target)
 
-    def copied(self, game: int = 0) -> Block:
+    def copy_game(self, game: int = 0) -> Block:
         """Return a new block that holds a copy of one game."""
         copy = Block.__new__(Block)
         size = self._stride

@@ -388,7 +388,7 @@ class TurnOrder:
         version, ends = self._ended
         if version == self.block.version:
             return ends
-        return self.block.ids_of(self.selection.of(self.block.node))
+        return self.block.ids_of(self.selection.gather(self.block.node))
 
     def end(self, ends: Any) -> None:
         """Take the nodes to which agents of plans were moved, by slot."""

@@ -115,7 +115,7 @@ class AgentBlock(AgentColumns):
         self._edge_numbers = None
         for name in _LISTS:
             setattr(self, name, [])
-        self.games = _EMPTY.copied()  # NOTE: half of the time of a new block (w9 fork)
+        self.games = _EMPTY.copy_game()  # NOTE: half of the time of a new block (w9 fork)
         self.flyers: list[int] = []
         self._show()
         self.has_teams = False
@@ -287,7 +287,7 @@ class AgentBlock(AgentColumns):
             setattr(self, name, values[name].copy())
         self.numbers = values["numbers"]
         self._edge_numbers = values["edge_numbers"]
-        self.games = values["games"].copied()
+        self.games = values["games"].copy_game()
         self.flyers = [*compress(count(), self.games.row("kind"))]
         self._show()
         self._derive()
@@ -564,7 +564,7 @@ class AgentBlock(AgentColumns):
     def values(self) -> dict[str, Any]:
         """Return copies of the other data for `restore`: positions and all numbers."""
         values = {name: getattr(self, name).copy() for name in (*_PLACES, "placed", "team_rows")}
-        values["games"] = self.games.copied()
+        values["games"] = self.games.copy_game()
         values["numbers"] = self.numbers
         values["edge_numbers"] = self._edge_numbers
         return values

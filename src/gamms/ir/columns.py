@@ -314,7 +314,7 @@ class Selection:
         """The rows as a buffer for the core."""
         return self.array.data
 
-    def of(self, column: Sequence[Any]) -> Any:
+    def gather(self, column: Sequence[Any]) -> Any:
         """Return the values of a column in these rows: a list, or a view of an array."""
         if type(column) is list:
             return self.listed(column)

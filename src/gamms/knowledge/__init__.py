@@ -4,6 +4,6 @@ Recordings, cuts, streams, pages, pictures in fog and private forks read it from
 for itself what a team may know.
 
 Read `looks.py` first: the reports of sensors as columns. `fields.py` has the nodes that sensors cover. `sides.py`
-computes what the agents of a side see, witness and have heard. To change who may know something, change `sides.py`. May
-import: `typing` and below.
+computes what the agents of a side see, witness and have heard. To change who may know something, change `sides.py`.
+May import: `typing` and below.
 """
