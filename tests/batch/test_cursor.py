@@ -360,8 +360,17 @@ def visit(ctx):
         ctx.game.emit("visits", nodes=[*agent.visited])
 
 
+def visit_first(ctx):
+    """Set an attribute of agents that have none, and change it in place in the same call."""
+    for agent in ctx.game.agents:
+        if not hasattr(agent, "visited"):
+            agent.visited = [ctx.seed]
+    visit(ctx)
+
+
 @pytest.mark.parametrize(
-    ("rule", "attributes"), [(tire, {}), (tire, {"rank": 3, "visited": [7]}), (visit, {"visited": [7]})]
+    ("rule", "attributes"),
+    [(tire, {}), (tire, {"rank": 3, "visited": [7]}), (visit, {"visited": [7]}), (visit_first, {})],
 )
 @pytest.mark.parametrize("phase", ["before", "after"])
 def test_attributes_of_agents_are_those_of_their_games(phase, rule, attributes):

@@ -775,7 +775,10 @@ class ShownGame(GamesInContext):
 
     def _copy_attributes(self) -> None:
         """Give the game its own attributes before one is read that may change in place."""
-        self._attributes.part_from_others(self.own_row(), self._agents)
+        if any(type(one) is tuple and one[0] == AGENT_ATTRIBUTE for one in self.journal.log):
+            self._attributes.keep(self.own_row())  # the function that reads it has set some
+        else:
+            self._attributes.part_from_others(self.own_row(), self._agents)
         self._pointed.shows_more = True
 
     def _take_order(self) -> None:
