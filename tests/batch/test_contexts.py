@@ -258,13 +258,14 @@ def test_an_environment_has_a_context_of_its_game(make):
     env.close()
 
 
-@pytest.mark.parametrize("of_scenario", [True, False])
-def test_a_game_that_is_over_is_shown_where_games_are_played_one_after_the_other(of_scenario):
+@pytest.mark.parametrize(("of_scenario", "turns"), [(True, 1), (False, 1), (False, 0)])
+def test_a_game_that_is_over_is_shown_where_games_are_played_one_after_the_other(of_scenario, turns):
     scenario = beyond_core(scene([TAG], max_turns=5))
     with scenario.build(seed=1) as ctx, ctx.game.fork(0).ctx as fork:
         make, alone = (scenario.batch, ctx) if of_scenario else (ctx.game.batch, fork)
         with make(3, seed=4) as games:
-            games.step()
+            if turns:
+                games.run(turns)
             first = games.context(0)
             games.run()
             for number in (1, 0, 2):

@@ -866,7 +866,7 @@ class Batch(Surface, Immutable, NotPickled):
         number = self._as_game(game)
         with self._lock_for_playing():
             if number in self._separate and self._sources[self._source_of[number]].show is None:
-                return self._separate.game(number).ctx
+                return self._separate.show(number)
             if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
                 self._hide()
                 self._shown = _SingleGame(number, self._show(number))

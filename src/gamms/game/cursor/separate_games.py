@@ -25,6 +25,7 @@ from gamms.ir.game_state import describe_conflict
 from gamms.ir.graph import IntArray
 from gamms.text import shown
 from gamms.typing import AgentType
+from gamms.typing.context import HostContext
 
 
 class SeparateGames:
@@ -57,6 +58,7 @@ class SeparateGames:
         self._results: dict[int, Result] = {}  # of games whose contexts have ended
         self._ends: dict[int, ForkSource] = {}  # of games whose contexts show other games now
         self._unobserved: set[int] = set()  # whose places are not in the columns
+        self._held = set[int]()  # games whose contexts callers have
         self._beyond_arrays: dict[int, UnknownName] = {}  # with agents at or next to nodes that rules have added
         self._roster = roster
         self._engine = engine
@@ -95,6 +97,7 @@ class SeparateGames:
             for known in (self.reasons, self._results, self._ends, self._beyond_arrays):
                 known.pop(number, None)
             self._unobserved.discard(number)
+            self._held.discard(number)
             state = self._engine.state_in(number)
             state.data_apart.pop(number, None)
             state.is_apart[number] = False
@@ -106,6 +109,11 @@ class SeparateGames:
                 self.observe([number])
             self._results[number] = self.result(number)
             self._end(number)
+
+    def show(self, number: int) -> HostContext:
+        """Return the context of a game, which shows no other game until the game is reset."""
+        self._held.add(number)
+        return self.game(number).ctx
 
     def _give_context_back(self, number: int) -> None:
         """Let the context of a game that is over show other games; what it was at its end is kept."""
@@ -209,7 +217,8 @@ class SeparateGames:
             last = self._engine.last_turn(number)
             with self._record_changes(number, game):
                 game.run(None if last is None else max(0, last - game.turn))
-            if self._engine.is_over[number] and game.internals.left_as is None:
+            is_kept = game.internals.left_as is not None or number in self._held
+            if self._engine.is_over[number] and not is_kept:
                 self._give_context_back(number)
             yield number
 
