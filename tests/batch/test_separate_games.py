@@ -954,3 +954,18 @@ def test_games_with_actions_for_agents_whose_states_functions_read_are_played_in
             read = [event for event in games.result(1).events if event["kind"] == "recalled"]
             assert [event["decided"] for event in read] == [event["turn"] - 1 for event in read]
             assert len(read) == 6 * 6
+
+
+def test_agents_that_share_a_sensor_that_errs_count_looks_each_for_itself():
+    def observe(ctx):
+        seen = [[*ctx.game.observation(agent)["sensor"]["noisy"][1]] for agent in ctx.game.agents]
+        ctx.game.emit("observed", seen=seen)
+
+    with scene(max_turns=3).build(seed=1) as ctx:
+        ctx.sensor.create_sensor("noisy", type="AGENT", detection=0.5)
+        for agent in ctx.agent.create_iter():
+            agent.register_sensor("noisy", ctx.sensor.get_sensor("noisy"))
+        ctx.game.add(observe, phase="deeds")
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert_as_alone(games, alone)

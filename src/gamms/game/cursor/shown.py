@@ -115,7 +115,7 @@ class _PopulationCaches:
         lasts: the last states of agents, and the last data of sensors, each a list of one item.
         named_lasts: the same by names; see `list_last_states`.
         notices: the detection models of sensors that count their looks, of agents that observe.
-        counting: each sensor that counts its looks, and its owner.
+        counting: each sensor that counts its looks, and its owners.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
         are_plain: whether this holds, and repeated calls in a turn return the same data.
         order_of: returns the order of the agents, by whether all know the same facts.
@@ -124,7 +124,7 @@ class _PopulationCaches:
     lasts: list[list[Any]]
     named_lasts: dict[tuple[str, str], list[Any]]
     notices: list[Any]
-    counting: list[tuple[Any, str]]
+    counting: list[tuple[Any, list[str]]]
     sees_world_only: bool
     are_plain: bool
     order_of: Callable[[bool], _OrderInGames]
@@ -481,9 +481,10 @@ class ShownGame(GamesInContext):
         for notice, looks in zip(self.cached.notices, known.looks, strict=False):
             if not under_way.decides:
                 notice.go_to(looks)
-        for sensor, name in self.cached.counting:
-            if id(sensor.notice) not in is_asked:
-                sensor.notice.go_to({name: (self._values.turn, counts[name])} if counts.get(name) else {})
+        for sensor, owners in self.cached.counting:
+            looks_in_core = {name: (self._values.turn, counts[name]) for name in owners if counts.get(name)}
+            asked_looks = sensor.notice.mark() if id(sensor.notice) in is_asked else {}
+            sensor.notice.go_to(looks_in_core | asked_looks)
         drawn = self._core.drawn[self._pointed.number].tolist()
         named = {name: drawn[self.number_of[name]] for name in under_way.names}
         return {name: (count, None) for name, count in named.items() if count} | known.streams
@@ -664,9 +665,12 @@ class ShownGame(GamesInContext):
         notices = [counting[id(one)] for one in carried if id(one) in counting]
         sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
         are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
-        owned = [pair for pair in owned if id(pair[0]) in counting]
+        owners: dict[int, tuple[Any, list[str]]] = {}
+        for sensor, name in owned:
+            if id(sensor) in counting:
+                owners.setdefault(id(sensor), (sensor, []))[1].append(name)
         return _PopulationCaches(
-            [*named.values()], named, notices, owned, sees_world_only, are_plain, cache(self._make_order)
+            [*named.values()], named, notices, [*owners.values()], sees_world_only, are_plain, cache(self._make_order)
         )
 
     def begin_counts(self) -> None:
@@ -680,9 +684,8 @@ class ShownGame(GamesInContext):
         part = self.part or 0
         _, _, took_part = self._core.next_moves(np.array([self._pointed.number]), part)
         have_looked = took_part[0] & (self._core.part_of <= part)
-        for sensor, name in self.cached.counting:
-            has_looked = have_looked[self.number_of[name]]
-            sensor.notice.go_to({name: (self._values.turn, 1)} if has_looked else {})
+        for sensor, owners in self.cached.counting:
+            sensor.notice.go_to({name: (self._values.turn, 1) for name in owners if have_looked[self.number_of[name]]})
 
     def has_asked(self) -> bool:
         """Return whether a function has called sensors."""
