@@ -132,7 +132,19 @@ def test_a_table_that_does_not_follow_from_the_rows_is_a_fault_that_names_the_pl
     if name == "rows.jsonl":
         assert fault.startswith(f"Row {rows[3]['id']} (seed 3): scenario is '0")
     else:
-        assert fault.startswith("rows.csv differs from the file made again from the rows, line 4: it is ")
+        assert fault.startswith("rows.csv differs from the file made again from the rows, line 4: it has ")
+
+
+@pytest.mark.parametrize("name", ["rows.jsonl", "rows.csv"])
+def test_a_table_that_is_larger_than_its_rows_is_a_fault_that_names_the_place(hunts, name):
+    folder, _ = hunts
+    lines = (folder / name).read_text().splitlines(keepends=True)
+    lines[3] = lines[3].replace("max_turns", "max_turns_of_another")
+    (folder / name).write_text("".join(lines))
+    (fault,) = experiment.load(folder).verify().faults
+    assert fault.startswith(f"{name} is larger than the file made again from the rows, of ")
+    assert "bytes, line 4: it has " in fault
+    assert "max_turns_of_another" in fault
 
 
 def test_missing_rows_and_rows_of_another_seed_are_faults(hunts):
@@ -162,7 +174,7 @@ def test_parquet_is_compared_where_the_same_version_of_pyarrow_is_installed(hunt
     data = file.read_bytes()
     file.write_bytes(data.replace(b"PAR1", b"PAR2", 1))
     assert "rows.parquet differs from the file made again" in experiment.load(folder).verify().faults[0]
-    file.write_bytes(data.replace(pa.cpp_version.encode(), b"1.0.0"))
+    file.write_bytes(bytes(100) + data.replace(pa.cpp_version.encode(), b"1.0.0"))  # larger, too
     found = experiment.load(folder).verify()
     assert found.is_valid
     assert "it names pyarrow 1.0.0 as its writer" in found.notes[-1]
@@ -279,7 +291,7 @@ def test_pipes_sparse_files_and_deep_folders_are_refused(hunts):
         experiment.load(folder).verify()
     (folder / "large.ggr").unlink()
     os.truncate(folder / "rows.csv", 1 << 40)
-    assert "has more than" in experiment.load(folder).verify().faults[0]
+    assert experiment.load(folder).verify().faults[0].startswith("rows.csv is larger than the file made again ")
     folder.joinpath(*"abcdefgh").mkdir(parents=True)
     with pytest.raises(BadFile, match="more than 7 levels deep"):
         experiment.load(folder).verify()

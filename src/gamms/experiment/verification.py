@@ -12,6 +12,8 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from heapq import nsmallest
 from itertools import product, zip_longest
+from os import SEEK_END
+from os.path import commonprefix
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +34,7 @@ _RECORDING = ".ggr"
 _CHUNK = 1 << 20
 _CELL_BYTES = 50  # of memory for a cell of a table; 47 measured
 _FEW = 5  # files that a sentence names
+_CONTEXT = 24  # bytes of a line that are shown before a difference
 _PYARROW = re.compile(rb"parquet-cpp-arrow version ([0-9.]{1,20})")
 _DIED = "WorkerDied: "  # begins the error of a game whose process died
 
@@ -284,15 +287,20 @@ def _faults_of_copy(file: Path, expected: Path) -> Iterator[str]:
         return
     data = expected.read_bytes()
     try:
-        if read_bytes(file, most=len(data)) == data:
-            return
+        with opened(file, "rb") as stream:
+            found = stream.read(len(data) + 1)
     except BadFile as error:
-        yield f"{error} A run writes a file of {len(data):,} bytes."
+        yield str(error)
         return
-    if file.suffix == ".jsonl":
+    if found == data or (file.suffix == ".parquet" and _writer_of(file) not in (None, _writer_of(expected))):
+        return
+    place = _find_first_difference(found, data) if file.suffix != ".parquet" else ""
+    if len(found) > len(data):
+        yield f"{file.name} is larger than the file made again from the rows, of {len(data):,} bytes{place}."
+    elif file.suffix == ".jsonl":
         yield from _faults_of_lines(file, expected)
-    elif file.suffix != ".parquet" or _writer_of(file) in (None, _writer_of(expected)):
-        yield f"{file.name} differs from the file made again from the rows{_first_difference(file, data)}."
+    else:
+        yield f"{file.name} differs from the file made again from the rows{place}."
 
 
 def _faults_of_lines(file: Path, expected: Path) -> Iterator[str]:
@@ -312,21 +320,22 @@ def _faults_of_lines(file: Path, expected: Path) -> Iterator[str]:
     yield from faults or _faults_of_spelling(file, made)
 
 
-def _first_difference(file: Path, expected: bytes) -> str:
-    """Return a text that says in which line of a text file the first difference is; nothing for other files."""
-    if file.suffix != ".csv":
-        return ""
-    pairs = zip_longest(read_bytes(file).splitlines(), expected.splitlines(), fillvalue=b"")
-    for number, (found, made) in enumerate(pairs, 1):
-        if found != made:
-            texts = (shown(one.decode(errors="replace")) for one in (found, made))
-            return ", line {}: it is {}, and the rows give {}".format(number, *texts)
+def _find_first_difference(found: bytes, expected: bytes) -> str:
+    """Return a text that says in which line of a text file the first difference is."""
+    pairs = zip_longest(found.splitlines(), expected.splitlines(), fillvalue=b"")
+    for number, lines in enumerate(pairs, 1):
+        if lines[0] != lines[1]:
+            begin = max(len(commonprefix(lines)) - _CONTEXT, 0)  # noqa: RUF071 - of bytes, not of paths
+            texts = (shown(line[begin:].decode(errors="replace")) for line in lines)
+            return ", line {}: it has {}, and the rows give {}".format(number, *texts)
     return ", in the ends of its lines"
 
 
 def _writer_of(file: Path) -> str | None:
     """Return the version of pyarrow that a Parquet file names as its writer; None: it names none."""
-    found = _PYARROW.search(read_bytes(file)[-_CHUNK:])
+    with opened(file, "rb") as stream:
+        stream.seek(max(stream.seek(0, SEEK_END) - _CHUNK, 0))
+        found = _PYARROW.search(stream.read(_CHUNK))
     return None if found is None else found[1].decode()
 
 
