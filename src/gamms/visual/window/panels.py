@@ -231,7 +231,7 @@ class Hud:
 def _make_help_lines() -> tuple[str, ...]:
     """Return the keys of the window, two kinds to a line."""
     each = [f"{keys}: {words}" for words, keys in explain_keys("window").items()]
-    each.append("line below: go to any turn of a replay")
+    each.append("timeline: go to any turn of a replay")
     return tuple(" · ".join(each[i : i + 2]) for i in range(0, len(each), 2))
 
 
