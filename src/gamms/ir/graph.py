@@ -353,7 +353,7 @@ def check_mode(columns: GraphColumns, closed: ClosedEdges, mode: str) -> None:
 
 _OWN_KEYS = ("id", "source", "target", "length", "linestring")  # of closed edges, beside their attributes
 _MODES = " A mode is an edge attribute with true or false, or with speeds."
-_MODES_OF_STREETS = " Streets have one for each mode of a list with which they are loaded: osm_type=['walk', 'drive']."
+_MODES_OF_STREETS = " Streets that are loaded with osm_type=['walk', 'drive'] have the modes 'walk' and 'drive'."
 _MAY_PASS = (bool, int, float, np.bool_, np.number, type(None))
 
 
