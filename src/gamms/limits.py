@@ -150,10 +150,11 @@ _WORD = 1 << 64
 
 
 class KeyBudget:
-    """Counts the keys with equal hashes in all dicts and sets of one file.
+    """Limits how many keys with equal hashes the dicts and sets of one file have.
 
-    Each key is compared with all others of its hash. Hashes of texts and bytes are secret, and few numbers of 64 bits
-    share one; but any number of tuples, frozen sets and longer integers can be made to.
+    Python compares a key with all others of the same hash, so a file could make reading take quadratic time. Texts and
+    bytes have secret hashes, and few numbers of 64 bits share one; but a file can hold any number of tuples, frozen
+    sets and longer integers with one hash, so these are counted.
     """
 
     __slots__ = ("_marks_of",)

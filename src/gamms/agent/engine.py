@@ -642,7 +642,7 @@ class AgentStorage(Guarded):
                 memo[id(agent)].__dict__.update(copied_values(attributes, memo))
 
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
-        """Hide the agents that are not `known`, in a copy of the game for agents that look ahead."""
+        """Hide the agents that are not `known`, in the copy of the game with which an agent looks ahead."""
         engine = self._engine
         graph = self._engine._ctx.graph.graph
         first = graph.get_node(min(graph.get_nodes()))

@@ -142,7 +142,7 @@ class TravelSearch:
         self.ways = ways
 
     def take_trips(self, trips: TurnPaths) -> None:
-        """Write paths to other memory."""
+        """Use other memory for paths by metres."""
         self.trips = trips
 
     def legal(self, here: int, place: Any, speed: float | None) -> tuple[int, ...]:

@@ -104,7 +104,7 @@ class Ranking:
         return np.array([number[rank] for rank in given], np.uint64)
 
     def check(self, rank: int, name: str, team: Hashable) -> None:
-        """Raise the error of the rank function for an agent without a rank that is in a contest."""
+        """Raise the error of the rank function if an agent in a contest has no rank."""
         if self.rank is not None and rank == core.RANK_MISSING:
             self.rank(name, team)
 

@@ -621,7 +621,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         self._admissions += 1
 
     def copy_admitted(self, game: int, target: "MessageTraffic") -> None:
-        """Let the storage of a single game send the admitted messages of a game in this turn."""
+        """Copy the messages that a game has admitted in this turn to the storage of a single game, which sends them."""
         target.names = self.names
         target._admissions = self._admissions
         of_game = [select_rows(box, box.at == game) for box in self._admitted]

@@ -344,7 +344,7 @@ class TurnOrder:
         self.may_be_refused = False
 
     def take_lives(self) -> None:
-        """Let the agents take part that are alive now."""
+        """Set which agents take part: those that are alive now."""
         if self.moving.take_lives():
             self.begin_more()
 

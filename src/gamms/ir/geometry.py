@@ -82,7 +82,7 @@ def find_hull(points: FloatArray) -> FloatArray:
 
 
 def seam_rings(rings: Sequence[FloatArray]) -> FloatArray:
-    """Return one line (points, 2) along closed rings, the outer one first, with a short seam to each other one."""
+    """Return one line (points, 2) along closed rings, the outer one first, each hole joined by a short seam."""
     outer, *holes = rings
     line = outer
     for hole in holes:

@@ -122,7 +122,7 @@ def fraction_many(bits: BitArray) -> FloatArray:
 
 
 def normals(bits: Iterable[int]) -> FloatArray:
-    """Map random bits to numbers (draws,) of the standard normal distribution, by its inverse."""
+    """Map random bits to numbers (draws,) of the standard normal distribution, by inversion."""
     from statistics import NormalDist
 
     inverse = NormalDist().inv_cdf

@@ -224,7 +224,13 @@ def _find_nearest_lines(
 
 
 def _insert_places(xy: FloatArray, lines: list[slice], inserted: dict[int, list[tuple[float, int]]]) -> IntArray:
-    """Return the positions of all lines in order, with inserted places at their distances along the lines."""
+    """Return the rows of the points of all lines, line by line, with `inserted` ones at their shares of the lengths.
+
+    Args:
+        xy: (points, 2)
+        lines: the rows of each line.
+        inserted: number of a line -> (share of its length, row) of each inserted point.
+    """
     order: list[int] = []
     for line, rows in enumerate(lines):
         own = list(range(rows.start, rows.stop))

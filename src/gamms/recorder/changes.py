@@ -314,7 +314,7 @@ class GameChanges:
 
 
 class StrategyChanges:
-    """Detects which strategies or plans decide for which agents, since the last call."""
+    """Detects agents for which another strategy or plan decides than at the last call."""
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx

@@ -280,7 +280,7 @@ class Learners:
                 )
 
     def _begin_drawn(self) -> dict[str, np.ndarray[Any, Any]]:
-        """Return the columns of what games draw by their seeds; see `drawn`."""
+        """Return the columns `drawn` for the maps that games draw; the values are set when games begin."""
         games = len(self.games)
         has_maps = self.games.num_maps > 1
         found: dict[str, np.ndarray[Any, Any]] = {"map": np.zeros(games, np.int64)} if has_maps else {}

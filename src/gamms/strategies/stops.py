@@ -173,7 +173,7 @@ class StopList:
 
     Attributes:
         nodes: the argument `nodes`.
-        following: the index of the next stop on another node, for each stop; the number of stops after the last.
+        following: for each stop, the index of the next stop on another node; the number of stops if there is none.
     """
 
     def __init__(self, nodes: tuple[int, ...], *, repeat: bool) -> None:

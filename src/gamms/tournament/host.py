@@ -108,12 +108,12 @@ class _ReceivedSensor(ISensor):
 
     @property
     def sensor_id(self) -> str:
-        """Its name."""
+        """The name of the sensor."""
         return self._id
 
     @property
     def type(self) -> SensorType:
-        """Its type."""
+        """The type of the sensor."""
         return self._type
 
     @property

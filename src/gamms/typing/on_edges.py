@@ -111,7 +111,7 @@ class LineColumns(NamedTuple):
         return self._replace(firsts=firsts, lasts=lasts, wholes=np.concatenate((self.wholes, np.zeros(more))))
 
     def place(self, edges: Sequence[int], lines: Sequence[Line]) -> Self:
-        """Return these polylines, with new ones for edges of these numbers, which had none."""
+        """Return these polylines with added ones: `lines` of the edges with the numbers `edges`, which had none."""
         new = self.of(lines)
         self.firsts[edges] = new.firsts + len(self.xs)
         self.lasts[edges] = new.lasts + len(self.xs)

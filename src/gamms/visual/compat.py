@@ -88,7 +88,7 @@ class RenderManager(WindowCamera):
         return self.check_lines_culled([(x1, y1), (x2, y2)])
 
     def check_lines_culled(self, points: Sequence[Point]) -> bool:
-        """Return whether a polyline is wholly outside."""
+        """Return whether a polyline is wholly outside the window."""
         corners = np.asarray(points, np.float64).reshape(-1, 2)
         return not self._is_crossed(corners[:-1], corners[1:])
 

@@ -306,7 +306,7 @@ def drawn_map(
     base = state["base_map"] if "base_map" in state else pack_base_map(load_scenery(state.get("scenery")))
     if len(state["face_ids"]):  # obstacles are drawn instead of buildings
         base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
-    step = _step(state["xy"])
+    step = _find_step(state["xy"])
     drawn: dict[str, Any] = {name: state[name] for name in _READ}
     drawn |= {"step": step, "base_map": {name: base[name] for name in ("kinds", "sizes", "face_types")}}
     for of, name, width in (
@@ -344,7 +344,7 @@ def _select_attributes(attributes: dict[str, Any], names: Collection[str]) -> di
     return {name: column for name, column in attributes.items() if name in names}
 
 
-def _step(xy: "np.ndarray[Any, Any]") -> float:
-    """Return the unit of coordinates, map units: a power of two."""
+def _find_step(xy: "np.ndarray[Any, Any]") -> float:
+    """Return the step to which coordinates are rounded, in map units: a power of two."""
     extent = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
     return float(2.0 ** np.floor(np.log2(extent / _STEPS))) if extent > 0.0 else 2.0**-32

@@ -52,7 +52,7 @@ class _GroupLine(TypedDict):
 
 
 class _RemovalLine(TypedDict):
-    """A line of the file: a participant was removed, or a code or pattern was added to the removed ones."""
+    """A line of the file: the code of a participant who was removed, or a removed code or pattern of codes."""
 
     out: str
 

@@ -24,7 +24,7 @@ def trails(rows, columns, spacing, missing, seed):
 
 
 def fly(ctx, reach):
-    """Make a drone's strategy: fly where it sees the most probability within `reach` metres for the way there."""
+    """Make a drone's strategy: fly to the node with the most probability within `reach` metres per metre of way."""
     xy = ctx.graph.columns().xy
     in_view = np.hypot(*(xy[:, None] - xy).T) <= reach
 

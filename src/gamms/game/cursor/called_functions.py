@@ -160,11 +160,11 @@ def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
 
 
 def find_why_all_decide(game: PlayedGame, roster: AgentTable) -> str:
-    """Return why all agents decide in the context that shows games, also those that the core knows; "": they do not.
+    """Return why the strategies of all agents are called game by game, shipped ones included; "": they are not.
 
-    That is if plain functions name what agents have sensed in turns before, `agent.state` or `sensor.data`, which each
-    game then keeps; or if sensors may change the game while agents look. The code of functions, and of those that they
-    call, is searched for this.
+    Two reasons are found in the code of functions and of those that they call: a plain function names what agents have
+    sensed in earlier turns, `agent.state` or `sensor.data`, which each game must then keep; or a sensor may change the
+    game while agents look.
     """
     if any(map(_may_look_back, _name_all(game, roster))):
         return "functions may read what agents have sensed before"
@@ -203,7 +203,7 @@ def _may_look_back(names: frozenset[str]) -> bool:
 def find_why_apart(game: PlayedGame, roster: AgentTable) -> str:
     """Return why games are played one after the other in contexts of their own from the start; "": they are not.
 
-    Rows of a batch cannot carry what they need: a game that leaves would not know it.
+    The reason is something that the rows of a batch do not store, so that a game could not take it along later.
     """
     if roster.obey_turns and game.settings()["speed_unit"] != "edges":
         return "agents by metres obey turn restrictions, which the core does not know"

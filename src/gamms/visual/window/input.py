@@ -246,7 +246,7 @@ class Input:
                 action(event)
 
     def glide(self, seconds: float) -> None:
-        """Move the camera by the keys that are held: by half a half width, or four times as near, per second."""
+        """Move the camera by the keys that are held: in a second, by a quarter of the width or four times nearer."""
         view = self._camera
         across, up, out = (sum(self._ways[key][axis] for key in self._held) for axis in range(3))
         if out:
