@@ -969,3 +969,15 @@ def test_agents_that_share_a_sensor_that_errs_count_looks_each_for_itself():
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert_as_alone(games, alone)
+
+
+def test_a_game_that_leaves_in_its_first_turn_takes_along_what_strategies_remember_from_it():
+    def leave(ctx):
+        ctx.game.max_turns = 8
+
+    red = {"count": 2, "strategy": "gamms.strategies:random_waypoints"}
+    with scene(teams={"red": red}).build(seed=1) as ctx:
+        ctx.game.add(leave, phase="deeds")
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert_as_alone(games, alone)

@@ -933,8 +933,8 @@ class ShownGame(GamesInContext):
         self._note_read("reads ctx.game.memories")
         number = self._pointed.number
         found = self.own_row().memories
-        has_moved = self._state.turn[number] > self._called.first.turn or self._under_way is not None
-        for name, memory in self._core.memories_of(number).items() if has_moved else ():
+        has_decided = self._has_moved or self.part is not None or self._under_way is not None
+        for name, memory in self._core.memories_of(number).items() if has_decided else ():
             found[name].update(memory)
         return {**found}
 
