@@ -236,6 +236,16 @@ def test_a_fork_is_played_on_with_the_memories_in_the_states_of_its_agents(grid)
         assert ctx.agent.get_agent("closed").state["memory"] == {"nodes": [4]}
 
 
+@pytest.mark.parametrize("shares_memory", [True, False])
+def test_the_states_of_a_fork_have_a_team_memory_only_where_teams_have_one(grid, shares_memory):
+    with grid() as ctx:
+        ctx.game.team_memory = shares_memory
+        ctx.agent.create_agent("a", start_node_id=4, team="red", strategy=lambda state: state.update(action=4))
+        ctx.game.run(1)
+        twin = ctx.game.fork(1).ctx.agent.get_agent("a")
+        assert ("team_memory" in twin.state) == ("team_memory" in ctx.agent.get_agent("a").state) == shares_memory
+
+
 CHANGES = {
     "play": lambda game: game.run(1),
     "draw": lambda game: game.observation(game.agents[0])["draw"].bits(),

@@ -420,7 +420,8 @@ def copy_rules(rules: Iterable[NamedRule], memo: Memo) -> list[NamedRule]:
 def renew_state(target: SnapshotTaker, agent: IAgent, state: dict[str, Any], team_memory: object) -> None:
     """Insert what an agent of a game knows into a copy of its last state in another game."""
     state["memory"] = target.state.memory_of(agent.name)
-    state["team_memory"] = copied(team_memory)
+    if "team_memory" in state:
+        state["team_memory"] = copied(team_memory)
     state["facts"] = get_facts(agent.name, agent.team, target.state, target.ctx.game.facts)
     state["fork"] = PrivateForks(target.ctx)
 
