@@ -68,7 +68,7 @@ figures: $(VENV)/.dev
 	out=$$(mktemp -d) && $(BIN)/gamms demo --no-film --out $$out \
 		&& $(BIN)/python scripts/animate_game.py $$out/game.ggr docs/demo.svg && rm -r $$out
 	$(BIN)/python scripts/draw_architecture.py docs/figures
-	GAMMS_REFRESH_EXAMPLES=1 $(BIN)/python -m pytest -q tests/docs/test_docs.py
+	GAMMS_REFRESH_EXAMPLES=1 $(BIN)/python -m pytest -q tests/docs/test_docs.py tests/playthroughs
 
 # Measures again what benchmarks/README.md says, in under 30 minutes; raw data in reproduced/. Containerfile runs it, too.
 reproduce: $(VENV)/.dev

@@ -105,6 +105,31 @@ def diff(
     echo(f"{first} and {second} are the same scenario.")
 
 
+def playthrough(
+    file: play.ScenarioFile,
+    turns: Annotated[int, typer.Option(min=0, help="The number of turns.", metavar="TURNS")] = 5,
+    seed: Annotated[
+        int | None,
+        typer.Option(help="The same seed plays the same game; by default that of the file.", metavar="SEED"),
+    ] = None,
+    agents: Annotated[
+        list[str] | None,
+        typer.Option("--agent", help="Show only this agent; may be repeated. By default all.", metavar="AGENT"),
+    ] = None,
+    allow: play.Allow = None,
+    key_variable: play.KeyVariable = None,
+) -> None:
+    """Print turns as text: what agents know, want and do."""
+    from gamms import scenario, testing
+
+    game = scenario.load(file, allow or (), key_variable=key_variable)
+    for line in play.find_foreign_code(game, {}):
+        echo(f"imports {make_printable_line(line)}", err=True)
+    warn(game)
+    with game.build(seed) as ctx:
+        echo(testing.playthrough(ctx, turns, agents).removesuffix("\n"))
+
+
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors."""
     from gamms import scenario
@@ -220,6 +245,10 @@ _ON_SCENARIOS: _Commands = {
         "gamms scenario describe match.yaml --out match.html --build",
     ),
     diff: ("gamms scenario diff match.yaml other.yaml",),
+    playthrough: (
+        "gamms scenario playthrough match.yaml --turns 3",
+        "gamms scenario playthrough match.yaml --agent red_0 > red_0.txt",
+    ),
     schema: ("gamms scenario schema > schema.json",),
 }
 _EXPERIMENTS: _Commands = {
