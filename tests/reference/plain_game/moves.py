@@ -89,6 +89,8 @@ class ByEdges:
             return ()
         if agent.speed is None and action not in self.streets.out[agent.node]:
             raise Illegal(f"{action!r} is not legal")
+        if agent.speed is None and not self.is_metric:
+            return (action,)
         return self.way_to(agent, action)
 
     def way_to(self, agent, node):

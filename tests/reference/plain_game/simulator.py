@@ -9,6 +9,7 @@ from plain_game.conflicts import Conflicts
 from plain_game.draws import Draw
 from plain_game.moves import ByEdges, ByMetres, Illegal, Stay
 from plain_game.rules import RULES, publish_beforehand
+from plain_game.sensors import sensors_of
 from plain_game.streets import Streets
 
 KEYS = {"name", "description", "seed", "max_turns", "map", "sensors", "teams", "rules", "conflicts", "channels"}
@@ -35,6 +36,7 @@ class Agent:
     alive: bool = True
     blocked: str | None = None
     memory: dict = field(default_factory=dict)
+    sensors: dict = field(default_factory=dict)
     track: list = field(default_factory=list)  # of this turn: Stay and Ride, in the order of time
     path: list = field(default_factory=list)  # of this turn
     stops: int = 0  # how often it was put on a node, or taken out
@@ -50,9 +52,10 @@ class Game:
         scenario: a `gamms.scenario.Scenario`; its map, and where agents start, are taken as it gives them.
         seed: of the game; by default that of the scenario.
         strategies: team or name of an agent -> function of the state.
+        plans: team -> function of the states of its agents by name, in place of their strategies.
     """
 
-    def __init__(self, scenario, seed=None, strategies=None):
+    def __init__(self, scenario, seed=None, strategies=None, plans=None):
         given = scenario.to_dict()
         refuse("key of a scenario", given, KEYS)
         settings = given.get("settings", {})
@@ -67,7 +70,9 @@ class Game:
         if self.motion.is_metric and self.streets.is_bent:
             raise NotImplementedError("not in the subset of the reference: games by metres where streets have bends")
         starts = {name: int(nodes[0]) for name, nodes in scenario.starts([self.seed]).items()}
-        self.agents = agents_of(given["teams"], starts, strategies or {})
+        self.plans = plans or {}
+        teams = {name: without_plan(keys) if name in self.plans else keys for name, keys in given["teams"].items()}
+        self.agents = agents_of(teams, given.get("sensors", {}), starts, strategies or {})
         self.order = settings["order"] or [list(dict.fromkeys(agent.team for agent in self.agents.values()))]
         self.conflicts = made(Conflicts, "keyword of conflicts", given["conflicts"]) if given.get("conflicts") else None
         self.channels = {
@@ -99,6 +104,10 @@ class Game:
             end = Fraction(number + 1, len(self.order))
             movers = [agent for agent in self.living() if agent.team in teams]
             states = {agent.name: self.state_of(agent) for agent in movers}
+            for team, plan in self.plans.items():
+                own = {agent.name: states[agent.name] for agent in movers if agent.team == team}
+                if own:
+                    plan(own)
             routes = {agent.name: self.decision(agent, states[agent.name], outboxes) for agent in movers}
             walks = {agent.name: self.motion.walk(agent, routes[agent.name], begin, end) for agent in movers}
             for name in self.conflicts.stopped(self, walks) if self.conflicts else ():
@@ -145,6 +154,7 @@ class Game:
             "facts": self.facts,
             "memory": agent.memory,
             "draw": Draw(self.seed, agent.name, self.turn),
+            "sensor": {name: (one.type, one.look(self, agent)) for name, one in agent.sensors.items()},
         }
         if self.motion.is_metric:
             state["offset_m"] = float(agent.offset)
@@ -156,9 +166,10 @@ class Game:
     def decision(self, agent, state, outboxes):
         """Ask an agent; return the nodes that it wants to go along, none to stay."""
         agent.blocked = None
-        if agent.strategy is None:
-            return ()
-        agent.strategy(state)
+        if agent.team not in self.plans:
+            if agent.strategy is None:
+                return ()
+            agent.strategy(state)
         try:
             route = self.motion.route(agent, state["action"])
         except Illegal as why:
@@ -230,8 +241,8 @@ def random_walk(state):
 STRATEGIES = {"gamms.strategies:random_walk": random_walk, None: None}
 
 
-def agents_of(teams, starts, strategies):
-    """Return the agents of a scenario by name. Sensors are left out: strategies of the reference get none."""
+def agents_of(teams, sensors, starts, strategies):
+    """Return the agents of a scenario by name."""
     agents = {}
     for team, keys in teams.items():
         refuse("key of a team", keys, TEAM_KEYS)
@@ -247,7 +258,15 @@ def agents_of(teams, starts, strategies):
                 strategy = STRATEGIES[given]
             agents[name] = Agent(name, team, starts[name], None if speed is None else Fraction(speed), strategy)
             agents[name].node = starts[name]
+            carried = own.get("sensors", []), keys.get("sensors", [])
+            for some in carried:
+                agents[name].sensors |= sensors_of(some, sensors, made)
     return agents
+
+
+def without_plan(keys):
+    """Return the keys of a team without its plan."""
+    return {key: value for key, value in keys.items() if key != "plan"}
 
 
 def rule_of(given):
