@@ -410,6 +410,15 @@ def test_a_file_of_an_older_version_says_so(saved):
         map_file.decode(bytes(data))
 
 
+def test_obstacle_faces_of_another_shape_are_refused(saved):
+    state = _state_of(saved.read_bytes())
+    state["face_ids"] = np.arange(2)
+    state["face_types"] = np.zeros(2, np.int64)
+    state["face_corners"] = np.zeros((3, 8))  # as many numbers as two faces have
+    with pytest.raises(BadFile, match="the obstacle faces are damaged"):
+        map_file.decode(_file_of(state))
+
+
 # -- forging ----------------------------------------------------------------------------------------------------
 
 

@@ -344,7 +344,7 @@ def _check_edge(edge: Plain) -> dict[str, Any]:
 
 
 def _read_array(state: dict[str, Plain], name: str) -> Array:
-    array = state[name]
+    array = state.get(name)
     is_float = name in ("xy", "lengths", "bend_points", "face_corners", "points")
     if not isinstance(array, np.ndarray) or array.dtype != (np.float64 if is_float else np.int64):
         raise BadFile(f"{name!r} is not an array of the right type")
@@ -418,6 +418,9 @@ def _are_ascending(rows: IntArray) -> bool:
 
 
 def _read_faces(columns: dict[str, Array]) -> Iterable[ObsFace]:
+    faces = columns["face_ids"].shape
+    if len(faces) != 1 or columns["face_types"].shape != faces or columns["face_corners"].shape != (*faces, 12):
+        raise BadFile("the obstacle faces are damaged")
     corners = columns["face_corners"].reshape(-1, 4, 3).tolist()
     ids = columns["face_ids"].tolist()
     types = columns["face_types"].tolist()
