@@ -1,0 +1,1075 @@
+"""Write the format vectors: small .ggr, .gamms and .sight files, and beside each the answer of a reader, as JSON.
+
+    python scripts/make_vectors.py              # tests/formats/vectors
+
+Files are built byte by byte, with the answer beside them, except games and maps, which GAMMS writes. A file is written
+only if GAMMS and the second reader give the same answer, and the stated one.
+"""
+
+import io
+import struct
+import sys
+import zlib
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import combinations, product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from msgspec import msgpack
+
+import gamms
+from gamms import recorder
+from gamms.agent import AgentType
+from gamms.graph.visibility import VisibilityRows
+from gamms.graph.visibility import encode as encode_sight
+from gamms.recorder import Writer
+from gamms.rules import tag, time_limit
+from gamms.scenario import Scenario
+from gamms.typing import ArtistType
+from gamms.visual import Artist
+from gamms.visual.legend import ColorScale, LegendRow, LegendRows
+
+TESTS = Path(__file__).parent.parent / "tests" / "formats"
+sys.path.insert(0, str(TESTS))
+import answers  # noqa: E402 - it is beside the vectors
+
+VECTORS = TESTS / "vectors"
+FLIGHT = 0x01100020
+TURN = 0x01100021
+PRIME = (1 << 61) - 1  # the hash of an integer is its remainder
+
+Vector = tuple[str, bytes, dict[str, Any]]  # the name of the file, its bytes, the answer; empty if GAMMS says it
+
+
+def main() -> None:
+    """Write all vectors."""
+    VECTORS.mkdir(exist_ok=True)
+    for old in VECTORS.iterdir():
+        old.unlink()
+    for name, data, stated in make_all():
+        answer, problem = find_answer(Path(name).suffix, data, stated)
+        if problem:
+            print(f"{name}: {problem}")
+        (VECTORS / name).write_bytes(data)
+        (VECTORS / f"{name}.json").write_text(answers.as_text(answer), encoding="utf-8")
+    files = [path for path in VECTORS.iterdir() if path.suffix != ".json"]
+    print(f"{len(files)} vectors, {sum(path.stat().st_size for path in files)} bytes")
+
+
+def find_answer(suffix: str, data: bytes, stated: dict[str, Any]) -> tuple[dict[str, Any], str]:
+    """Return the answer of both readers, and what is wrong with it."""
+    second = answers.ask_second(suffix, data)
+    first, message = answers.ask_gamms(suffix, data)
+    if "refused" in first:
+        first["refused"] = second.get("refused")
+    problem = ""
+    if first != second:
+        problem = f"the readers differ ({message}; {str(second)[:300]})"
+    if any(
+        second.get(key) != (value if key in ("refused", "byte") else answers.as_json(value))
+        for key, value in stated.items()
+    ):
+        problem = f"{ {key: second.get(key) for key in stated} } is not {stated}; {message}"
+    return second, problem
+
+
+def make_all() -> Iterator[Vector]:
+    """Yield all vectors."""
+    for suffix, makers in (
+        (".ggr", (make_values, make_bad_values, make_columns, make_blocks, make_limits, make_games)),
+        (".gamms", (make_maps, make_bad_maps)),
+        (".sight", (make_sights,)),
+    ):
+        for make in makers:
+            for name, data, answer in make():
+                yield f"{name}{suffix}", data, answer
+
+
+# -- parts of files ---------------------------------------------------------------------------------------------
+
+
+def varint(value: int) -> bytes:
+    """Return a varint."""
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def packed(data: bytes, size: int | None = None) -> bytes:
+    """Return packed bytes, with another size than theirs if one is given."""
+    deflater = zlib.compressobj(9, zlib.DEFLATED, -15)
+    return varint(len(data) if size is None else size) + deflater.compress(data) + deflater.flush()
+
+
+def column(*numbers: int, width: int | None = None) -> bytes:
+    """Return a column without a table, of a width in bytes or the least one."""
+    mapped = [2 * n if n >= 0 else -2 * n - 1 for n in numbers]
+    if width is None:
+        width = max([1, *((n.bit_length() + 7) // 8 for n in mapped)]) if mapped else 0
+    planes = [n.to_bytes(8, "little") for n in mapped]
+    return bytes([width]) + bytes(plane[place] for place in range(width) for plane in planes)
+
+
+def differences(*numbers: int) -> list[int]:
+    """Return the differences of consecutive numbers, the first from 0."""
+    return [b - a for a, b in zip((0, *numbers), numbers, strict=False)]
+
+
+def array(*items: object) -> bytes:
+    """Return a MessagePack array."""
+    return msgpack.encode(list(items))
+
+
+def extension(code: int, *items: object) -> msgpack.Ext:
+    """Return a container."""
+    return msgpack.Ext(code, array(*items))
+
+
+def plain(value: object) -> object:
+    """Return a value as an item of MessagePack."""
+    if type(value) in (tuple, list, set, frozenset):
+        code = {tuple: 0, list: 1, set: 3, frozenset: 4}[type(value)]
+        items = [plain(item) for item in value]
+        return extension(code, *(sorted(items, key=array) if code > 1 else items))
+    if type(value) is dict:
+        return extension(2, *(plain(part) for pair in value.items() for part in pair))
+    if type(value) is bytes:
+        return msgpack.Ext(5, value)
+    if type(value) is int and not -(1 << 63) <= value < 1 << 64:
+        return msgpack.Ext(6, value.to_bytes(value.bit_length() // 8 + 1, "big", signed=True))
+    return value
+
+
+def value_of(value: object) -> bytes:
+    """Return a value as bytes."""
+    return array(plain(value))
+
+
+def block(type: str, body: bytes, key: int = 0, *counts: int, crc: int | None = None) -> bytes:
+    """Return a block; `counts` are the turns before it, and its turns, moves and events."""
+    front = b"\xd3GB" + type.encode()
+    front += struct.pack("<7I", len(body), zlib.crc32(body) if crc is None else crc, key, *(*counts, 0, 0, 0, 0)[:4])
+    return front + struct.pack("<I", zlib.crc32(front)) + body
+
+
+MAGIC = b"MMGR\0\0\0\3"
+HEADER_BODY = packed(value_of({"format": 3}))
+HEADER = MAGIC + block("H", HEADER_BODY)
+KEY = zlib.crc32(HEADER_BODY)
+
+
+def end(turns: int = 0) -> bytes:
+    """Return the end of a recording."""
+    return block("E", b"", KEY, turns)
+
+
+def headed(item: bytes, *, after: bytes = b"") -> bytes:
+    """Return a recording without turns, whose header is the bytes of a value."""
+    body = packed(item) + after
+    return MAGIC + block("H", body) + block("E", b"", zlib.crc32(body))
+
+
+def holding(item: object) -> bytes:
+    """Return a recording whose header is a dict with one item of MessagePack."""
+    return headed(array(extension(2, "value", item)))
+
+
+def turns_body(columns: Sequence[bytes], values: bytes = b"") -> bytes:
+    """Return the body of a block of turns."""
+    return packed(values) + packed(b"".join(columns))
+
+
+def walk(first: int, count: int) -> bytes:
+    """Return a block of turns in which agent 0 goes on by one node in each."""
+    steps = [column(*([1] * (count - 1)))]
+    body = turns_body(
+        [
+            column(*([1] * count)),
+            column(*([0] * count)),
+            column(*([0] * count)),
+            column(first + 1),
+            *steps,
+            *[b"\0"] * 3,
+        ]
+    )
+    return block("T", body, KEY, first, count, count)
+
+
+def walked(count: int) -> list[list[tuple[int, int]]]:
+    """Return the turns that blocks of `walk` have."""
+    return [[(0, turn + 1)] for turn in range(count)]
+
+
+def played(columns: Sequence[bytes], counts: Sequence[int], values: bytes = b"") -> bytes:
+    """Return a finished recording with one block of turns."""
+    return HEADER + block("T", turns_body(columns, values), KEY, 0, *counts) + end(counts[0])
+
+
+def refused(limit: str, byte: int | None = 8) -> dict[str, Any]:
+    """Return the answer to a file that breaks a limit."""
+    return {"refused": limit, "byte": byte}
+
+
+# -- values -----------------------------------------------------------------------------------------------------
+
+
+def make_values() -> Iterator[Vector]:
+    """Yield recordings whose headers have values of every type."""
+    numbers = [0, 127, 128, 255, 256, 65535, 65536, 2**32 - 1, 2**32, 2**63, 2**64 - 1]
+    numbers += [-1, -32, -33, -128, -129, -32768, -32769, -(2**31), -(2**31) - 1, -(2**63)]
+    samples = {
+        "scalars": [None, False, True, 0.5, -0.0, 1e300, float("inf"), float("nan")],
+        "integers": numbers,
+        "long_integers": [2**64, -(2**63) - 1, 2**100, -(2**100)],
+        "texts": ["", "a" * 31, "b" * 32, "c" * 255, "d" * 256, "\u00e4\u20ac\U0001f600", "e" * 66000],
+        "bytes": [bytes(size) for size in (0, 1, 2, 3, 4, 8, 16, 255, 256)],
+        "containers": [(), (1, "a"), [], [[1], [2]], {}, {"a": {1: 2}}],
+        "sets": [set(), {1, 2, 3}, frozenset(), frozenset({1, "a"})],
+        "keys": {"a": 1, 2: 2, None: 3, 0.5: 4, (1, ("b",)): 5, frozenset({1}): 6, b"k": 7, 2**70: 8, False: 9},
+    }
+    for name, value in samples.items():
+        yield f"value_{name}", headed(value_of({"value": value})), {"header": {"value": value}}
+    surrogate = msgpack.Ext(7, "a\ud800".encode("utf-8", "surrogatepass"))
+    yield "value_surrogates", holding(surrogate), {"header": {"value": "a\ud800"}}
+    yield "value_float32", headed(array(msgpack.Ext(2, b"\x92\xa1a\xca\x3f\x00\x00\x00"))), {"header": {"a": 0.5}}
+    long_head = b"\x92\xa1a\xdd\x00\x00\x00\x00"[:3] + b"\xc9\x00\x00\x00\x01\x05\x00"
+    yield "value_extension32", headed(array(msgpack.Ext(2, long_head))), {"header": {"a": b"\0"}}
+    wide = msgpack.Ext(2, b"\xdd\x00\x00\x00\x02\xdb\x00\x00\x00\x01a\xd3" + bytes(7) + b"\x05")
+    yield "value_wide_heads", headed(array(wide)), {"header": {"a": 5}}
+    yield "value_short_long_integer", holding(msgpack.Ext(6, b"\xff")), {"header": {"value": -1}}
+    yield "value_set_in_another_order", holding(extension(3, 2, 1, 2)), {"header": {"value": {1, 2}}}
+    many = {str(i): i for i in range(20)}
+    yield "value_array16", headed(value_of(many)), {"header": many}
+    deep: object = extension(1)
+    for _ in range(30):
+        deep = extension(1, deep)
+    yield "value_depth_32", holding(deep), {}
+    yield "value_depth_33", holding(extension(1, deep)), refused("depth")
+    yield "zeros_after_a_header", headed(value_of({}), after=bytes(9)), {"header": {}}
+    yield "hashes_64", headed(value_of({"value": [5 + k * PRIME for k in range(16, 80)]})), {}
+    for dtype in answers.second_reader.DTYPES:
+        items = np.array([0, 1, 1, 0, 1, 1] if dtype == "bool" else [1, 3, 2, 0, 5, 100], dtype)
+        if dtype.startswith("int"):
+            items[3] = np.iinfo(dtype).min
+        elif dtype.startswith("float"):
+            items[3:5] = (-0.5, np.inf)
+        yield f"array_{dtype}", write_header(items.reshape(2, 3)), {"header": {"value": items.reshape(2, 3)}}
+    for name, shape in {"0": (), "8": (1, 2, 1, 2, 1, 1, 1, 1), "empty": (0, 3)}.items():
+        items = np.arange(int(np.prod(shape)), dtype=np.int16).reshape(shape)
+        yield f"array_dimensions_{name}", write_header(items), {"header": {"value": items}}
+
+
+def write_header(value: object) -> bytes:
+    """Return a recording without turns that GAMMS writes."""
+    stream = io.BytesIO()
+    Writer(stream, {"value": value}, seconds=None).close()
+    return stream.getvalue()
+
+
+def make_bad_values() -> Iterator[Vector]:
+    """Yield recordings with values that readers refuse."""
+    alike = [5 + k * PRIME for k in range(9)]
+    tuples = [*product(alike, alike)][:65]
+    sets = [*map(frozenset, combinations(alike, 3))][:65]
+    bad = {
+        "key_twice": (extension(2, "a", 1, "a", 2), "key"),
+        "key_true_and_1": (extension(2, 1, 1, True, 2), "key"),
+        "key_float_and_1": (extension(2, 1, 1, 1.0, 2), "key"),
+        "key_list": (extension(2, extension(1), 1), "key"),
+        "key_set": (extension(2, extension(3), 1), "key"),
+        "key_list_in_tuple": (extension(2, extension(0, extension(1)), 1), "key"),
+        "key_array": (extension(2, extension(8, "int8", msgpack.Ext(5, b""), 0), 1), "key"),
+        "set_of_lists": (extension(3, extension(1)), "key"),
+        "frozen_set_of_dicts": (extension(4, extension(2)), "key"),
+        "dict_of_3_items": (extension(2, "a", 1, "b"), "value"),
+        "extension_9": (msgpack.Ext(9, b"\x90"), "value"),
+        "extension_minus_1": (msgpack.Ext(-1, b"\x90"), "value"),
+        "extension_empty": (msgpack.Ext(1, b""), "value"),
+        "extension_of_two": (msgpack.Ext(1, b"\x90\x90"), "value"),
+        "array_in_array": ([1], "value"),
+        "map": ({"a": 1}, "value"),
+        "bytes_without_extension": (b"a", "value"),
+        "utf8": (msgpack.Ext(1, b"\x91\xa2\xc3\x28"), "value"),
+        "utf8_in_surrogates": (msgpack.Ext(7, b"\xff"), "value"),
+        "cut_item": (msgpack.Ext(1, b"\x92\x01"), "value"),
+        "array_unknown_dtype": (extension(8, "complex128", msgpack.Ext(5, bytes(16)), 1), "array"),
+        "array_dtype_no_text": (extension(8, 3, msgpack.Ext(5, bytes(1)), 1), "array"),
+        "array_without_bytes": (extension(8, "int8", "a", 1), "array"),
+        "array_without_anything": (extension(8), "array"),
+        "array_9_dimensions": (extension(8, "int8", msgpack.Ext(5, b"\0"), *[1] * 9), "array"),
+        "array_too_few_bytes": (extension(8, "int16", msgpack.Ext(5, bytes(3)), 2), "array"),
+        "array_too_many_bytes": (extension(8, "int16", msgpack.Ext(5, bytes(6)), 2), "array"),
+        "array_negative_dimension": (extension(8, "int8", msgpack.Ext(5, bytes(1)), -1, -1), "array"),
+        "array_dimension_no_integer": (extension(8, "int8", msgpack.Ext(5, bytes(1)), True), "array"),
+        "array_dimension_2_to_40": (extension(8, "int8", msgpack.Ext(5, b""), 0, 1 << 40), "array"),
+        "hashes_long_integers": (plain([5 + k * PRIME for k in range(16, 81)]), "hashes"),
+        "hashes_tuples": (plain(tuples), "hashes"),
+        "hashes_frozen_sets": (plain(sets), "hashes"),
+    }
+    for name, (item, limit) in bad.items():
+        yield f"refused_{name}", holding(item), refused(limit)
+    yield "refused_two_items", headed(array(extension(2), 1)), refused("value")
+    yield "refused_no_array", headed(b"\xc0"), refused("value")
+    yield "refused_nothing", headed(b""), refused("value")
+    yield "refused_wide_array_around", headed(b"\xdd\0\0\0\1" + array(extension(2))[1:]), refused("value")
+    yield "refused_bytes_behind_a_value", headed(value_of({}) + b"\0"), refused("value")
+    yield "refused_header_list", headed(value_of([])), refused("dict")
+    yield "refused_bytes_behind_a_header", headed(value_of({}), after=b"\0\1"), refused("superfluous bytes")
+
+
+# -- columns ----------------------------------------------------------------------------------------------------
+
+
+def table_column(entries: Sequence[int], per_byte: int, data: bytes) -> bytes:
+    """Return a column with a table."""
+    return bytes([9, len(entries) - 1]) + column(*differences(*entries)) + bytes([per_byte]) + data
+
+
+def moves_of(nodes: Sequence[int], encoded: bytes) -> tuple[bytes, dict[str, Any]]:
+    """Return a recording in which agent 0 moves by differences that are encoded already, and its answer."""
+    count = len(nodes)
+    columns = [column(count), column(0), column(*[0] * count), column(nodes[0]), encoded, *[b"\0"] * 3]
+    return played(columns, (1, count, 0)), {"turns": [[(0, node) for node in nodes]]}
+
+
+def make_columns() -> Iterator[Vector]:
+    """Yield recordings with columns of each form, and with columns that readers refuse."""
+    for width in range(1, 9):
+        most = (1 << 8 * width - 1) - 1
+        steps = [most, -most - 1, 1, -1]
+        nodes = [0]
+        for step in steps:
+            nodes.append((nodes[-1] + step + 2**63) % 2**64 - 2**63)
+        yield f"column_width_{width}", *moves_of(nodes, column(*steps))
+    yield "column_wider_than_needed", *moves_of([0, 1, 0], column(1, -1, width=5))
+    wraps = [2**63 - 1, -(2**63), 2**63 - 1]
+    yield "column_wraps_around", *moves_of(wraps, column(1, -1))
+    for per_byte, size in {1: 256, 2: 16, 3: 6, 4: 4, 5: 3, 6: 2, 7: 2, 8: 2}.items():
+        entries = [3 * i - 5 for i in range(size)]
+        numbers = [(7 * i) % size for i in range(11)]
+        groups = [numbers[at : at + per_byte] for at in range(0, 11, per_byte)]
+        data = bytes(sum(number * size**place for place, number in enumerate(group)) for group in groups)
+        nodes = [0]
+        for number in numbers:
+            nodes.append(nodes[-1] + entries[number])
+        yield f"column_table_{per_byte}", *moves_of(nodes, table_column(entries, per_byte, data))
+    bad = {
+        "width_0": b"\0",
+        "width_10": bytes([10]) + bytes(30),
+        "table_of_0_in_a_byte": table_column([0, 1], 0, bytes(3)),
+        "table_of_9_in_a_byte": table_column([0], 9, bytes(1)),
+        "table_beyond_a_byte": table_column([0, 1, 2], 6, bytes(1)),
+        "table_number_outside": table_column([0, 1], 7, b"\x80"),
+    }
+    for name, encoded in bad.items():
+        yield f"refused_column_{name}", moves_of([0] * 4, encoded)[0], refused("column", len(HEADER))
+    first = [column(1), column(0), column(0), column(5)]
+    at = len(HEADER)
+    yield "refused_column_without_numbers", played([*first, b"\1", *[b"\0"] * 3], (1, 1, 0)), refused("column", at)
+    empty_table = bytes([9, 0]) + column(0) + b"\1"
+    yield "refused_table_without_numbers", played([*first, empty_table, *[b"\0"] * 3], (1, 1, 0)), refused("column", at)
+    yield "refused_column_cut", played([*first, b"\0", b"\0", b"\0"], (1, 1, 0)), refused("missing bytes", at)
+    yield "refused_column_too_many", played([*first, *[b"\0"] * 5], (1, 1, 0)), refused("superfluous bytes", at)
+
+
+# -- blocks -----------------------------------------------------------------------------------------------------
+
+
+def state_of(turn: int) -> dict[str, Any]:
+    """Return a keyframe."""
+    return {"turn": turn}
+
+
+def keyframe(turn: int) -> bytes:
+    """Return the block of a keyframe."""
+    return block("K", packed(value_of(state_of(turn))), KEY, turn)
+
+
+def example() -> tuple[list[bytes], bytes]:
+    """Return the columns and the values of the example of the page."""
+    values = value_of({"hit": True})
+    columns = [column(2, 1), column(0, 1), column(*differences(0, 1, 0)), column(5, 4), column(1), column(3), column(4)]
+    return [*columns, column(len(values))], values
+
+
+def make_blocks() -> Iterator[Vector]:
+    """Yield whole, unfinished and damaged recordings."""
+    columns, values = example()
+    turns = [[(0, 5), (1, 9)], [(0, 6), (4, {"hit": True})]]
+    body = turns_body(columns, values)
+    yield "example", played(columns, (2, 3, 1), values), {"turns": turns, "is_complete": True, "header": {"format": 3}}
+    padded = HEADER + block("T", body + bytes(7), KEY, 0, 2, 3, 1) + end(2)
+    yield "zeros_after_turns", padded, {"turns": turns, "is_complete": True}
+    yield "no_turns", HEADER + end(), {"turns": [], "keyframes": {}, "is_complete": True}
+    nothing = played([column(0, 0), column(0, 0), *[b"\0"] * 6], (2, 0, 0))
+    yield "turns_without_moves", nothing, {"turns": [[], []]}
+    rows = played(
+        [column(5), column(0), column(*differences(3, -1, 3, 7, -1)), column(*differences(-4, 10, 2)), column(1, -3)]
+        + [b"\0"] * 3,
+        (1, 5, 0),
+    )
+    yield "agents_in_any_order", rows, {"turns": [[(3, 10), (-1, -4), (3, 7), (7, 2), (-1, -3)]]}
+    a, b, c = (value_of(value) for value in ("a", None, [1]))
+    between = played(
+        [
+            *(column(1, 2), column(2, 2), column(0, 0, 0), column(1), column(1, 1), column(*differences(0, 1, 1, 2))),
+            *(column(9, -1, 9, 2**62), column(len(a), len(b), len(c), len(a))),
+        ],
+        (2, 3, 4),
+        a + b + c + a,
+    )
+    yield (
+        "events_between_moves",
+        between,
+        {"turns": [[(9, "a"), (0, 1), (-1, None)], [(9, [1]), (0, 2), (2**62, "a"), (0, 3)]]},
+    )
+    yield (
+        "flights",
+        *write_turns(
+            [
+                [(FLIGHT, (2, 7, 1.0, 2.5, -3.0)), (FLIGHT, (1, 4, 0.0, -0.0, 1e-300))],
+                [(FLIGHT, (2, 8, 2.0, 2.75, -3.5))],
+                [(FLIGHT, (2, 9, 3.0, 3.0, float("inf"))), 0, 3, (FLIGHT, (2, 9, 4.5, 3.0, float("nan")))],
+            ]
+        ),
+    )
+    yield (
+        "turns_in_space",
+        *write_turns(
+            [
+                [(TURN, (5, 1.0, 0.0, 0.0, 0.0)), 1, 1, (FLIGHT, (5, 1, 1.0, 1.0, 1.0))],
+                [(TURN, (4, 0.5, 0.5, 0.5, 0.5)), (TURN, (5, 0.5, -0.5, 0.5, -0.5))],
+                [(TURN, (5, 0.0, 1.0, 0.0, 0.0)), (3, {"a": 1})],
+            ]
+        ),
+    )
+    later = block("Z", b"of a later version", KEY, 77)
+    several = HEADER + keyframe(0) + walk(0, 2) + later + keyframe(2) + walk(2, 3) + keyframe(5) + end(5)
+    whole = {"turns": walked(5), "is_complete": True}
+    yield "keyframes_and_blocks", several, whole | {"keyframes": {turn: state_of(turn) for turn in (0, 2, 5)}}
+    two = HEADER + block("K", packed(value_of({"turn": 9})), KEY, 0) + keyframe(0) + walk(0, 1) + end(1)
+    yield "two_keyframes_of_one_turn", two, {"keyframes": {0: state_of(0)}}
+    yield from _make_unfinished()
+    yield from _make_damaged()
+
+
+def write_turns(logs: Sequence[list[Any]]) -> tuple[bytes, dict[str, Any]]:
+    """Return a recording that GAMMS writes, and its turns."""
+    stream = io.BytesIO()
+    writer = Writer(stream, {"format": 3}, seconds=None)
+    turns = []
+    for log in logs:
+        writer.add_turn(log)
+        turns.append(answers._pair_moves(log))
+    writer.close()
+    return stream.getvalue(), {"turns": turns}
+
+
+def _make_unfinished() -> Iterator[Vector]:
+    start = HEADER + keyframe(0)
+    two = start + walk(0, 2)
+    other = block("T", walk(2, 3)[36:], KEY ^ 1, 2, 3, 3)
+    torn = walk(2, 3)[:-1] + b"\xff"
+    cases = {
+        "no_end": (two, 2),
+        "header_alone": (HEADER, 0),
+        "end_with_bytes_behind": (two + end(2) + b"\0", 2),
+        "end_of_another_turn": (two + end(3), 2),
+        "end_of_another_file": (two + block("E", b"", KEY ^ 1, 2), 2),
+        "blocks_behind_an_end": (two + end(2) + walk(2, 3), 5),
+        "cut_in_a_head": (two + walk(2, 3)[:20], 2),
+        "cut_in_a_body": (two + walk(2, 3)[:-1], 2),
+        "last_body_damaged": (two + torn, 2),
+        "head_damaged": (two + walk(2, 3)[:4] + b"\xff" + walk(2, 3)[5:] + end(5), 2),
+        "block_of_another_file": (two + other + end(5), 2),
+        "block_of_a_later_turn": (two + walk(3, 1) + end(4), 2),
+        "block_of_no_turns": (two + block("T", walk(2, 1)[36:], KEY, 2) + end(2), 2),
+        "keyframe_with_turns": (two + block("K", keyframe(2)[36:], KEY, 2, 1) + end(2), 2),
+        "65537_turns": (two + block("T", b"", KEY, 2, (1 << 16) + 1) + end(2), 2),
+        "4194305_moves": (two + block("T", b"", KEY, 2, 1, (1 << 22) + 1) + end(2), 2),
+        "1048577_events": (two + block("T", b"", KEY, 2, 1, 0, (1 << 20) + 1) + end(2), 2),
+        "provisional_blocks": (two + walk(2, 1) + walk(3, 2), 5),
+        "longer_block_replaces": (two + walk(2, 1) + walk(2, 3), 5),
+        "shorter_block_does_not_replace": (two + walk(2, 3) + walk(2, 1), 5),
+        "damaged_block_does_not_replace": (two + walk(2, 1) + torn, 3),
+        "copy_behind_a_damaged_block": (two + torn[:60] + b"junk" + walk(2, 3), 5),
+        "copy_of_the_last_block": (two + walk(2, 1) + b"junk" + walk(2, 3), 5),
+        "copy_of_another_file": (two + b"junk" + other, 2),
+        "copy_damaged": (two + b"junk" + torn + walk(2, 1), 3),
+        "copy_of_another_turn": (two + b"junk" + walk(3, 1), 2),
+        "copy_behind_8_damaged_ones": (two + b"junk" + torn * 8 + walk(2, 1), 2),
+        "copy_behind_7_damaged_ones": (two + b"junk" + torn * 7 + walk(2, 1), 3),
+    }
+    for name, (data, turns) in cases.items():
+        yield f"unfinished_{name}", data, {"turns": walked(turns), "is_complete": False}
+
+
+def _make_damaged() -> Iterator[Vector]:
+    crc = zlib.crc32(HEADER_BODY) ^ 1
+    at = len(HEADER)
+    columns, values = example()
+    later = len(HEADER + walk(0, 1))
+    yield "refused_magic", b"MMGX" + HEADER[4:] + end(), refused("magic", 0)
+    yield "refused_empty", b"", refused("magic", 0)
+    yield "refused_cut_magic", MAGIC[:7], refused("magic", 0)
+    for version in (2, 4):
+        other = b"MMGR" + struct.pack(">I", version)
+        yield f"refused_version_{version}", other + HEADER[8:] + end(), refused("version", 4)
+    for name, data in {
+        "missing": MAGIC,
+        "keyframe": MAGIC + block("K", HEADER_BODY),
+        "with_key": MAGIC + block("H", HEADER_BODY, 1),
+        "head_damaged": HEADER[:8] + b"\xd2" + HEADER[9:],
+        "head_crc": HEADER[:40] + b"\0\0\0\0" + HEADER[44:],
+        "cut": HEADER[:-1],
+        "with_too_many_turns": MAGIC + block("H", HEADER_BODY, 0, 0, (1 << 16) + 1),
+    }.items():
+        yield f"refused_header_{name}", data, refused("header")
+    yield "refused_header_crc", MAGIC + block("H", HEADER_BODY, crc=crc) + end(), refused("crc")
+    torn = block("T", walk(0, 1)[36:], KEY, 0, 1, 1, crc=5)
+    yield "refused_turns_crc", HEADER + torn + walk(1, 1) + end(2), refused("crc", at)
+    yield "refused_last_turns_crc", HEADER + torn + end(1), refused("crc", at)
+    yield "refused_keyframe_crc", HEADER + block("K", keyframe(0)[36:], KEY, crc=5) + end(), refused("crc", at)
+    yield "refused_keyframe_list", HEADER + block("K", packed(value_of([])), KEY) + end(), refused("dict", at)
+    beyond = packed(value_of({}))
+    for name, body in {
+        "more": packed(value_of({}), 99),
+        "fewer": packed(value_of({}), 1),
+        "cut": beyond[:-2],
+        "no_deflate": varint(4) + b"\xff\xff\xff\xff",
+        "endless": b"\xff" * 9 + b"\0",
+    }.items():
+        yield f"refused_size_{name}", MAGIC + block("H", body), refused("size")
+    yield "refused_size_missing", MAGIC + block("H", b""), refused("missing bytes")
+    extra = block("T", turns_body(columns, values) + b"\1", KEY, 0, 2, 3, 1) + end(2)
+    yield "refused_bytes_behind_turns", HEADER + extra, refused("superfluous bytes", at)
+    size = len(values)
+    for name, limit, changes in (
+        ("moves_of_turns", "counts", {0: column(2, 2)}),
+        ("negative_moves", "counts", {0: column(4, -1)}),
+        ("events_of_turns", "counts", {1: column(0, 0)}),
+        ("negative_events", "counts", {1: column(2, -1)}),
+        ("event_before_its_turn", "events", {5: column(1)}),
+        ("event_after_its_turn", "events", {5: column(4)}),
+        ("event_of_flight_with_value", "events", {6: column(FLIGHT)}),
+        ("sizes", "counts", {7: column(size - 1)}),
+        ("negative_size", "counts", {7: column(-1)}),
+    ):
+        changed = [changes.get(place, part) for place, part in enumerate(columns)]
+        if "flight" in name:
+            changed += [column(0), column(5), *[part for _ in range(4) for part in (column(0), b"\0")]][:1]
+            changed += [column(5), b"\0", *[column(0), b"\0"] * 3]
+        yield f"refused_{name}", played(changed, (2, 3, 1), values), refused(limit, at)
+    twice = [column(0, 0), column(1, 1), *[b"\0"] * 3, column(0, 0), column(1, 1), column(1, 1)]
+    yield "refused_value_of_an_event", played(twice, (2, 0, 2), b"\x90\x90"), refused("value", at)
+    unordered = [column(2), column(2), column(0, 0), column(1), column(1), column(2, -1), column(1, 1), column(2, 2)]
+    yield "refused_events_in_wrong_order", played(unordered, (1, 2, 2), array(1) * 2), refused("events", at)
+    second = block("T", turns_body([b"\0"]), KEY, 1, 1, 1)
+    yield "refused_second_block", HEADER + walk(0, 1) + second + end(2), refused("column", later)
+
+
+PLACES = {"turns": 2, "moves": 0, "events": 1}  # the block that costs too much
+
+# -- memory -----------------------------------------------------------------------------------------------------
+
+
+def make_limits() -> Iterator[Vector]:
+    """Yield recordings that cost as much as allowed, or more."""
+    at = len(HEADER)
+    yield "refused_packed_size", MAGIC + block("H", varint(1 << 40) + packed(b"")[1:]), refused("memory")
+    texts = value_of({"value": "x" * (17 << 20)})
+    yield "refused_memory_bytes", headed(texts), refused("memory")
+    lists = array(extension(2, "value", extension(1, *[extension(1)] * 400_000)))
+    yield "refused_memory_containers", headed(lists), refused("memory")
+    yield "refused_memory_items", headed(value_of({"value": [None] * 1_400_000})), refused("memory")
+    for name, counts in {"turns": (1 << 16, 0, 0), "moves": (1, 1 << 22, 0), "events": (1, 0, 1 << 20)}.items():
+        empty = b"".join(block("T", packed(b"") * 2, KEY, i * counts[0], *counts) for i in range(3))
+        place = at + len(empty) * PLACES[name] // 3
+        yield f"refused_memory_{name}", HEADER + empty + end(3 * counts[0]), refused("memory", place)
+    for name, more in {"most_memory": 0, "refused_most_memory": 1}.items():
+        yield name, _costing(more), refused("memory") if more else {"is_complete": True}
+
+
+def _costing(more: int) -> bytes:
+    """Return a recording whose header costs all that is allowed, and so many bytes more."""
+    size = 17_000_000
+    while (_cost_of_text(size) - more - (64 << 20)) % 1024:
+        size += 1
+    body = packed(value_of({"": "x" * size}))
+    total = (_cost_of_text(size) - more - (64 << 20)) // 1024  # bytes of the file
+    body += bytes(total - len(MAGIC) - 2 * 36 - len(body))
+    return MAGIC + block("H", body) + block("E", b"", zlib.crc32(body))
+
+
+def _cost_of_text(size: int) -> int:
+    """Return the cost of a dict with a text of so many characters, more than 65,535, by the empty key."""
+    inside = 1 + 1 + 5 + size  # heads of an array, of the key, of the text
+    value = 1 + 6 + inside  # heads of an array and of an extension
+    return 4 * value + 160 + inside + 2 * 48
+
+
+# -- games ------------------------------------------------------------------------------------------------------
+
+
+def make_games() -> Iterator[Vector]:
+    """Yield recordings of games that have each key and each kind of event of the page."""
+    for name, play in (("walkers", play_walkers), ("drawings", play_drawings), ("roads", play_roads)):
+        stream = io.BytesIO()
+        with gamms.create_context(seed=2, logger_config={"level": "CRITICAL"}) as ctx:
+            play(ctx, stream)
+        yield f"game_{name}", stream.getvalue(), {"is_complete": True}
+    whole = io.BytesIO()
+    with gamms.create_context(seed=2, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
+        ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=15.0)
+        ctx.sensor.create_sensor("late", "AGENT_RANGE", sensor_range=30.0, delay_turns=2)
+        for agent, node in (("anna", 0), ("bert", 8)):
+            sensors = ["eyes", "late"]
+            ctx.agent.create_agent(agent, start_node_id=node, team=agent[0], sensors=sensors, strategy=wander)
+        ctx.game.add(time_limit(4))
+        ctx.game.run(1)
+        ctx.record.start(whole, sensed=True)
+        ctx.game.run(4)
+        ctx.record.stop()
+    cut = io.BytesIO()
+    with recorder.open(io.BytesIO(whole.getvalue())) as recording:
+        recording.cut(cut, "a")
+    yield "game_to_cut", whole.getvalue(), {"is_complete": True}
+    yield "game_cut", cut.getvalue(), {"is_complete": True}
+    team = {"agents": [{"name": "ann", "node": 0}], "strategy": "gamms.strategies:random_walk"}
+    scenario = Scenario(map={"grid": {"width": 3, "height": 2}}, teams={"red": team}, max_turns=2)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "game.ggr"
+        scenario.play(1, record=path)
+        yield "game_scenario", path.read_bytes(), {"is_complete": True}
+    yield "rare_events", *write_turns([[(kind, data)] for kind, data in RARE.items()])
+
+
+# Events that take long games to come about, as the page describes them.
+RARE: dict[int, Any] = {
+    0x00000011: None,
+    0x01100005: {"agent_name": "kite", "position": (1.0, 2.0, 3.0), "node": 3},
+    0x01100006: {"agent_name": "kite", "quat": (1.0, 0.0, 0.0, 0.0)},
+    0x01100030: {"names": ["kite"], "node": np.array([4]), "previous": np.array([3])},
+    0x02000004: {"key": ["module", "Battery"]},
+    0x0400000D: {"driven": {"ann": 5}},
+}
+
+
+def wander(state: dict[str, Any]) -> None:
+    """Go to and fro, remember, report and mark."""
+    state["memory"].setdefault("path", []).append(state["curr_pos"])
+    state["team_memory"]["seen"] = {state["curr_pos"]}
+    goal = (min if state["turn"] % 2 else max)(state["legal"])
+    state["action"] = goal
+    if "deeds" in state:
+        state["action"] = {"node_id": 99 if state["turn"] == 2 else goal, "do": {"mark": state["turn"]}}
+        state["outbox"] += [{"channel": "radio", "to": None, "body": {"at": state["curr_pos"]}}]
+
+
+def fly(state: dict[str, Any]) -> None:
+    """Fly straight on."""
+    state["action"] = (1.0, 0.5, 0.0)
+
+
+def play_walkers(ctx: Any, stream: io.BytesIO) -> None:
+    """Play a game with walkers, a flyer, sensors, messages, deeds, facts, components and changes of the map."""
+    set_up_walkers(ctx)
+    ctx.record.start(stream, sensed=True, provenance={"by": "vectors"}, created=1)
+    ctx.game.collect("turn", lambda ctx: ctx.game.turn)
+    ctx.game.collect("node", lambda agent: agent.current_node_id, per="agent")
+
+    @ctx.record.component(struct={"charge": float, "log": list[int]})
+    class Battery:
+        pass
+
+    batteries = [Battery(name=name) for name in ("battery", "spare")]
+
+    def note(ctx: Any) -> None:
+        turn = ctx.game.turn
+        batteries[0].charge = float(ctx.rng.random())
+        ctx.game.scores["red"] += 1
+        ctx.game.data.setdefault("turns", []).append(turn)
+        ctx.game.emit("tick", n=turn)
+        ctx.record.event("note", n=turn)
+        ctx.game.publish(to="red", turn=turn)
+        ctx.game.publish(wind=(turn, 2))
+        ctx.sensor.get_sensor("eyes").range = 15.0 + turn
+
+    changes = {1: change_agents, 2: change_map, 3: delete_things}
+    ctx.game.add(note)
+    ctx.game.add(lambda ctx: changes.get(ctx.game.turn, note_nothing)(ctx))
+    ctx.game.run(4)
+    ctx.game.reset(5)
+    ctx.game.run(2)
+    ctx.record.stop()
+
+
+def set_up_walkers(ctx: Any) -> None:
+    """Build the map, the sensors, the agents and the settings of the game of walkers."""
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
+    ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=15.0)
+    ctx.sensor.create_sensor("late", "AGENT_RANGE", sensor_range=30.0, delay_turns=2)
+    ctx.sensor.create_sensor("map", "RANGE", sensor_range=12.0)
+    ctx.sensor.create_sensor("near", "NEIGHBOR")
+    for name, node in (("anna", 0), ("bert", 5)):
+        team = "red" if name == "anna" else "blue"
+        ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=["eyes"], strategy=wander, fuel=3)
+    ctx.agent.get_agent("anna").register_sensor("late", ctx.sensor.get_sensor("late"))
+    ctx.agent.create_agent("kite", start_node_id=3, type=AgentType.AERIAL, speed=2.0, team="blue", strategy=fly)
+    ctx.game.deeds = {"mark": {"what": "integer"}}
+    ctx.game.add_channel("radio", range_m=25.0, loss=0.2, delay_turns=1)
+    ctx.game.publish(wind=(1, 2))
+    ctx.game.publish(to="anna", word="fox")
+    ctx.game.data["flag"] = 1
+
+
+def change_agents(ctx: Any) -> None:
+    """Change every value of agents that is recorded."""
+    anna = ctx.agent.get_agent("anna")
+    anna.register_sensor("near", ctx.sensor.get_sensor("near"))
+    anna.orientation = (0.0, 1.0)
+    anna.fuel = 2
+    anna.speed = 1.0
+    ctx.agent.get_agent("bert").team = "green"
+    kite = ctx.agent.get_agent("kite")
+    kite.quat = (0.5, 0.5, 0.5, 0.5)
+    kite.position = (5.0, 5.0, 5.0)
+    del ctx.game.data["flag"]
+
+
+def change_map(ctx: Any) -> None:
+    """Remove a node, and change who plays."""
+    ctx.graph.graph.remove_node(8)
+    anna = ctx.agent.get_agent("anna")
+    anna.deregister_sensor("near")
+    anna.register_strategy(gamms.strategies.stay)
+    ctx.agent.create_agent("dora", start_node_id=1)
+
+
+def delete_things(ctx: Any) -> None:
+    """Delete an agent and a component, and put an agent elsewhere."""
+    ctx.agent.get_agent("bert").alive = False
+    anna = ctx.agent.get_agent("anna")
+    anna.prev_node_id = 4
+    anna.current_node_id = 4
+    ctx.agent.delete_agent("dora")
+    ctx.record.delete_component("spare")
+
+
+def note_nothing(_: Any) -> None:
+    """Do nothing, in a turn without changes."""
+
+
+def play_drawings(ctx: Any, stream: io.BytesIO) -> None:
+    """Play a game with drawings and legends, without its map."""
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2, 10.0))
+    ctx.agent.create_agent("a", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
+    ctx.agent.create_agent("b", start_node_id=3, team="blue", strategy=gamms.strategies.stay)
+    ctx.game.add(tag("red", "blue"))
+
+    def draw(ctx: Any, data: dict[str, Any]) -> None:
+        x, y = ctx.visual.drawing.position_of("a", data["_alpha"])
+        ctx.visual.render_circle(x, y, 4.0, (200, 0, 100), 2)
+        ctx.visual.render_text(f"turn {ctx.game.turn}", x, y + 2.0, font_size=14)
+        ctx.visual.drawing.render_lines([(0, 0), (x, y), (20, 20)], [0, 3], (1, 2, 3, 99), 0.5, in_world=True)
+
+    rows = {"drawer": draw, "legend": lambda ctx: LegendRows("Score", (LegendRow((1, 2, 3), "a", str(ctx.game.turn)),))}
+    ctx.visual.add_artist("around", rows)
+    still = Artist(ctx, lambda ctx, data: ctx.visual.render_circle(5, 5, data["r"], (0, 99, 0)), 12)
+    still.set_artist_type(ArtistType.STATIC)
+    still.data = {"r": 2.0, "legend": ColorScale("heat", ((0, 0, 0), (9, 9, 9)), "0", "1", "2")}
+    ctx.visual.add_artist("still", still)
+    ctx.visual.artists.team_colors = {"red": "orange"}
+    ctx.record.start(stream, embed_graph=False)
+    ctx.game.step()
+    still.data["r"] = 3.0
+    ctx.visual.set_graph_visual(node_size=1.0)
+    ctx.game.step()
+    ctx.visual.artists.get("around").set_visible(False)
+    ctx.game.run(1)
+    ctx.record.stop()
+
+
+def take_edge(state: dict[str, Any]) -> None:
+    """Take the last legal edge, or go on."""
+    edges = state["legal_edges"]
+    state["action"] = {"edge": edges[-1]} if edges else max(state["legal"])
+
+
+def play_roads(ctx: Any, stream: io.BytesIO) -> None:
+    """Play a game by metres on parallel edges, with agents on them."""
+    ctx.graph.add_nodes([0, 1, 2], [0.0, 30.0, 60.0], [0.0, 0.0, 0.0])
+    for id, (source, target) in enumerate([(0, 1), (0, 1), (1, 2), (1, 0), (2, 1)]):
+        ctx.graph.add_edge({"id": id, "source": source, "target": target, "length": 30.0 + id})
+    ctx.agent.create_agent("car", start_node_id=0, team="red", strategy=gamms.strategies.random_walk, speed=20.0)
+    ctx.agent.create_agent("cab", start_node_id=0, team="red", strategy=take_edge)
+    ctx.game.speed_unit = "metres"
+    ctx.game.run(1)
+    ctx.record.start(stream)
+    ctx.game.run(3)
+    ctx.record.stop()
+
+
+# -- maps -------------------------------------------------------------------------------------------------------
+
+
+def numbers(items: Sequence[Any], width: int = 0, dtype: str = "int64") -> msgpack.Ext:
+    """Return an array of integers or floats, with rows of a width if it is not 0."""
+    found = np.array(items, dtype)
+    shape = (-1, width) if width else (-1,)
+    found = found.reshape(shape)
+    flat = found.reshape(-1)
+    if "int" in dtype:
+        flat = np.diff(flat, prepend=flat.dtype.type(0))
+    planes = flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T.tobytes()
+    return extension(8, dtype, msgpack.Ext(5, planes), *found.shape)
+
+
+def floats(items: Sequence[Any], width: int = 0) -> msgpack.Ext:
+    """Return an array of floats."""
+    return numbers(items, width, "float64")
+
+
+def attribute(rows: Sequence[int], codes: Sequence[int], values: list[Any]) -> msgpack.Ext:
+    """Return an attribute."""
+    return extension(1, numbers(rows), numbers(codes), plain(values))
+
+
+FACE = [0.0, 0.0, 5.0, 4.0, 0.0, 5.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0]
+CLOSED = {"id": 30, "source": 7, "target": 9, "length": 5.0, "lanes": 2}
+LINE = [[0.0, 0.0], [3.0, 4.0]]
+GRAPH: dict[str, object] = {
+    "crs": "EPSG:32635",
+    "attribution": None,
+    "node_ids": numbers([7, -2, 9]),
+    "xy": floats([0.0, 0.0, 10.0, 0.0, 10.0, -0.5], 2),
+    "edge_ids": numbers([20, 10]),
+    "sources": numbers([0, 2]),
+    "targets": numbers([1, 0]),
+    "lengths": floats([10.0, 12.5]),
+    "bend_rows": numbers([1]),
+    "bend_sizes": numbers([3]),
+    "bend_points": floats([10.0, -0.5, 5.0, 5.0, 0.0, 0.0], 2),
+    "face_ids": numbers([1, 4]),
+    "face_types": numbers([0, 2]),
+    "face_corners": floats(FACE * 2, 12),
+    "node_attributes": extension(2, "name", attribute([0, 2], [1, 0], ["a", "b"])),
+    "edge_attributes": extension(2, "lanes", attribute([1], [0], [(1, 2)])),
+}
+BASE_MAP: dict[str, object] = {
+    "kinds": numbers([1, 16, 99]),
+    "sizes": numbers([3, 2, 2]),
+    "points": floats(range(14), 2),
+    "face_types": numbers([0]),
+    "face_corners": floats(FACE, 12),
+}
+ANSWER: dict[str, Any] = {
+    "crs": "EPSG:32635",
+    "attribution": None,
+    "scenery": None,
+    "nodes": [[7, 0.0, 0.0], [-2, 10.0, 0.0], [9, 10.0, -0.5]],
+    "edges": [[20, 7, -2, 10.0, None], [10, 9, 7, 12.5, [[10.0, -0.5], [5.0, 5.0], [0.0, 0.0]]]],
+    "faces": [[1, 0, *FACE], [4, 2, *FACE]],
+    "node_attributes": {"name": [[7, "b"], [9, "a"]]},
+    "edge_attributes": {"lanes": [[10, (1, 2)]]},
+    "closed": [],
+    "base_map": None,
+}
+
+
+def framed(body: bytes, magic: bytes = b"GAMMSMAP", version: int = 2, more: int = 0, crc: int | None = None) -> bytes:
+    """Return a saved map or a visibility table."""
+    return magic + struct.pack("<3I", version, len(body) + more, zlib.crc32(body) if crc is None else crc) + body
+
+
+def dict_body(state: dict[str, object]) -> bytes:
+    """Return a dict as packed bytes."""
+    return packed(array(extension(2, *(part for pair in state.items() for part in pair))))
+
+
+def saved(**changes: object) -> bytes:
+    """Return the map with other items, without those that are given as `LEFT_OUT`."""
+    state = {key: value for key, value in (GRAPH | changes).items() if value is not LEFT_OUT}
+    return framed(dict_body(state))
+
+
+LEFT_OUT = object()
+
+
+def make_maps() -> Iterator[Vector]:
+    """Yield maps."""
+    yield "map", saved(), ANSWER
+    yield "zeros_behind_a_map", framed(dict_body(GRAPH) + bytes(5)), ANSWER
+    yield "unknown_key", saved(future=extension(1, 1, 2)), ANSWER
+    names = {name: numbers([]) for name in GRAPH if name.endswith(("ids", "rows", "sizes", "types"))}
+    names |= {"sources": numbers([]), "targets": numbers([]), "lengths": floats([])}
+    names |= {"xy": _no_rows(2), "bend_points": _no_rows(2), "face_corners": _no_rows(12)}
+    names |= {"node_attributes": extension(2), "edge_attributes": extension(2), "crs": None}
+    nothing = {"nodes": [], "edges": [], "faces": [], "node_attributes": {}, "edge_attributes": {}, "crs": None}
+    yield "empty_map", saved(**names), ANSWER | nothing
+    yield "attribution", saved(attribution="\u00a9 me"), ANSWER | {"attribution": "\u00a9 me"}
+    yield "scenery", saved(scenery="helsinki"), ANSWER | {"scenery": "helsinki"}
+    yield "closed", saved(closed=plain([CLOSED])), ANSWER | {"closed": [CLOSED]}
+    bent = [part for pair in (CLOSED | {"linestring": floats(LINE, 2)}).items() for part in pair]
+    curved = saved(closed=extension(1, msgpack.Ext(2, array(*map(plain, bent)))))
+    yield "closed_polyline", curved, ANSWER | {"closed": [CLOSED | {"linestring": LINE}]}
+    base_map = extension(2, *(part for pair in BASE_MAP.items() for part in pair))
+    places = [[float(x), float(x + 1)] for x in range(0, 14, 2)]
+    shapes = [[1, places[:3]], [16, places[3:5]], [99, places[5:]]]
+    yield "base_map", saved(base_map=base_map), ANSWER | {"base_map": {"shapes": shapes, "walls": [[0, *FACE]]}}
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 2, 10.0))
+        ctx.graph.graph.add_edge({"id": 99, "source": 0, "target": 5, "length": 30.5, "oneway": True})
+        ctx.graph.graph.add_edge(
+            {"id": 98, "source": 1, "target": 2, "length": 9.0, "linestring": [(0, 0), (1, 5), (2, 0)]}
+        )
+        ctx.graph.close_roads([98])
+        ctx.graph.add_obstacles([[(2, 2, 5), (6, 2, 5), (6, 2, 0), (2, 2, 0)]])
+        yield "saved_by_gamms", ctx.graph.storage.pack(), {}
+
+
+def _no_rows(width: int) -> msgpack.Ext:
+    return extension(8, "float64", msgpack.Ext(5, b""), 0, width)
+
+
+def make_bad_maps() -> Iterator[Vector]:
+    """Yield maps that readers refuse."""
+    body = dict_body(GRAPH)
+    yield "refused_magic", framed(body, b"GAMMSMAX"), refused("magic", None)
+    yield "refused_cut_head", framed(body)[:19], refused("magic", None)
+    for version in (1, 3):
+        yield f"refused_version_{version}", framed(body, version=version), refused("version", None)
+    yield "refused_crc", framed(body, crc=1), refused("crc", None)
+    yield "refused_cut", framed(body)[:-1], refused("missing bytes", None)
+    yield "refused_bytes_behind", framed(body) + b"\0", refused("superfluous bytes", None)
+    yield "refused_bytes_behind_the_value", framed(body + b"\1"), refused("superfluous bytes", None)
+    yield "refused_list", framed(packed(value_of([]))), refused("dict", None)
+    big = framed(packed(value_of({"": "x" * (17 << 20)})))
+    yield "refused_memory", big, refused("memory", None)
+    alike = [5 + k * PRIME for k in range(16, 81)]
+    yield "refused_hashes", saved(future=plain(dict.fromkeys(alike, 0))), refused("hashes", None)
+    bad: dict[str, tuple[str, dict[str, object]]] = {
+        "no_dtype": ("array", {"xy": numbers([0] * 6, 2)}),
+        "integers_as_floats": ("array", {"node_ids": floats([7, -2, 9])}),
+        "integers_of_32_bits": ("array", {"sources": numbers([0, 2], 0, "int32")}),
+        "no_array": ("array", {"lengths": 3}),
+        "shape_of_xy": ("array", {"xy": floats([0.0] * 9, 3)}),
+        "too_few_xy": ("array", {"xy": floats([0.0] * 4, 2)}),
+        "too_few_sources": ("array", {"sources": numbers([0])}),
+        "too_many_lengths": ("array", {"lengths": floats([1.0, 2.0, 3.0])}),
+        "shape_of_ids": ("array", {"node_ids": numbers([7, -2, 9], 1)}),
+        "node_id_twice": ("ids", {"node_ids": numbers([7, -2, 7])}),
+        "edge_id_twice": ("ids", {"edge_ids": numbers([20, 20])}),
+        "face_id_twice": ("ids", {"face_ids": numbers([1, 1])}),
+        "source_beyond": ("rows", {"sources": numbers([0, 3])}),
+        "target_negative": ("rows", {"targets": numbers([1, -1])}),
+        "xy_not_finite": ("finite", {"xy": floats([0.0, np.nan, 10.0, 0.0, 10.0, -0.5], 2)}),
+        "length_not_finite": ("lengths", {"lengths": floats([10.0, np.inf])}),
+        "length_negative": ("lengths", {"lengths": floats([10.0, -1.0])}),
+        "bend_row_beyond": ("rows", {"bend_rows": numbers([2])}),
+        "bend_row_twice": ("rows", {"bend_rows": numbers([1, 1]), "bend_sizes": numbers([3, 0])}),
+        "bend_rows_descending": (
+            "rows",
+            {"bend_rows": numbers([1, 0]), "bend_sizes": numbers([2, 2]), "bend_points": floats(range(8), 2)},
+        ),
+        "bend_of_one_point": (
+            "sizes",
+            {"bend_rows": numbers([0, 1]), "bend_sizes": numbers([1, 2])},
+        ),
+        "bend_sizes": ("sizes", {"bend_sizes": numbers([2])}),
+        "too_few_bend_sizes": ("array", {"bend_sizes": numbers([])}),
+        "bend_not_finite": ("finite", {"bend_points": floats([10.0, np.inf, 5.0, 5.0, 0.0, 0.0], 2)}),
+        "face_not_finite": ("finite", {"face_corners": floats([*FACE[1:], np.nan, *FACE], 12)}),
+        "faces_of_8_numbers": ("array", {"face_corners": floats(FACE * 2, 8)}),
+        "too_few_faces": ("array", {"face_types": numbers([0])}),
+        "crs_number": ("text", {"crs": 32635}),
+        "attribution_list": ("text", {"attribution": plain(["me"])}),
+        "scenery_number": ("text", {"scenery": 3}),
+        "closed_without_length": ("closed", {"closed": plain([{"id": 1, "source": 7, "target": 9}])}),
+        "closed_without_id": ("closed", {"closed": plain([{"source": 7, "target": 9, "length": 1.0}])}),
+        "closed_length_negative": ("closed", {"closed": plain([CLOSED | {"length": -1.0}])}),
+        "closed_source_text": ("closed", {"closed": plain([CLOSED | {"source": "a"}])}),
+        "closed_key_number": ("closed", {"closed": plain([{**CLOSED, 1: 2}])}),
+        "closed_list": ("closed", {"closed": plain([[1, 2]])}),
+    }
+    for name, column in {
+        "without_rows": attribute([], [], []),
+        "row_beyond": attribute([0, 3], [0, 0], [1]),
+        "rows_descending": attribute([2, 0], [0, 0], [1]),
+        "rows_twice": attribute([2, 2], [0, 0], [1]),
+        "number_beyond": attribute([0], [1], [1]),
+        "number_negative": attribute([0], [-1], [1]),
+        "too_few_numbers": attribute([0, 1], [0], [1]),
+        "two_items": extension(1, numbers([0]), numbers([0])),
+        "values_tuple": extension(1, numbers([0]), numbers([0]), plain((1,))),
+        "rows_of_32_bits": extension(1, numbers([0], 0, "int32"), numbers([0]), plain([1])),
+        "no_rows_array": extension(1, plain([0]), numbers([0]), plain([1])),
+    }.items():
+        limit = "rows" if name in ("row_beyond", "rows_descending", "rows_twice") else "attribute"
+        bad[f"attribute_{name}"] = (limit, {"node_attributes": extension(2, "a", column)})
+    bad["attribute_name_number"] = ("attribute", {"edge_attributes": extension(2, 1, attribute([0], [0], [1]))})
+    bad["attributes_list"] = ("attribute", {"edge_attributes": extension(1)})
+    for name, limit, changes in (
+        ("sizes", "sizes", {"sizes": numbers([3, 2, 3])}),
+        ("area_of_two_points", "sizes", {"sizes": numbers([2, 3, 2])}),
+        ("line_of_one_point", "sizes", {"sizes": numbers([3, 1, 3])}),
+        ("kinds", "array", {"kinds": numbers([1, 16])}),
+        ("points", "array", {"points": floats(range(12), 3)}),
+        ("walls", "array", {"face_types": numbers([])}),
+        ("without_kinds", "array", {"kinds": None}),
+        ("not_finite", "finite", {"points": floats([*range(13), np.nan], 2)}),
+        ("far_away", "finite", {"points": floats([*range(13), 1.1e12], 2)}),
+        ("wall_not_finite", "finite", {"face_corners": floats([*FACE[1:], np.inf], 12)}),
+    ):
+        columns = BASE_MAP | changes
+        bad[f"base_map_{name}"] = (
+            limit,
+            {"base_map": extension(2, *(part for pair in columns.items() for part in pair))},
+        )
+    many = floats(np.zeros(2 << 20), 2)  # and a wall
+    shapes = BASE_MAP | {"kinds": numbers([16]), "sizes": numbers([1 << 20]), "points": many}
+    shapes_with_points = [part for pair in shapes.items() for part in pair]
+    large = dict_body(GRAPH | {"base_map": extension(2, *shapes_with_points)})
+    yield "refused_base_map_points_1048577", framed(large + bytes(60_000)), refused("points", None)
+    bad["base_map_list"] = ("dict", {"base_map": extension(1)})
+    for key in GRAPH:
+        limit = "text" if key in ("crs", "attribution") else "attribute" if key.endswith("attributes") else "array"
+        bad[f"without_{key}"] = (limit, {key: LEFT_OUT})
+    for name, (limit, changes) in bad.items():
+        yield f"refused_{name}", saved(**changes), refused(limit, None)
+
+
+def make_sights() -> Iterator[Vector]:
+    """Yield visibility tables."""
+    state: dict[str, object] = {"key": plain(b"k" * 32), "radius": 50.0, "observer_height": 1.5}
+    state |= {"counts": numbers([2, 1, 3], 0, "int32"), "rows": numbers([0, 1, 1, 0, 1, 2], 0, "int32")}
+    answer = {"key": b"k" * 32, "radius": 50.0, "observer_height": 1.5, "seen": [[0, 1], [1], [0, 1, 2]]}
+    seal = partial(framed, magic=b"GAMMSEYE", version=3)
+    yield "sight", seal(dict_body(state)), answer
+    seen = VisibilityRows(np.array([1, 1], np.int32), np.array([0, 1], np.int32))
+    yield "saved_by_gamms", encode_sight(seen, b"key", 5.0, 0.0), {"seen": [[0], [1]]}
+    yield "refused_magic", framed(dict_body(state), version=3), refused("magic", None)
+    yield "refused_version", seal(dict_body(state), version=2), refused("version", None)
+    yield "refused_crc", seal(dict_body(state), crc=1), refused("crc", None)
+    yield "refused_cut", seal(dict_body(state))[:-1], refused("missing bytes", None)
+    yield "refused_bytes_behind", seal(dict_body(state)) + b"\0", refused("superfluous bytes", None)
+    for name, limit, changes in (
+        ("counts_of_64_bits", "array", {"counts": numbers([2, 1, 3])}),
+        ("counts", "sizes", {"counts": numbers([2, 1, 2], 0, "int32")}),
+        ("count_0", "sizes", {"counts": numbers([0, 3, 3], 0, "int32")}),
+        ("row_beyond", "rows", {"rows": numbers([0, 1, 1, 0, 1, 3], 0, "int32")}),
+        ("row_negative", "rows", {"rows": numbers([-1, 1, 1, 0, 1, 2], 0, "int32")}),
+        ("rows_descending", "rows", {"rows": numbers([1, 0, 1, 0, 1, 2], 0, "int32")}),
+        ("rows_missing", "array", {"rows": None}),
+    ):
+        yield f"refused_{name}", seal(dict_body(state | changes)), refused(limit, None)
+
+
+if __name__ == "__main__":
+    main()

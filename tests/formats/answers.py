@@ -1,0 +1,180 @@
+"""What both readers answer to the bytes of a file, as JSON: its contents, or the limit that it breaks and the byte."""
+
+import io
+import json
+import re
+from math import isfinite
+
+import numpy as np
+import second_reader
+
+from gamms.errors import BadFile
+from gamms.graph import map_file, visibility
+from gamms.ir.scenery import Scenery
+from gamms.recorder import Reader, RecordingError
+
+# What GAMMS says of a file that breaks a limit.
+MESSAGES = {
+    "magic": "not a recording|right bytes",
+    "version": "has format version",
+    "header": "no header here|no block here|head of this block|bytes are stated|too many$",
+    "crc": "is damaged$|damaged or cut off",
+    "missing bytes": "only [0-9]+ exist|cut off|out of range",
+    "superfluous bytes": "left over|extra bytes",
+    "size": "decompress|number is too long",
+    "memory": "unpacks to more|too many for the size",
+    "hashes": "made to have one hash",
+    "value": "a value is damaged|invalid beginning",
+    "depth": "more than 32 levels",
+    "key": "same key twice|unhashable",
+    "array": "an array has|a value is damaged|array of the right type|a column is cut off|damaged$|has shape"
+    "|columns of a scenery|has no attribute",
+    "dict": "not a keyframe|no header|contents are damaged",
+    "column": "cannot have|does not fit its table",
+    "counts": "damaged|add up to",
+    "events": "out of place|not numbers",
+    "ids": "twice",
+    "rows": "row that does not exist|damaged$",
+    "finite": "finite",
+    "lengths": "negative|finite",
+    "sizes": "are damaged|three points or more|scenery is damaged",
+    "points": "at most",
+    "text": "string or None|contents are damaged",
+    "attribute": "attribute .* is damaged|does not exist|contents are damaged",
+    "closed": "contents are damaged",
+}
+
+
+def as_json(value):
+    """Return a value as JSON: whatever JSON lacks is an object with one key that says what it is."""
+    kind = type(value)
+    if kind is str and len(value) > 1000 and set(value) == {value[0]}:
+        return {"text": value[0], "times": len(value)}
+    if value is None or kind in (bool, int, str):
+        return value
+    if kind is float:
+        return value if isfinite(value) else {"float": str(value)}
+    if kind is bytes:
+        return {"bytes": value.hex()}
+    if kind is list:
+        return [as_json(item) for item in value]
+    if kind is dict:
+        return {"dict": [[as_json(key), as_json(item)] for key, item in value.items()]}
+    if isinstance(value, np.ndarray):
+        value = second_reader.Array(str(value.dtype), list(value.shape), value.reshape(-1).tolist())
+    if isinstance(value, second_reader.Array):
+        return {"array": value.dtype, "shape": value.shape, "items": [as_json(item) for item in value.items]}
+    items = [as_json(item) for item in value]
+    if kind in (set, frozenset):
+        items.sort(key=json.dumps)
+    return {kind.__name__: items}
+
+
+def as_text(answer):
+    """Return an answer as the text of a JSON file, with a line for each of its parts."""
+    parts = (f"{json.dumps(key)}: {json.dumps(part)}" for key, part in answer.items())
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+# -- GAMMS ------------------------------------------------------------------------------------------------------
+
+
+def read_recording(data):
+    """Return the contents of a .ggr file, as `second_reader.read_recording` does."""
+    with Reader(io.BytesIO(data)) as reader:
+        reader.verify()
+        answer = {"header": reader.header, "turns": [_pair_moves(reader.log(turn)) for turn in range(reader.turns)]}
+        states = filter(None, map(reader.keyframe, range(reader.turns + 1)))
+        return answer | {"is_complete": reader.is_complete, "keyframes": dict(states)}
+
+
+def _pair_moves(log):
+    pairs = []
+    at = 0
+    while at < len(log):
+        is_event = type(log[at]) is tuple
+        pairs.append(log[at] if is_event else (log[at], log[at + 1]))
+        at += 1 if is_event else 2
+    return pairs
+
+
+def read_map(data):
+    """Return the contents of a .gamms file, as `second_reader.read_map` does."""
+    saved = map_file.decode(data)
+    graph = saved.columns
+    nodes = graph.node_ids.tolist()
+    edges = graph.edge_ids.tolist()
+    bends = {row: points.tolist() for row, points in graph.polylines.items()}
+    ends = zip(edges, graph.sources.tolist(), graph.targets.tolist(), graph.lengths.tolist(), strict=True)
+    is_named = not isinstance(saved.scenery, Scenery)
+    return {
+        "crs": graph.crs,
+        "attribution": saved.attribution,
+        "scenery": saved.scenery if is_named else None,
+        "nodes": [[id, *xy] for id, xy in zip(nodes, graph.xy.tolist(), strict=True)],
+        "edges": [[id, nodes[a], nodes[b], length, bends.get(row)] for row, (id, a, b, length) in enumerate(ends)],
+        "faces": [[face.id, face.type, *(part for corner in face[1:5] for part in corner)] for face in saved.faces],
+        "node_attributes": _name_rows(graph.node_attributes, nodes),
+        "edge_attributes": _name_rows(graph.edge_attributes, edges),
+        "closed": [{key: _as_list(value) for key, value in edge.items()} for edge in saved.closed.values()],
+        "base_map": None if is_named else _list_shapes(saved.scenery),
+    }
+
+
+def _name_rows(attributes, ids):
+    return {name: [[ids[row], value] for row, value in by_row.items()] for name, by_row in attributes.items()}
+
+
+def _as_list(value):
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _list_shapes(scenery):
+    parts = np.split(scenery.points, scenery.offsets[1:-1])
+    walls = zip(scenery.buildings.types.tolist(), scenery.buildings.corners.reshape(-1, 12).tolist(), strict=True)
+    return {
+        "shapes": [[kind, part.tolist()] for kind, part in zip(scenery.kinds.tolist(), parts, strict=False)],
+        "walls": [[kind, *corners] for kind, corners in walls],
+    }
+
+
+def read_sight(data):
+    """Return the contents of a .sight file, as `second_reader.read_sight` does."""
+    with map_file.reporting_damage():
+        state = map_file.unframed(data, b"GAMMSEYE", visibility._VERSION)
+        answer = {name: state[name] for name in ("key", "radius", "observer_height")}
+        seen = visibility.decode(data, state["key"], len(state["counts"]))
+    parts = np.split(seen.rows, np.cumsum(seen.counts)[:-1])
+    return answer | {"seen": [part.tolist() for part in parts]}
+
+
+GAMMS = {".ggr": read_recording, ".gamms": read_map, ".sight": read_sight}
+SECOND = {
+    ".ggr": second_reader.read_recording,
+    ".gamms": second_reader.read_map,
+    ".sight": second_reader.read_sight,
+}
+
+
+def ask_gamms(suffix, data):
+    """Return what GAMMS answers, and its message if it refuses."""
+    try:
+        contents = GAMMS[suffix](data)
+    except (RecordingError, BadFile) as error:
+        message = str(error).rstrip(".")
+        byte = re.search("at byte ([0-9]+)", message)
+        return {"refused": None, "byte": int(byte[1]) if byte else None}, message
+    return _with_json(contents), ""
+
+
+def ask_second(suffix, data):
+    """Return what the second reader answers."""
+    try:
+        contents = SECOND[suffix](data)
+    except second_reader.Refused as error:
+        return {"refused": error.limit, "byte": error.byte}
+    return _with_json(contents)
+
+
+def _with_json(contents):
+    return {key: as_json(contents[key]) for key in sorted(contents)}
