@@ -1,11 +1,14 @@
 """`check_strategy` finds decisions by what an agent cannot know, and passes strategies that decide by their states."""
 
+import asyncio
 from collections.abc import Callable
 from typing import Any
+from zlib import crc32
 
 import pytest
 
 import gamms
+from gamms.errors import BadType
 from gamms.testing import check_strategy
 
 _Strategy = Callable[[dict[str, Any]], None]
@@ -14,7 +17,7 @@ _board: dict[str, Any] = {}  # what strategies share behind the back of the game
 
 def _choose(state: dict[str, Any], number: object) -> None:
     legal = state["legal"]
-    state["action"] = legal[hash(number) % len(legal)]
+    state["action"] = legal[crc32(repr(number).encode()) % len(legal)]
 
 
 def _tell_all(state: dict[str, Any]) -> None:
@@ -124,3 +127,126 @@ def test_a_leak_into_the_memory_is_found() -> None:
 
     with pytest.raises(AssertionError, match=r"the strategy wrote .*enemy.* into state\['memory'\]"):
         check_strategy(decide, _make_ctx, "dan", turns=3)
+
+
+def _come_later(ctx: gamms.Context) -> None:
+    if ctx.game.turn == 1:
+        ctx.agent.create_agent("eve", start_node_id=0, team="red", strategy=_stay)
+
+
+def _stay(state: dict[str, Any]) -> None:
+    state["action"] = state["legal"][0]
+
+
+def _fly_east(state: dict[str, Any]) -> None:
+    state["action"] = (1.0, 0.0, 0.0)
+
+
+def _plan(states: dict[str, dict[str, Any]]) -> None:
+    for state in states.values():
+        state["outbox"].append({"channel": "radio", "to": "red", "body": state["turn"]})
+        _stay(state)
+
+
+async def _call_later(state: dict[str, Any]) -> None:
+    await asyncio.sleep(0)
+    _plan({state["name"]: state})
+
+
+def _add_kite(ctx: gamms.Context) -> None:
+    ctx.agent.create_agent("kite", type="AERIAL", start_node_id=0, speed=5.0, team="red", strategy=_fly_east)
+
+
+UNSEEN: dict[str, tuple[Callable[[gamms.Context], object], Callable[[], object]]] = {
+    "an agent that comes later": (
+        lambda ctx: ctx.game.add(_come_later),
+        lambda: "eve" in _board["ctx"].agent.agents and _place_of("eve"),
+    ),
+    "a drone that draws nothing": (_add_kite, lambda: _board["ctx"].agent.get_agent("kite").position),
+    "messages of a plan": (lambda ctx: ctx.game.command("red", _plan), lambda: repr(_read_sent())),
+    "messages of an asynchronous strategy": (
+        lambda ctx: ctx.agent.get_agent("ann").register_strategy(_call_later),
+        lambda: repr(_read_sent()),
+    ),
+}
+
+
+def _make_quiet(change: Callable[[gamms.Context], object]) -> gamms.Context:
+    """Make a game in which others stay, draw nothing and are not heard."""
+    ctx = _make_ctx(1.0)
+    for name in ("ann", "bob", "cat"):
+        ctx.agent.get_agent(name).register_strategy(_stay)
+    change(ctx)
+    return ctx
+
+
+@pytest.mark.parametrize("leak", UNSEEN)
+def test_a_leak_from_any_agent_is_found(leak: str) -> None:
+    change, read = UNSEEN[leak]
+    with pytest.raises(AssertionError, match=r"when only the (places|messages) of other agents"):
+        check_strategy(lambda state: _choose(state, read()), lambda: _make_quiet(change), "dan", turns=8)
+
+
+class _Prepared:
+    """A strategy that adds a channel before the first turn."""
+
+    def prepare(self, ctx: gamms.Context) -> None:
+        ctx.game.add_channel("telephone", range_m=1.0)
+
+    def __call__(self, state: dict[str, Any]) -> None:
+        state["outbox"].append({"channel": "telephone", "to": "blue", "body": 1})
+        _stay(state)
+
+
+def _take_edge(state: dict[str, Any]) -> None:
+    state["action"] = {"edge": state["legal_edges"][-1]}
+
+
+def _count_edges(state: dict[str, Any]) -> None:
+    _choose(state, len(_board["ctx"].graph.columns().edge_ids))
+
+
+def _close_roads(ctx: gamms.Context) -> None:
+    graph = ctx.graph.graph
+    for edge in [edge for edge in graph.get_edges() if graph.get_edge(edge).source == _place_of("bob")][:1]:
+        graph.remove_edge(edge)
+
+
+def _add_namesake(ctx: gamms.Context) -> None:
+    ctx.agent.create_agent("red", start_node_id=1, team="red", strategy=_stay)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "change"),
+    [
+        (_Prepared(), lambda _: None),
+        (_take_edge, lambda _: None),
+        (_count_edges, lambda ctx: ctx.game.add(_close_roads)),
+        (_stay, _add_namesake),
+        (_stay, lambda ctx: ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.agent.delete_agent("ann"))),
+    ],
+    ids=["prepared", "edges", "roads that others close", "a team and an agent of one name", "an agent that goes"],
+)
+def test_a_strategy_that_uses_what_its_agent_has_passes(
+    strategy: _Strategy, change: Callable[[gamms.Context], object]
+) -> None:
+    check_strategy(strategy, lambda: _make_quiet(change), "dan", turns=4)
+
+
+def test_a_strategy_that_is_not_asked_is_not_passed() -> None:
+    def make_planned() -> gamms.Context:
+        return _make_quiet(lambda ctx: ctx.game.command("blue", _plan))
+
+    with pytest.raises(AssertionError, match=r"was not asked in 3 turns.* the plan of team 'blue' decides for it"):
+        check_strategy(_stay, make_planned, "dan", turns=3)
+    with pytest.raises(AssertionError, match=r"'dan' has no strategy to check: .*A plan of its team is checked as"):
+        check_strategy(None, make_planned, "dan", turns=3)
+    with pytest.raises(AssertionError, match="in a game of at least one turn"):
+        check_strategy(_stay, _make_ctx, "dan", turns=0)
+
+
+def test_arguments_of_another_type_are_refused() -> None:
+    with pytest.raises(BadType, match="A strategy"):
+        check_strategy(3, _make_ctx, "dan")  # type: ignore[arg-type] # which is tested
+    with pytest.raises(BadType, match="knowledge must be True or False, not 'no'"):
+        check_strategy(_stay, _make_ctx, "dan", knowledge="no")  # type: ignore[arg-type] # which is tested

@@ -9,13 +9,15 @@ from collections.abc import Awaitable, Callable, Hashable, Iterator, Mapping, Se
 from contextlib import contextmanager
 from copy import deepcopy
 from functools import partial
+from hashlib import sha256
 from inspect import isawaitable
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.arguments import as_function_of, explain_call_errors, find_signature
+from gamms.arguments import as_flag, as_function_of, explain_call_errors, find_signature
 from gamms.context import Context
+from gamms.deciding import get_phase
 from gamms.game import IllegalMutation, Result
 from gamms.game.hidden_state import HiddenState
 from gamms.plain import describe_flaw
@@ -94,7 +96,7 @@ def check_strategy(
 
     For the last, each turn is also played in twin games. They differ from the game only in the places of agents of
     other teams, their draws, the messages that they send and receive, or the facts that were published to them. Where
-    the state of the agent, the scores and the public facts are the same, its decision has to be the same.
+    the state of the agent, the scores, the public facts and the map are the same, its decision has to be the same.
 
     Args:
         strategy: a function of the state, which may be asynchronous; None: the agent's own strategy.
@@ -104,15 +106,21 @@ def check_strategy(
         knowledge: whether to play twin games; False for a strategy that is meant to know more than its agent.
 
     Raises:
-        AssertionError: the strategy breaks one of these rules; the message tells which, and how to fix it.
+        AssertionError: the strategy breaks one of these rules, or the game did not ask it; the message tells which, and
+            how to fix it.
+        BadType: an argument has another type.
     """
+    is_audited = as_flag(knowledge, "knowledge")
     play = _RepeatableGame(make_ctx, None, turns)
     if strategy is not None:
+        as_function_of(strategy, "A strategy", "the state")
         play.check_repeatable()
     with play.opened() as ctx:
         watched = _WatchedStrategy(ctx, agent, strategy)
         hidden = HiddenState(watched.strategy)
         first = watched.actions(turns)
+        if not first:
+            raise AssertionError(watched.explain_silence(turns))
         with _report_hidden_state(hidden, _STRATEGIES_REMEMBER):
             ctx.game.reset()
             _check_same_actions("when the game is reset and played again", first, watched.actions(turns))
@@ -125,7 +133,7 @@ def check_strategy(
             with play.opened() as new:
                 again = _WatchedStrategy(new, agent, strategy).actions(turns)
                 _check_same_actions("in a new game of the same seed", first, again)
-    if knowledge:
+    if is_audited:
         with play.opened() as ctx:
             _KnowledgeAudit(ctx, agent, strategy).check(turns)
 
@@ -310,7 +318,7 @@ class _Decision(NamedTuple):
     Attributes:
         turn: the number of turns played before it.
         action: the action.
-        known: the state before the decision, the scores and the public facts, as text.
+        known: the state before the decision, the scores, the public facts and the hash of the map, as text.
         written: key of the state -> its value after the decision, as text.
     """
 
@@ -330,11 +338,15 @@ class _WatchedStrategy:
     def __init__(self, ctx: Context, agent: str, strategy: _AnyStrategy | None) -> None:
         self._ctx = ctx
         self._agent = ctx.agent.get_agent(agent)
+        self._hashed: tuple[tuple[int, int], str] | None = None  # revisions of the map, and its hash
         self.strategy = cast("Strategy", self._agent.strategy if strategy is None else strategy)
         if self.strategy is None:
-            raise AssertionError(f"Agent {agent!r} has no strategy to check: make_ctx must give it one.")
+            raise AssertionError(
+                f"Agent {agent!r} has no strategy to check: make_ctx must give it one. A plan of its team is checked "
+                "as a strategy, lambda state: plan({state['name']: state}), in a game without it."
+            )
         self._decisions: list[_Decision] = []
-        self._agent.register_strategy(cast("Strategy", self._play))
+        self._agent.register_strategy(cast("Strategy", _Wrapper(self._play, self.strategy)))
         ctx.game.on_error = "raise"
 
     def actions(self, turns: int) -> _Actions:
@@ -357,12 +369,22 @@ class _WatchedStrategy:
                 )
         return self._decisions
 
+    def explain_silence(self, turns: int) -> str:
+        """Return the message about a strategy that the game never asked."""
+        found = f"agent {self._agent.name!r} was not asked in {turns} turns, so nothing was checked: "
+        if self._agent.team in self._ctx.game.plans:
+            return (
+                f"{found}the plan of team {self._agent.team!r} decides for it. Check the plan as a strategy, "
+                "lambda state: plan({state['name']: state}), in a game without it."
+            )
+        return f"{found}it must be alive and able to decide, in a game of at least one turn."
+
     def _play(self, given: State) -> Awaitable[None] | None:
         state = cast("dict[str, Any]", given)
-        before = dict(state)
+        before = {**state, "legal_edges": state["legal_edges"]}  # a state finds these when they are read
         copies = {key: deepcopy(value) for key, value in state.items() if key not in (*_OWN, "facts")}
         turn = f"in turn {state['turn']} the strategy of agent {self._agent.name!r}"
-        known = repr((_describe(state), dict(self._ctx.game.scores), dict(self._ctx.game.facts)))
+        known = repr((_describe(state), dict(self._ctx.game.scores), dict(self._ctx.game.facts), self._hash_map()))
         with _convert_errors(turn):
             answer: object = self.strategy(given)
 
@@ -381,6 +403,32 @@ class _WatchedStrategy:
             return note_later(answer)
         note()
         return None
+
+    def _hash_map(self) -> str:
+        """Return the SHA-256 of the present map, which agents know."""
+        graph = self._ctx.graph
+        revisions = (graph.graph.revision, graph.obstacle_revision)
+        if self._hashed is None or self._hashed[0] != revisions:
+            with get_phase(self._ctx).suspended(changes_world=False):
+                self._hashed = revisions, sha256(graph.storage.pack_savable()[0]).hexdigest()
+        return self._hashed[1]
+
+
+class _Wrapper:
+    """A function in place of a strategy or plan, which the game prepares as before.
+
+    Args:
+        decide: the function.
+        wrapped: the strategy or plan.
+    """
+
+    def __init__(self, decide: Callable[[Any], object], wrapped: object) -> None:
+        self._decide = decide
+        if hasattr(wrapped, "prepare"):
+            self.prepare = wrapped.prepare
+
+    def __call__(self, state: Any) -> object:  # of a plan: the states of a team
+        return self._decide(state)
 
 
 @contextmanager
@@ -448,8 +496,8 @@ class _KnowledgeAudit:
     def __init__(self, ctx: Context, agent: str, strategy: _AnyStrategy | None) -> None:
         self._ctx = ctx
         self._watched = _WatchedStrategy(ctx, agent, strategy)
+        self._agent = agent
         self._team = ctx.agent.get_agent(agent).team
-        self._others = [one for one in ctx.agent.create_iter() if one.name != agent and not self._is_mate(one)]
         self._changes: dict[str, Callable[[random.Random], None]] = {
             "the places of other agents": self._move_others,
             "the draws of other agents": lambda _: self._change_others(_draw_ahead, _keep),
@@ -458,12 +506,22 @@ class _KnowledgeAudit:
             "the facts of other agents": self._change_facts,
         }
         self._change: tuple[_Change, _Change] = (_keep, _keep)  # of states of others, before and after they decide
-        for one in self._others:
-            if one.strategy is not None:
-                one.register_strategy(cast("Strategy", self._wrap(one.strategy)))
 
-    def _is_mate(self, other: IAgent) -> bool:
-        return self._team is not None and other.team == self._team
+    def _list_others(self) -> list[IAgent]:
+        """Return the present agents that share no knowledge with the agent."""
+        agents = [one for one in self._ctx.agent.create_iter() if one.name != self._agent]
+        return [one for one in agents if self._team is None or one.team != self._team]
+
+    def _wrap_others(self) -> None:
+        """Wrap the strategies and plans of others, also of agents that the last turn created."""
+        game = self._ctx.game
+        for one in self._list_others():
+            if one.strategy is not None and not isinstance(one.strategy, _Wrapper):
+                one.register_strategy(cast("Strategy", self._wrap(one.strategy)))
+        for team, plan in game.plans.items():
+            is_own = team is not None and team == self._team
+            if not (is_own or plan.arrays or isinstance(plan.function, _Wrapper)):
+                game.command(team, cast("Any", self._wrap(plan.function, is_plan=True)))
 
     def check(self, turns: int) -> None:
         """Play a game, and twins from each of its turns.
@@ -475,6 +533,7 @@ class _KnowledgeAudit:
         for turn in range(turns):
             if game.is_over:
                 return
+            self._wrap_others()
             before = game.snapshot()
             decisions = self._watched.decide(_TWIN_TURNS)
             for kind, change in self._changes.items():
@@ -504,11 +563,12 @@ class _KnowledgeAudit:
         return is_compared
 
     def _move_others(self, rng: random.Random) -> None:
-        """Place other agents on the ground at random nodes; later attempts place fewer of them."""
+        """Place other agents at or above random nodes; later attempts place fewer of them."""
         nodes = sorted(self._ctx.graph.graph.get_nodes())
-        for one in self._others:
-            if not hasattr(one, "position") and rng.random() < rng.choice((1.0, 0.5)):
-                one.current_node_id = one.prev_node_id = rng.choice(nodes)
+        for one in self._list_others():
+            if rng.random() < rng.choice((1.0, 0.5)):
+                one.current_node_id = rng.choice(nodes)
+                one.prev_node_id = one.current_node_id
 
     def _change_others(self, before: _Change, after: _Change) -> None:
         """Change the states of other agents before and after they decide."""
@@ -517,23 +577,35 @@ class _KnowledgeAudit:
     def _change_facts(self, _: random.Random) -> None:
         """Change the facts that were published to other agents and teams."""
         game = self._ctx.game
-        teams: list[Hashable] = [*dict.fromkeys(one.team for one in self._others if one.team is not None)]
-        for to in [*self._others, *teams]:
+        others = self._list_others()
+        teams: dict[Hashable, None] = dict.fromkeys(one.team for one in others if one.team is not None)
+        names = {one.name for one in self._ctx.agent.create_iter()}  # no facts are published to a team of such a name
+        for to in [*others, *(team for team in teams if team not in names)]:
             facts = game.facts_of(to)
             if facts:
                 game.publish(to=to, **{name: _alter(value) for name, value in facts.items()})
 
-    def _wrap(self, strategy: object) -> Callable[[_Game], object]:
-        """Return a strategy of another agent that decides in twin games by a changed state."""
+    def _wrap(self, decide: object, *, is_plan: bool = False) -> _Wrapper:
+        """Return a strategy or plan of others that decides in twin games by changed states."""
 
-        def decide(state: _Game) -> object:
+        async def change_later(answer: Awaitable[object], states: Sequence[_Game], after: _Change) -> None:
+            await answer
+            for state in states:
+                after(state)
+
+        def decide_by_changed(given: _Game) -> object:
             before, after = self._change
-            before(state)
-            answer = cast("Callable[[_Game], object]", strategy)(state)
-            after(state)
+            states = [*given.values()] if is_plan else [given]
+            for state in states:
+                before(state)
+            answer = cast("Callable[[_Game], object]", decide)(given)
+            if isawaitable(answer):
+                return change_later(answer, states, after)
+            for state in states:
+                after(state)
             return answer
 
-        return decide
+        return _Wrapper(decide_by_changed, decide)
 
 
 def _tell_leak(kind: str, one: _Decision, twin: _Decision) -> str:
