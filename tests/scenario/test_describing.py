@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from gamms import cli, scenario
 from gamms.errors import BadType
+from gamms.ir.schema import Audience
 from gamms.scenario import Scenario
 from gamms.scenario.describing import _texts_of, as_page
 from gamms.scenario.spec import keys_of, list_mappings
@@ -99,6 +100,16 @@ def test_the_map_the_starts_and_what_is_drawn_are_in_the_description():
     assert "| give way | agents that lose conflicts stay |" in text
     assert "game is played for at most 9 turns" in text
     assert game.describe() == walk().describe()
+
+
+def test_state_variables_have_a_meaning_and_say_who_knows_of_changes():
+    section = unescaped(walk().describe()).partition("### State variables\n")[2].partition("\n### ")[0]
+    rows = re.findall(r"^\| (agent|game) \| (\S+) \| (.+) \| (.+) \|$", section, re.MULTILINE)
+    known = {name: who for _, name, _, who in rows}
+    assert {name for name, who in known.items() if "fixed" in who} == {"names", "numbers", "kind", "mode"}
+    assert known["position"] == known["current_node_id"] == known["progress"] == Audience.SENSED.value
+    assert known["strategies"] == Audience.HOST.value
+    assert all(meaning.strip() for _, _, meaning, _ in rows)
 
 
 def test_code_of_users_is_read_and_not_run(tmp_path):

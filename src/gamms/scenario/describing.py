@@ -21,6 +21,7 @@ from gamms.game import conflicts, game
 from gamms.game.result import Result
 from gamms.game.settings import Settings
 from gamms.graph.storage import MapSnapshot
+from gamms.ir import events
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.schema import COLUMNS
@@ -65,6 +66,34 @@ _EXPLAINED: Mapping[type, tuple[object, ...]] = {  # mapping of the schema -> wh
     schema.Rule: (game.Game.add,),
     schema.Helsinki: (osm.helsinki,),
     schema.StreetMap: (osm.graph_from_file,),
+}
+_MEANINGS = {  # of the columns of agents, by their names in the schema
+    "names": "its name",
+    "numbers": "its number in recordings",
+    "kind": "on the ground, or in the air",
+    "node": "the node on which it is, or that it passed last; in the air, the nearest",
+    "previous": "the node on which it was before",
+    "heading": "the direction in which it looks, (cos, sin), if it was set; otherwise that of its last move",
+    "position": "in the air: (x, y, z), map units",
+    "previous_position": "in the air: the position before the last flight",
+    "quat": "in the air: the rotation, a unit quaternion (w, x, y, z)",
+    "alive": "whether it takes part",
+    "progress": "its place on an edge: the edge, and the covered share of its length",
+    "teams": "its team",
+    "speed": "how far it may move in a turn",
+    "modes": "the edge attribute that says which edges it may use, and whether it obeys turn restrictions",
+    "sensors": "the sensors that it carries",
+    "attributes": "other values that code has set on it",
+    "strategies": "the function that decides for it",
+}
+_CHANGED_BY = {  # columns of agents without an event of their own -> the event that changes them
+    "position": events.AERIAL_AGENT_FLIGHT,
+    "previous_position": events.AERIAL_AGENT_FLIGHT,
+    "quat": events.AERIAL_AGENT_TURN,
+    "progress": events.AGENT_PROGRESS,
+    "sensors": events.AGENT_SENSOR_REGISTER,
+    "attributes": events.AGENT_ATTRIBUTE,
+    "strategies": events.AGENT_STRATEGY,
 }
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -143,7 +172,8 @@ class OddDocument:
             rows.append((name, str(len(agents)), names, kinds.replace("None", "basic"), _name_code(decides)))
         yield _table(("team", "agents", "names", "type", "decided by"), rows)
         yield "### State variables"
-        yield _table(("of", "variable", "known to, while the game is played"), _list_variables())
+        header = ("of", "variable", "meaning", "changes are known to, while the game is played")
+        yield _table(header, _list_variables(), is_prose=True)
         yield "### Scales"
         settings = self._spec.settings
         seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else None
@@ -364,15 +394,21 @@ def _name_code(value: object) -> str:
     return "no strategy of the scenario" if value is None else str(value)
 
 
-def _list_variables() -> Iterator[tuple[str, str, str]]:
-    """Yield the state variables of agents, teams and games: owner, name, and who knows of changes."""
+def _list_variables() -> Iterator[tuple[str, str, str, str]]:
+    """Yield the state variables of agents, teams and games: owner, name, meaning, and who knows of changes."""
     for column in COLUMNS:
-        known = "it never changes, or follows from others" if column.event is None else column.event.audience.value
-        yield column.axis, column.attribute or column.name, known
+        known = "it is fixed when the agent is created"
+        if column.event is not None:
+            known = column.event.audience.value
+        elif column.name in _CHANGED_BY:
+            known = events.EVENTS[_CHANGED_BY[column.name]].audience.value
+        yield column.axis, _escape(column.attribute or column.name), _MEANINGS.get(column.name, ""), known
+    meanings = entries_of(GameState.__doc__)
     for field in fields(GameState):
         event = field.metadata["done"].event if "done" in field.metadata else None
         if event is not None:
-            yield "game", field.name, event.audience.value
+            meaning = meanings[field.name].partition(";")[0]  # what follows is about how it is stored
+            yield "game", _escape(field.name), _as_prose(meaning), event.audience.value
 
 
 def _list_phases() -> list[tuple[str, str]]:
