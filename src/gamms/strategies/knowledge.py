@@ -163,7 +163,7 @@ def find_enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str,
         kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
         who = f"agent {state['name']!r}" if "name" in state else "an agent"
         ctx.logger.warning(
-            f"{caller}: {who} carries no sensor that shows agents, so it sees no enemies. Give it {kinds}."
+            f"{caller}: {who} carries no sensor that shows agents, so it sees no enemies. Give it one of {kinds}."
         )
     return {name: node for name, node, other in _list_agents_in_sight(ctx, state) if not are_mates(team, other)}
 
