@@ -523,7 +523,7 @@ def _group_rules(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], Name
 
 
 def _join_rules(group: Sequence[NamedRule]) -> NamedRule:
-    """Return the rule that represents a group."""
+    """Return the rule that does the work of a group of rules that act as one."""
     if len(group) == 1:
         return group[0]
     join: Any = group[0].spec.act_as_one  # the same of all

@@ -326,7 +326,7 @@ class AgentBlock(AgentColumns):
                 self._edge_numbers = None
 
     def succeed(self, block: AgentBlock) -> None:
-        """Replace another block: use its journal, with new version numbers."""
+        """Take the place of another block: go on with its journal, and with higher version numbers."""
         self.graph = block.graph
         if not self.names:
             self.numbers = block.numbers

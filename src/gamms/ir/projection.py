@@ -418,7 +418,7 @@ def _project_to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
 
 
 def _project_from_zone(xy: FloatArray, zone: Zone) -> FloatArray:
-    """Convert metres (points, 2) to degrees; infinite if they belong to no place."""
+    """Convert metres (points, 2) to degrees; infinite where no place on Earth has them."""
     radius, _, back = _compute_series(zone.flattening)
     x, y = ((xy - (_EAST, zone.north)) / (_K0 * radius)).T
     up, right = _sum_sine_series(back, *compute_sine_cosine(y), compute_hyperbolic_sine(x))

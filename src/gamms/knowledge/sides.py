@@ -222,7 +222,7 @@ def _texts_in(value: object) -> Iterator[str]:
 
 
 def select_heard(entries: Iterable[Mapping[str, Any]], names: Container[str], turn: float) -> Iterator[dict[str, Any]]:
-    """Yield the messages that agents have sent or heard, without their fate among others and in later turns.
+    """Yield the messages that agents have sent or heard, without what became of them elsewhere or in later turns.
 
     Args:
         entries: the log of messages; see `ir.messages`.

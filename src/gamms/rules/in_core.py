@@ -110,7 +110,7 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
     ends: bool = False,
     behind: rules.Tagging | None = None,
 ) -> rules.Tagging:
-    """Make one tag rule of a game, in front of the others; also used for contacts alone.
+    """Make one tag rule of a game, which is followed by the rule `behind`; also used for contacts alone.
 
     Args:
         making: the data from which it is made.

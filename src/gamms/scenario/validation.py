@@ -67,7 +67,7 @@ class NamedCode(NamedTuple):
 
     @property
     def short(self) -> str | None:
-        """The module of a name without a colon, if any."""
+        """The module in which a name without a colon is looked up; None: there is none."""
         return RULES if self.what == "rule" else None
 
 

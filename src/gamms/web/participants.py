@@ -298,7 +298,7 @@ class ConsentRateLimit:
         self._times: dict[str, deque[float]] = {}
 
     def count(self, address: str) -> None:
-        """Count a consent.
+        """Count a consent that came from an address.
 
         Raises:
             Refused: there are too many.
