@@ -136,8 +136,8 @@ def _play(name: str, seed: int | None, out: Path) -> None:
     result = _record_game(game, seed, out, out / "game.html", is_kept=True)
     echo(f"{game.spec.name}: {result}")
     echo(
-        f"\nWrote {out / 'game.html'} (the game, to be opened in a browser), {out / 'result.json'} (what came "
-        f"of it) and {out / 'game.ggr'} (every move; gamms replay).\nIts file is {game.file}; to change it: "
+        f"\nWrote {out / 'game.html'} (the game, to be opened in a browser), {out / 'result.json'} (the "
+        f"result) and {out / 'game.ggr'} (every move; gamms replay).\nIts file is {game.file}; to change it: "
         f"gamms new mine --from {name}"
     )
 
