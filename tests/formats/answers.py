@@ -140,7 +140,7 @@ def _list_shapes(scenery):
 
 def read_sight(data):
     """Return the contents of a .sight file, as `second_reader.read_sight` does."""
-    with map_file.reporting_damage():
+    with map_file.report_damage():
         state = map_file.unframed(data, b"GAMMSEYE", visibility._VERSION)
         answer = {name: state[name] for name in ("key", "radius", "observer_height")}
         seen = visibility.decode(data, state["key"], len(state["counts"]))

@@ -1,4 +1,4 @@
-"""A second reader of .ggr 3, .gamms 2 and .sight 3, written from the format pages; it shares no code with GAMMS."""
+"""A second reader of .ggr 3, .gamms 2 and .sight 3, which follows the format pages and shares no code with GAMMS."""
 
 import struct
 import zlib

@@ -1,4 +1,4 @@
-"""GAMMS and a second reader, written from the format pages, agree on small files, whole and damaged."""
+"""GAMMS and a second reader, which follows the format pages, agree on small files, whole and damaged."""
 
 import json
 import random

@@ -308,7 +308,7 @@ def _describe_sensors(state: Mapping[str, Any], ctx: Context | None) -> str:
     return "\n".join(lines) or "nothing: you have no sensors"
 
 
-def _describe_sighting(agent: str, place: Any, here: tuple[float, ...] | None, ctx: Context | None) -> str:
+def _describe_sighting(agent: str, place: object, here: tuple[float, ...] | None, ctx: Context | None) -> str:
     """Return in words where a sensor shows another agent."""
     known = None if ctx is None else ctx.agent.agents.get(agent)
     whose = "" if known is None else f" of team {quote(known.team)}"

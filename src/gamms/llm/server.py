@@ -131,7 +131,7 @@ async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
     return reply._replace(text=remove_secrets(reply.text), problem=remove_secrets(reply.problem))
 
 
-def remove_secrets(value: Any) -> Any:
+def remove_secrets(value: object) -> Any:
     """Return a plain JSON value without the secrets of any client, in dict keys as well."""
     if isinstance(value, str):
         for secret in sorted(_secrets, key=len, reverse=True):

@@ -113,7 +113,8 @@ class SeparateGames:
     def show(self, number: int) -> HostContext:
         """Return the context of a game, which shows no other game until the game is reset."""
         self._held.add(number)
-        return self.game(number).ctx
+        shown_in: HostContext = self.game(number).ctx
+        return shown_in
 
     def _give_context_back(self, number: int) -> None:
         """Let the context of a game that is over show other games; what it was at its end is kept."""
