@@ -208,6 +208,18 @@ def test_robots_of_teams_that_move_one_after_another_wait_for_each_other_once(ct
     assert not ctx.game.events
 
 
+@pytest.mark.parametrize("order", [[["robots"], ["others"]], [["others"], ["robots"]]])
+def test_a_robot_is_late_once_in_a_turn_in_which_teams_move_one_after_another(ctx, order):
+    clock = SimulatedClock()
+    ctx.game.order = order
+    ctx.game.add(drive("anna", lambda: None, limit_s=7.0, clock=clock))
+    for turn in range(1, 3):
+        ctx.game.step()
+        assert clock.now() == pytest.approx(7.0 * turn)
+        assert [event["turn"] for event in ctx.game.events] == [*range(1, turn + 1)]
+        assert ctx.agent.get_agent("anna").current_node_id == 0
+
+
 def test_a_long_way_fits_into_a_line_and_goes_on_from_where_the_robot_is():
     with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx, Udp(to=("127.0.0.1", 9)) as link:
         grid = gamms.graph.grid(1, 700, spacing=10.0)

@@ -87,6 +87,7 @@ class Drive:
         agent: the name of the agent.
         feed: the fixes of its robot.
         limit_s: the longest wait of a turn for the robot in seconds.
+        is_late: whether the robot has been late in this turn.
         rank: runs before the other rules after a turn.
     """
 
@@ -107,6 +108,7 @@ class Drive:
         self._turn = -1  # the turn in which the robot last got waypoints
         self._way = 0  # number of the route
         self._told_at = 0.0  # time when the route was sent
+        self.is_late = False  # whether the robot has been late in this turn: teams that move in turn have several waits
         self._put_on: int | None = None  # node on which the agent of a late robot is to be put
         self._has_warned = False  # about degrees on a map without a CRS
         self.key = ("robot", agent)
@@ -180,6 +182,7 @@ class Drive:
         """Send the robot its waypoints; return whether the turn has to wait for it."""
         is_new = self._turn != ctx.game.turn
         self._turn = ctx.game.turn
+        self.is_late = self.is_late and not is_new
         is_staying = move is not None and len(move.path) == 1 and not move.legs
         if move is None or (is_staying and not is_new):
             return False  # the agent is out of the game, or its team has moved before
@@ -249,7 +252,9 @@ class Drive:
         ctx.game.refuse(self.agent, f"its robot has not arrived after {waited_s:g} s ({status})")
         self._put_on = passed if passed != here else None
         node = here if passed is None else passed
-        ctx.game.emit("robot_late", agent=self.agent, node=node, status=status, waited_s=round(waited_s, _DECIMALS))
+        if not self.is_late:
+            ctx.game.emit("robot_late", agent=self.agent, node=node, status=status, waited_s=round(waited_s, _DECIMALS))
+        self.is_late = True
 
     # -- parts --------------------------------------------------------------------------------------------------
 
@@ -345,7 +350,7 @@ def wait_for_robots(ctx: Context, drives: Sequence[Drive]) -> None:
         for one in going:
             one.read()
         arrived = [one for one in going if one.has_arrived()]
-        late = [one for one in going if one not in arrived and waited >= one.limit_s]
+        late = [one for one in going if one not in arrived and (one.is_late or waited >= one.limit_s)]
         for one in late:
             one.give_up(ctx, waited)
         going = [one for one in going if one not in arrived and one not in late]
