@@ -981,3 +981,21 @@ def test_a_game_that_leaves_in_its_first_turn_takes_along_what_strategies_rememb
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert_as_alone(games, alone)
+
+
+@pytest.mark.parametrize("order", [None, [["red"], ["blue"]]])
+def test_a_game_that_leaves_with_another_order_of_play_begins_it_in_the_next_turn(order):
+    def turn_around(ctx):
+        if ctx.game.turn == 1:
+            ctx.game.order = [["blue"], ["red"]]
+
+    def look_back(ctx):
+        ctx.game.emit("looked", turns=[agent.state.get("turn") for agent in ctx.game.agents])
+
+    with scene(max_turns=4).build(seed=1) as ctx:
+        ctx.game.order = order
+        ctx.game.add(turn_around, phase="deeds")
+        ctx.game.add(look_back, phase="deeds")
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert_as_alone(games, alone)

@@ -412,9 +412,13 @@ class TurnEngine(GameTurn):
             order.update_counts()
         self._earlier.clear()
         if self._settings.order is not self.groups:  # the next order has other parts
-            self._order_of = ()
-            self._epoch = -1
-            self.plan_now = None
+            self._forget_order()
+
+    def _forget_order(self) -> None:
+        """Make the order and the plan again when they are needed next."""
+        self._order_of = ()
+        self._epoch = -1
+        self.plan_now = None
 
     def _show(self) -> None:
         """Show the end of the turn in pictures, windows and recordings."""
@@ -486,6 +490,8 @@ class TurnEngine(GameTurn):
         """Play the rest of a phase of a part of the turn, and the later phases until all have moved."""
         self.groups = begun.order
         self.is_moving = True  # another order of play is for the next turn
+        if self._settings.order != begun.order:  # an order that was read before has the parts of the next turn
+            self._forget_order()
         plan = self.plan()
         placed = {*self._ctx.agent.block.placed}
         self.begin_moves(plan)
