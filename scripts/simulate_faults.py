@@ -732,7 +732,7 @@ def write_twice(run: Run, draw: Draws) -> Told | None:
     """Let two write the same file or folder: the second is refused."""
     if draw.random() < 0.5:
         rows = run.folder / "rows"
-        with gamms.folders.locked(rows):
+        with gamms.folders.lock_folder(rows):
             return error_of(run.play_rows, WriteConflict)
     with run.ctx.game.fork(1).ctx as ctx:
         return error_of(lambda: ctx.record.start(run.folder / f"live {run.files}.ggr"), FileExistsError, RecordingError)

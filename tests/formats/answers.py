@@ -141,7 +141,7 @@ def _list_shapes(scenery):
 def read_sight(data):
     """Return the contents of a .sight file, as `second_reader.read_sight` does."""
     with map_file.report_damage():
-        state = map_file.unframed(data, b"GAMMSEYE", visibility._VERSION)
+        state = map_file.unframe_file(data, b"GAMMSEYE", visibility._VERSION)
         answer = {name: state[name] for name in ("key", "radius", "observer_height")}
         seen = visibility.decode(data, state["key"], len(state["counts"]))
     parts = np.split(seen.rows, np.cumsum(seen.counts)[:-1])
