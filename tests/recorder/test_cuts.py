@@ -236,3 +236,36 @@ def test_a_cut_of_any_game_has_the_team_whole_and_of_others_whom_it_saw(before, 
             return  # of the turn that was not over there is no state
         again, _ = replayed(data, empty_context(seed=2))
         assert {agent.name for agent in again.agent.create_iter()} == set(cut[-1].agents["name"].tolist())
+
+
+def hidden_game(deed):
+    """Red stands on node 0 and sees 5 units far; blue stands on node 8 and does what `deed` says."""
+    ctx = grid_context()
+    ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=5.0)
+    ctx.agent.create_agent("red_0", start_node_id=0, team="red", sensors=["eyes"], strategy=stay)
+    ctx.agent.create_agent("blue_0", start_node_id=8, team="blue", strategy=stay)
+    deed(ctx)
+    return ctx
+
+
+def jump_at_times(state):
+    state["action"] = 0 if state["turn"] == 1 else state["curr_pos"]  # 0 is not legal
+
+
+def come_in_the_first_turn(ctx):
+    if ctx.game.turn == 1:
+        ctx.agent.create_agent("blue_1", start_node_id=7, team="blue", strategy=stay)
+
+
+@pytest.mark.parametrize(
+    "deed",
+    [
+        lambda ctx: ctx.agent.get_agent("blue_0").register_strategy(jump_at_times),
+        lambda ctx: ctx.game.add(come_in_the_first_turn),
+    ],
+    ids=["is blocked", "comes"],
+)
+def test_no_byte_of_a_cut_depends_on_agents_that_are_not_seen(deed):
+    one, other = (recorded(lambda ctx: ctx.game.run(4), hidden_game(each)) for each in (deed, lambda _: None))
+    assert one != other
+    assert cut_of(one, "red") == cut_of(other, "red")

@@ -293,10 +293,10 @@ class GameChanges:
             return
         self.pace = now - before
         self._turn = now
-        starts = self._game.internals.starts
-        is_known = before > 0 or starts.items() <= self._places.items()
+        starts = self._game.internals.starts if before <= 0 else {}
+        moved = {name: at for name, at in starts.items() if name not in self._places or self._places[name] != at}
         log.append(
-            (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({} if is_known else {"starts": to_plain(starts)})})
+            (kinds.GAME_TURN, {"turn": now, "pace": self.pace, **({"starts": to_plain(moved)} if moved else {})})
         )
 
     def detect(self, log: Log) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, MOVES, Log, Role, list_events, renumber_event
-from gamms.ir.game_state import GameState
+from gamms.ir.game_state import FIELD_EVENTS, FIELDS, GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.schema import Audience
 from gamms.knowledge import looks as sensed
@@ -49,6 +49,7 @@ _OF_ALL = (
 )
 # roles of fields with information about agents
 _OF_AGENTS = (Role.AGENT, Role.NUMBER, Role.EACH, Role.BY_AGENT, Role.BY_TEAM)
+_VALUES = {event.code: (name, event.key) for name, event in FIELD_EVENTS.items() if FIELDS[name].axis == "agent"}
 _OF_STATE = ("pace", "components", "events", "settings", "facts")  # parts of a keyframe that everybody may know
 
 
@@ -99,6 +100,7 @@ class KnowledgeFilter:
         self._update_agents()
         self._first = self._restrict_keyframe(keyframe)
         self._flags = self._find_known_flags()  # that are known
+        self._values = self._list_values()  # that are known
         self._known = DetachedState(deepcopy(self._first))  # state after all returned events
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
         self._carried = {sensor["id"]: sensor for sensor in self._list_sensors(self._own)}  # that are known
@@ -267,6 +269,19 @@ class KnowledgeFilter:
         if now != before:
             yield kinds.GAME_DATA, {"set": now, "removed": [key for key in before if key not in now]}
 
+    def _list_values(self) -> dict[int, dict[str, Any]]:
+        """Return the values of fields by agent that are recorded as a whole: kind of the event -> name -> value."""
+        known = self._make_known_game()
+        return {kind: dict(getattr(known, field)) for kind, (field, _) in _VALUES.items()}
+
+    def _note_new_values(self, kind: int, data: Mapping[str, Any]) -> Iterator[_Event]:
+        """Yield the values of the own agents if they have changed: other events are about agents of other teams."""
+        _, key = _VALUES[kind]
+        now = self._select_own(data[key])
+        if now != self._values[kind]:
+            self._values[kind] = now
+            yield kind, {key: now}
+
     def _is_in_view(self, name: str) -> bool:
         return name in self._own or name in self._in_view
 
@@ -278,7 +293,9 @@ class KnowledgeFilter:
     def _cut(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield the part of an event that the own agents know, given the state before the event."""
         audience = EVENTS[kind].audience if kind in EVENTS else Audience.HOST
-        if audience is Audience.HEARD:
+        if kind in _VALUES:
+            yield from self._note_new_values(kind, data)
+        elif audience is Audience.HEARD:
             yield from self._note_messages(kind, data)
         elif audience is Audience.WITNESSED:
             if self._is_witnessed(kind, data):
@@ -309,6 +326,8 @@ class KnowledgeFilter:
             elif role in _OF_AGENTS:
                 own[key] = self._select_own_items(role, value, rows)
                 is_empty = is_empty and not len(own[key])
+                if known.fields[key].is_optional and not len(own[key]):
+                    del own[key]
         has_agents = any(field.role in _OF_AGENTS for field in known.fields.values())
         return None if is_empty and has_agents else own
 
@@ -358,6 +377,7 @@ class KnowledgeFilter:
             self._update_agents()
             yield kind, self._restrict_keyframe(data)
             self._flags = self._find_known_flags()
+            self._values = self._list_values()
             self._carried = {sensor["id"]: sensor for sensor in self._list_sensors(self._own)}
         elif self._all.agents.version != self._version:
             before = self._own
