@@ -157,6 +157,13 @@ def test_missing_rows_and_rows_of_another_seed_are_faults(hunts):
     assert f"1 of 8 rows are missing, such as {rows[7]['id']}: run to the end." in faults
 
 
+def test_all_rows_are_missing_in_a_folder_without_a_journal(hunts):
+    folder, rows = hunts
+    (folder / "journal.jsonl").unlink()
+    faults = experiment.load(folder).verify(rows.root()).faults
+    assert f"8 of 8 rows are missing, such as {rows[0]['id']}: run to the end." in faults
+
+
 def test_what_is_not_covered_is_listed(hunts):
     folder, rows = hunts
     (folder / "notes.txt").write_text("well")

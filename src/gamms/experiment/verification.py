@@ -244,7 +244,7 @@ def _faults_of_ids(plan: Mapping[str, Any]) -> Iterator[str]:
 
 def _faults_of_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> Iterator[str]:
     """Yield a fault if a file of JSON lines has other bytes than GAMMS writes for its values."""
-    found = read_bytes(file).splitlines(keepends=True)
+    found = read_bytes(file).splitlines(keepends=True) if file.exists() else []  # without it, its rows are missing
     for number, (line, value) in enumerate(zip_longest(found, lines), 1):
         if value is None or line != as_lines([value]):
             yield f"{file.name}, line {number}, is not written as a run writes it: it is torn, or has other signs."
