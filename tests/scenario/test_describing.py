@@ -131,6 +131,11 @@ def test_maps_that_code_makes_are_described_if_they_are_built():
     assert game.digests()["map"] in game.describe(build=True)
 
 
+def test_no_text_lets_a_description_run_code():
+    with pytest.raises(BadType, match="build must be True or False, not 'no'"):
+        scenario.from_gallery("grid_tag").describe(build="no")
+
+
 def test_texts_of_a_scenario_are_no_markup():
     nasty = "<script>alert(1)</script> | `x` [a](javascript:b) # **c**\n# d"
     game = walk(name=nasty, description=nasty, data={nasty: nasty})

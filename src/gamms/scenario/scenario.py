@@ -9,7 +9,17 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, explain_call_errors
+from gamms.arguments import (
+    as_flag,
+    as_int,
+    as_items,
+    as_known,
+    as_mapping,
+    as_path,
+    as_recording,
+    as_text,
+    explain_call_errors,
+)
 from gamms.compat import Surface, suggest_part
 from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
@@ -228,10 +238,12 @@ class Scenario(Surface, Immutable):
             build: also load maps that are made by code or servers, whose code is run then; otherwise no code is run.
 
         Raises:
+            BadType: `build` is not a bool.
             ScenarioError: a part of the scenario cannot be built as it is written.
         """
+        is_built = as_flag(build, "build")
         found = self.code()
-        is_loaded = build or maps.is_data(self.spec.map)
+        is_loaded = is_built or maps.is_data(self.spec.map)
         map = self.map_snapshot() if is_loaded else None
         starts = self.starts([self.spec.seed]) if is_loaded and self.spec.seed is not None else {}
         with named(self.file, self._raw):
