@@ -752,3 +752,14 @@ def test_a_wrong_chance_names_the_sensor_in_a_batch():
 def test_games_that_go_on_from_here_are_not_recorded():
     with scene([TAG]).build() as ctx, pytest.raises(BadValue, match="cannot be recorded"):
         ctx.game.batch(2, record=True)
+
+
+def test_a_step_after_a_run_of_some_turns_leaves_a_game_unfinished_as_alone():
+    scenario = scene(max_turns=4)
+    with scenario.batch(1, seed=1) as games, scenario.build(seed=1) as alone:
+        games.run(1)
+        alone.game.run(1)
+        for reason in ("max_turns", "unfinished", "unfinished", "max_turns"):
+            assert games.result(0).reason == alone.game.result().reason == reason
+            games.step()
+            alone.game.step()

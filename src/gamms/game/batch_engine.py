@@ -1530,8 +1530,9 @@ class BatchEngine(TurnDriver):
     def over(self, game: int) -> dict[str, Any] | None:
         """Return the reason, winner and truncation of a game's end; None: it goes on."""
         known = self._state.over[game]
-        last = self.last_turn(game)
-        is_late = last is not None and self._state.turn[game] >= last
+        turn = self._state.turn[game]
+        has_stopped = self.stop_at is not None and turn == self.stop_at[game]  # a step may have gone on from there
+        is_late = has_stopped or (self._last is not None and turn >= self._last)
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 
     def ends(self) -> tuple[IntArray, list[dict[str, Any] | None]]:
