@@ -260,7 +260,8 @@ def draw_case(seed: int) -> Case:
     draw = Random(f"case {seed}")
     parts = tuple(name for name in PARTS if draw.random() < 0.5)
     names = draw.choices([*FAULTS], [fault.weight for fault in FAULTS.values()], k=draw.randint(2, 6))
-    return Case(seed, parts, tuple(sorted((draw.randrange(TURNS), name) for name in names)))
+    faults = {(draw.randrange(TURNS), name) for name in names}  # a fault draws by its turn, so the same happens once
+    return Case(seed, parts, tuple(sorted(faults)))
 
 
 # -- a run ------------------------------------------------------------------------------------------------------------

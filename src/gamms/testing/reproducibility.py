@@ -427,7 +427,7 @@ class _Wrapper:
         if hasattr(wrapped, "prepare"):
             self.prepare = wrapped.prepare
 
-    def __call__(self, state: Any) -> object:  # of a plan: the states of a team
+    def __call__(self, state: object) -> object:  # of a plan: the states of a team
         return self._decide(state)
 
 
