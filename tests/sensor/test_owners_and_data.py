@@ -2,6 +2,7 @@
 
 import pytest
 
+import gamms
 from gamms.sensor import SensorType, views
 from gamms.typing import ISensor
 
@@ -111,3 +112,27 @@ def test_a_view_too_large_to_remember_is_seen_all_the_same(ctx, monkeypatch):
         sensor.sense(0)
         assert len(sensor.data["nodes"]) == 6
     assert ctx.sensor.storage.memory.views._seen == {}
+
+
+def test_a_shared_sensor_leaves_out_the_agent_that_asks_also_after_a_reset():
+    seen = []
+
+    def note(state):
+        seen.append({name: sorted(data) for name, (_, data) in state["sensor"].items()})
+        state["action"] = state["curr_pos"]
+
+    def change(ctx):
+        if ctx.game.turn == 1:
+            ctx.agent.get_agent("ann").deregister_sensor("eyes")
+            ctx.agent.delete_agent("bob")
+
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT, sensor_range=1e9)
+        ctx.agent.create_agent("ann", start_node_id=0, sensors=["eyes"], strategy=note)
+        ctx.agent.create_agent("bob", start_node_id=3, sensors=["eyes"], strategy=gamms.strategies.stay)
+        ctx.game.add(change)
+        ctx.game.run(2)
+        ctx.game.reset()
+        ctx.game.run(2)
+    assert seen == [{"eyes": ["bob"]}, {}] * 2

@@ -1,6 +1,6 @@
 """The agent engine: creates agents and stores them by name."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import repeat
@@ -606,6 +606,7 @@ class AgentStorage(Guarded):
         if not is_same:
             for agent, strategy, sensors in zip(roster.agents, roster.strategies, roster.sensors, strict=True):
                 _equip_as(agent, strategy, sensors)
+            _share_sensors(roster.agents)
             roster.version = block.structure, block.structure.version
             self._roster = roster
 
@@ -692,6 +693,18 @@ def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:
     """Set the attributes of an agent to their values in the snapshot."""
     agent.__dict__.clear()
     agent.__dict__.update(attributes)
+
+
+def _share_sensors(agents: Iterable[BaseAgent]) -> None:
+    """Let agents that carry the same sensor set its owner before each look, also those that were brought back."""
+    carriers = defaultdict[int, dict[str, tuple[BaseAgent, ISensor]]](dict)
+    for agent in agents:
+        for sensor in agent._sensor_list.values():
+            carriers[id(sensor)][agent.name] = agent, sensor
+    for together in carriers.values():
+        for agent, sensor in together.values() if len(together) > 1 else ():
+            if not any(sensor is one for one in agent._shared):
+                agent._share(sensor)
 
 
 def _equip_as(agent: BaseAgent, strategy: Callable[[Any], Any] | None, sensors: dict[str, ISensor]) -> None:
