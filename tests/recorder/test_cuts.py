@@ -63,6 +63,17 @@ def test_one_that_is_seen_and_deleted_in_the_same_turn_is_gone():
     assert names_in(data) == [["red_0"], ["red_0", "blue_0"], ["red_0"], ["red_0"]]
 
 
+def test_one_that_is_seen_right_after_a_reset_is_there():
+    def play(ctx):
+        ctx.agent.get_agent("blue_0").current_node_id = 1  # which red_0 sees from both of its nodes
+        ctx.game.run(2)
+        ctx.game.reset(seed=5)
+        ctx.game.run(3)
+
+    data = cut_of(recorded(play, pair_on_a_grid(), sensed=True), "red")
+    assert names_in(data) == [["red_0", "blue_0"]] * 6
+
+
 def test_one_that_goes_takes_no_other_that_is_seen_with_it():
     ctx = pair_on_a_grid()
     ctx.agent.create_agent("red_1", start_node_id=1, team="red", sensors=["eyes"], strategy=stay)

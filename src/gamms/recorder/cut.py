@@ -116,6 +116,8 @@ class KnowledgeFilter:
             is_end: whether the turn is over.
         """
         for kind, data in list_events(log):
+            if kind == kinds.SNAPSHOT and not self.is_shown:
+                yield from self._give([])  # agents that are seen from here on appear after the snapshot
             if kind == kinds.SENSED:
                 yield from self._note_sensor_data(data)
             else:
