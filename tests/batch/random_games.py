@@ -330,7 +330,7 @@ class Drawn:
 
     def open(self):
         """Return a context with the game."""
-        ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": self.max_turns})
+        ctx = gamms.create_context(seed=6, logger_config={"level": "CRITICAL"}, game={"max_turns": self.max_turns})
         ctx.game.deeds, ctx.game.channels = {} if self.deeds is None else DEEDS, self.channels
         self._draw_map(ctx)
         for number, name in enumerate(self.agents):

@@ -7,7 +7,7 @@ from math import hypot
 import numpy as np
 import pytest
 from batch_scenes import assert_as_alone, plain
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from random_games import KINDS, TEAMS, Drawn, games
 from random_players import FirstOnly
@@ -194,8 +194,24 @@ def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alo
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
+def make_crowd():
+    """Return a game whose agents are blocked often, and that leaves its batch in its first turn."""
+    pairs = [(a, b) for a in range(14) for b in (a + 1, a + 6, a + 7) if b < 14]
+    return Drawn(
+        agents={"a0": ("red", 17), "b1": ("red", 5), "c2": ("red", 17)},
+        streets=[(*way, 0.5) for a, b in pairs for way in ((a, b), (b, a))],
+        conflicts=FirstOnly(),
+        called=[("look", "before"), ("recruit", "before")],
+        asked="bcw",
+        eyes=[[0]],
+        reserved={},
+        has_checks=False,
+    )
+
+
 @settings(LAWS, max_examples=8)
 @given(drawn=games_with_plain_parts(), turns=st.integers(1, 6), **drawn_for_all)
+@example(drawn=make_crowd(), turns=6, seeds=[0], again=[], outside=[], lot=0)
 def test_games_that_have_begun_in_which_plain_functions_are_called_go_on_as_alone(
     drawn, turns, seeds, again, outside, lot
 ):

@@ -242,12 +242,7 @@ def test_the_tones_of_walls_are_distinguished_in_every_theme(theme):
 corners = st.lists(st.tuples(st.floats(-20, 60), st.floats(-20, 40)), min_size=3, max_size=6)
 
 
-def has_area(shape):
-    x, y = np.transpose(shape)
-    return abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) > 1.0
-
-
-@given(st.lists(corners.filter(has_area), min_size=1, max_size=5))
+@given(st.lists(corners, min_size=1, max_size=5))
 def test_polygons_that_are_painted_together_cover_what_each_covers_alone(shapes):
     def covered(*some):
         points = np.array([point for shape in some for point in shape])
@@ -260,5 +255,6 @@ def test_polygons_that_are_painted_together_cover_what_each_covers_alone(shapes)
 
     alone = [covered(shape) for shape in shapes]
     together = covered(*shapes)
-    assert (together >= np.max(alone, axis=0)).all()
-    assert (together <= np.sum(alone, axis=0) + len(shapes)).all()  # which are rounded
+    sample = 16  # of 4 x 4 in a pixel: a corner on the edge of its own patch may be in the next one of a larger patch
+    assert (together >= np.max(alone, axis=0) - sample * len(shapes)).all()
+    assert (together <= np.sum(alone, axis=0) + sample * len(shapes)).all()

@@ -35,12 +35,13 @@ class StartValues(NamedTuple):
     turn: int
     moves: TurnMoves | None
     counts: dict[str, dict[str, int]]
+    blocked: dict[str, str]
 
     @classmethod
     def of(cls, state: GameState) -> "StartValues":
         """Return the values with which the game of a context begins."""
         counts = {name: each.copy() for name, each in state.counts.items()}
-        return cls(state.turn, state.moves, counts)
+        return cls(state.turn, state.moves, counts, dict(state.blocked))
 
 
 class CalledFunctions(NamedTuple):

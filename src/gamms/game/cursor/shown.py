@@ -617,7 +617,13 @@ class ShownGame(GamesInContext):
             last = state.turn[number] - (not has_decided[self.number_of[error["agent"]]])
             if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
-        for agent in np.flatnonzero(state.blocked[number]).tolist():  # in its last turn
+        is_known = state.blocked[number].copy()
+        if state.turn[number] == self._called.first.turn:  # others were blocked before the game was in the batch
+            is_known &= has_decided
+            for name, why in self._called.first.blocked.items():
+                if not has_decided[self.number_of[name]]:
+                    found.setdefault(name, why)
+        for agent in np.flatnonzero(is_known).tolist():  # in its last turn
             why = describe_conflict(self._core.wanted(number, agent))
             if why not in found.get(names[agent], ""):
                 found.add(names[agent], why)
