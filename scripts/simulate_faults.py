@@ -211,7 +211,7 @@ ORDERS = {"die": die, "interrupt": press_ctrl_c}
 
 @dataclass(frozen=True)
 class Case:
-    """A scenario and its faults, as drawn; what is dropped changes nothing of the rest.
+    """A scenario and its faults, as drawn; dropping a part or a fault leaves the others as they are.
 
     Attributes:
         seed: the seed of all draws.
@@ -286,7 +286,7 @@ class Run:
     """A game that is played through its faults.
 
     Attributes:
-        case: what was drawn.
+        case: the scenario and its faults.
         scenario: its scenario.
         folder: the folder of its files.
         ctx: its context, which is recorded.
@@ -339,7 +339,7 @@ class Fault(NamedTuple):
 
     Attributes:
         strike: lets it happen.
-        says: the pattern of the one sentence about it; None: nobody is told, because nobody has lost anything.
+        says: the pattern of the one sentence about it; None: there is none, because nothing is lost.
         weight: how often it is drawn.
     """
 
@@ -849,7 +849,7 @@ FILES = re.compile(r"truth.ggr|live \d+.ggr|batch.ggr|(rows|fresh)(/(journal|row
 
 
 def check_files(run: Run) -> None:
-    """No file is there that nobody has asked for."""
+    """Only the files that the run was asked for exist."""
     found = [path.relative_to(run.folder).as_posix() for path in run.folder.rglob("*")]
     left = [name for name in found if not FILES.fullmatch(name)]
     hold("no file is half-written", not left, left)

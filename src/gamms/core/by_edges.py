@@ -105,7 +105,7 @@ class TrafficStates:
         kept: memoryview[int],
         first_of_game: memoryview[int],
     ) -> None:
-        """Set what is legal on each map; see the attributes."""
+        """Set the legal moves on each map; see the attributes."""
         self.offsets = offsets
         self.after = after
         self.kept = kept

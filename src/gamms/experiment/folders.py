@@ -186,7 +186,7 @@ def list_series_lines(id: str, series: Series) -> Iterator[SeriesLine]:
 
 
 def read_series(folder: Path, ids: Iterable[str]) -> Iterator[SeriesLine]:
-    """Yield what was collected in the games of some rows, in their order.
+    """Yield the collected values of the games of some rows, in their order.
 
     Raises:
         BadFile: a line is not of a series, or its columns differ in length.

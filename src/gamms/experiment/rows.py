@@ -450,7 +450,7 @@ class Rows(Sequence[Row]):
         return scenario.build(seed, strategies, vis_engine)
 
     def _play_row(self, id: str) -> tuple[Row, list[SeriesLine]]:
-        """Play the game of a row again; return its row without the columns of the plan, and what was collected."""
+        """Play the game of a row again; return its row without the columns of the plan, and its collected values."""
         scenario, seed, strategies = self._find_game(id)
         settings = ExperimentSettings(scenario, {}, max_memory())
         played = VariantPlayer(settings, Variant({}, {}, dict(strategies))).play([seed])

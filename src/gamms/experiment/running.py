@@ -387,7 +387,7 @@ class _Runner:
             self._journal.add(rows, lines)
 
     def series_of(self, ids: Iterable[str]) -> Iterator[folders.SeriesLine]:
-        """Yield what was collected in the games of some rows; see `folders.read_series`."""
+        """Yield the collected values of the games of some rows; see `folders.read_series`."""
         for id in ids:
             yield from self._series.get(id, ())
 

@@ -156,7 +156,7 @@ def as_root(given: object) -> str:
 # -- the folder ---------------------------------------------------------------------------------------------------
 
 PlayRow = Callable[[str], tuple[Row, Iterable[folders.SeriesLine]]]
-"""Plays the game of an id; returns its row without the columns of the plan, and what was collected."""
+"""Plays the game of an id; returns its row without the columns of the plan, and its collected values."""
 
 
 def verify(

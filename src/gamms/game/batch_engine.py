@@ -194,7 +194,7 @@ class GamesOnOneMap:
         self._put_own(games)
 
     def _call_arrays_by_game(self, settings: Mapping[str, Any], *, asks_all: bool) -> None:
-        """Let array strategies be called game by game where all agents are, or what they call needs it.
+        """Let array strategies be called game by game where all agents are, or where a verb that they call needs it.
 
         That are looks that are counted in each game, and `view.towards` of agents with speeds or that obey turns.
         """

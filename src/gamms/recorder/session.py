@@ -395,7 +395,7 @@ class RecordingSession:
         return [*found, (internals.after_observing, self._note_sensed)] if self._with_sensed else found
 
     def _note_sensors(self) -> None:
-        """Record sensor data from now on, unless they are left out: an agent carries a sensor, or somebody follows."""
+        """Record sensor data from now on, unless left out: an agent carries a sensor, or a follower has joined."""
         if self._with_sensed is None:
             self._with_sensed = True
             self.ctx.game.internals.after_observing.append(self._note_sensed)

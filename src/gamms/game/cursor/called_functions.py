@@ -172,12 +172,12 @@ def find_why_all_decide(game: PlayedGame, roster: AgentTable) -> str:
     of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
     own = [one for one in of_agents if not getattr(one, "sees_world_only", False)]
     looks = [getattr(one, "function", None) or getattr(one, "sense", None) for one in own]
-    if may_change_games(_in_each_game(looks)):
+    if may_change_games(_list_functions_of_games(looks)):
         return "sensors may change the game"
     return ""
 
 
-def _in_each_game(functions: Iterable[Any]) -> list[Callable[..., object]]:
+def _list_functions_of_games(functions: Iterable[Any]) -> list[Callable[..., object]]:
     """Return functions, and those of each game in place of a `FunctionPerGame`."""
     found: list[Any] = []
     for one in functions:
@@ -192,7 +192,7 @@ def _name_all(game: PlayedGame, roster: AgentTable) -> Iterator[frozenset[str]]:
     sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
     called = [*functions_of_rules(game, roster), *deciders, *(getattr(one, "function", None) for one in sensors)]
     called += [one.fn for one in game.internals.parts.collectors.by_name.values()]
-    return find_names(_in_each_game(called))
+    return find_names(_list_functions_of_games(called))
 
 
 def _may_look_back(names: frozenset[str]) -> bool:
@@ -216,7 +216,7 @@ def find_why_apart(game: PlayedGame, roster: AgentTable) -> str:
         before_moves.append(game.settings()["conflicts"].resolve)
     of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
     looks_count = game.settings()["decide"] == "arrival" and not all(map(_looks_alike, of_agents))
-    for names in find_names(_in_each_game(before_moves)):
+    for names in find_names(_list_functions_of_games(before_moves)):
         if not _LOOKS.isdisjoint(names) and (looks_count or not _DRAWS.isdisjoint(names)):
             return "functions that are called before the moves draw by the streams of agents, or ask sensors"
     return ""

@@ -117,7 +117,7 @@ class SeparateGames:
         return shown_in
 
     def _give_context_back(self, number: int) -> None:
-        """Let the context of a game that is over show other games; what it was at its end is kept."""
+        """Let the context of a game that is over show other games; keep the game as it was at its end."""
         game = self._games[number]
         end = game.internals.capture()
         if end is None:  # it has objects of which no copy can be kept

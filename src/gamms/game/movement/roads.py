@@ -276,7 +276,7 @@ class TrafficOnMaps:
         return bind_states(self._tables, self.begin_of_agent, self.driven, self._driving)
 
     def take_maps(self, states: TrafficStates) -> None:
-        """Set what is legal on the present maps of the games."""
+        """Set the legal moves on the present maps of the games."""
         tables = self._roads.tables
         if self._maps is None or self._maps[0] is not tables:
             self._maps = tables, self._join_maps(tables)
