@@ -10,9 +10,8 @@ WORDS = "document.getElementById('words').textContent"
 
 def begin(page, link, **look):
     """Open the page of a participant, and wait until it says something."""
-    return page.open(
-        link, until=f"document.getElementById('words') && {WORDS} !== 'This page needs JavaScript.'", **look
-    )
+    has_asked = "document.readyState === 'complete'"  # words may be empty while the page is still read
+    return page.open(link, until=f"{has_asked} && {WORDS} !== 'This page needs JavaScript.'", **look)
 
 
 def go_on(page, words):
