@@ -352,27 +352,11 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
-        radius = self.range
         fov = self.fov
-        last = self._last
         heading = ALL_AROUND if fov == FULL_CIRCLE else self.heading()
-        look = None
-        notice = self._notice
-        nearby = self._memory.nearby
-        own = self._owner if self._at is None else None
-        if heading == ALL_AROUND and (notice is None or notice.reports_all) and not self._is_occluded:
-            data = nearby.by_name(place, radius, own)
-        else:
-            positions, rows, look = self._find_agents(place, heading)
-            data = positions.found(rows)
-            if positions.travellers and (look is None or not self.notice.has_errors):
-                data.update(nearby.on_edges(positions, rows))
-            if own is not None:
-                data.pop(own, None)
-        if look is not None and self.notice.has_errors:
-            data = self._report(look, node_id, data)
-        last[0] = data
-        last[1] = (place, radius, fov, heading)
+        last = self._last
+        last[0] = self._find_seen(place, node_id, heading)
+        last[1] = (place, self.range, fov, heading)
 
     @property
     def looks_alike(self) -> Hashable:  # type: ignore[override] # as above
@@ -390,17 +374,32 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are indices in `names`. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        own = self._owner if self._at is None else None
-        with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
+        with self._phase.suspended(changes_world=False) if self._notice is None else self._notice.rolled_back():
             ids = as_node_ids(node_ids, "node_ids", self.ctx.graph)
-            reports = list[dict[str, int]]()
-            for id in ids:
-                positions, rows, look = self._find_agents(self.place(id), heading)
-                seen = positions.found(rows)
-                if own is not None:
-                    seen.pop(own, None)
-                reports.append(seen if look is None else self._report(look, id, seen))
-            return self._make_results(reports)
+            return self._make_results([self._find_seen(self.place(id), id, heading) for id in ids])
+
+    def _find_seen(self, place: Place, node_id: int | None, heading: Heading) -> dict[str, int]:
+        """Return what one look reports: name -> reported value.
+
+        Args:
+            place: the place of the sensor.
+            node_id: the node of its owner; None: it is unknown.
+            heading: the direction of its field of view.
+        """
+        notice = self._notice
+        nearby = self._memory.nearby
+        own = self._owner if self._at is None else None
+        if heading == ALL_AROUND and (notice is None or notice.reports_all) and not self._is_occluded:
+            return nearby.by_name(place, self.range, own)
+        positions, rows, look = self._find_agents(place, heading)
+        seen = positions.found(rows)
+        if look is not None and not self.notice.has_errors:
+            look = None
+        if look is None and positions.travellers:
+            seen.update(nearby.on_edges(positions, rows))
+        if own is not None:
+            seen.pop(own, None)
+        return seen if look is None else self._report(look, node_id, seen)
 
     def _find_covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
