@@ -39,6 +39,8 @@ import answers  # noqa: E402 - it is beside the vectors
 VECTORS = TESTS / "vectors"
 FLIGHT = 0x01100020
 TURN = 0x01100021
+NEW_MAP = 0x03000000
+SENSED = 0x06000001
 PRIME = (1 << 61) - 1  # the hash of an integer is its remainder
 
 Vector = tuple[str, bytes, dict[str, Any]]  # the name of the file, its bytes, the answer; empty if GAMMS says it
@@ -79,7 +81,7 @@ def find_answer(suffix: str, data: bytes, stated: dict[str, Any]) -> tuple[dict[
 def make_all() -> Iterator[Vector]:
     """Yield all vectors."""
     for suffix, makers in (
-        (".ggr", (make_values, make_bad_values, make_columns, make_blocks, make_limits, make_games)),
+        (".ggr", (make_values, make_bad_values, make_columns, make_blocks, make_looks, make_limits, make_games)),
         (".gamms", (make_maps, make_bad_maps)),
         (".sight", (make_sights,)),
     ):
@@ -259,6 +261,8 @@ def make_values() -> Iterator[Vector]:
         elif dtype.startswith("float"):
             items[3:5] = (-0.5, np.inf)
         yield f"array_{dtype}", write_header(items.reshape(2, 3)), {"header": {"value": items.reshape(2, 3)}}
+    other_bytes = extension(8, "bool", msgpack.Ext(5, b"\0\2\xff"), 3)
+    yield "array_bool_of_other_bytes", holding(other_bytes), {"header": {"value": np.array([False, True, True])}}
     for name, shape in {"0": (), "8": (1, 2, 1, 2, 1, 1, 1, 1), "empty": (0, 3)}.items():
         items = np.arange(int(np.prod(shape)), dtype=np.int16).reshape(shape)
         yield f"array_dimensions_{name}", write_header(items), {"header": {"value": items}}
@@ -306,6 +310,7 @@ def make_bad_values() -> Iterator[Vector]:
         "array_too_many_bytes": (extension(8, "int16", msgpack.Ext(5, bytes(6)), 2), "array"),
         "array_negative_dimension": (extension(8, "int8", msgpack.Ext(5, bytes(1)), -1, -1), "array"),
         "array_dimension_no_integer": (extension(8, "int8", msgpack.Ext(5, bytes(1)), True), "array"),
+        "array_dimension_product": (extension(8, "int8", msgpack.Ext(5, b""), 0, *[(1 << 40) - 1] * 2), "array"),
         "array_dimension_2_to_40": (extension(8, "int8", msgpack.Ext(5, b""), 0, 1 << 40), "array"),
         "hashes_long_integers": (plain([5 + k * PRIME for k in range(16, 81)]), "hashes"),
         "hashes_tuples": (plain(tuples), "hashes"),
@@ -454,6 +459,14 @@ def make_blocks() -> Iterator[Vector]:
     yield "keyframes_and_blocks", several, whole | {"keyframes": {turn: state_of(turn) for turn in (0, 2, 5)}}
     two = HEADER + block("K", packed(value_of({"turn": 9})), KEY, 0) + keyframe(0) + walk(0, 1) + end(1)
     yield "two_keyframes_of_one_turn", two, {"keyframes": {0: state_of(0)}}
+    replaced = {
+        "damaged": block("K", keyframe(0)[36:], KEY, 0, crc=5),
+        "list": block("K", packed(value_of([])), KEY, 0),
+        "costly": block("K", packed(value_of({"value": [None] * 1_400_000})), KEY, 0),
+    }
+    for name, first in replaced.items():
+        data = HEADER + first + keyframe(0) + walk(0, 1) + end(1)
+        yield f"replaced_keyframe_{name}", data, {"keyframes": {0: state_of(0)}, "turns": walked(1)}
     yield from _make_unfinished()
     yield from _make_damaged()
 
@@ -573,9 +586,10 @@ def _make_damaged() -> Iterator[Vector]:
     yield "refused_second_block", HEADER + walk(0, 1) + second + end(2), refused("column", later)
 
 
-PLACES = {"turns": 2, "moves": 0, "events": 1}  # the block that costs too much
-
 # -- memory -----------------------------------------------------------------------------------------------------
+
+
+PLACES = {"turns": 2, "moves": 0, "events": 1}  # the block that costs too much
 
 
 def make_limits() -> Iterator[Vector]:
@@ -954,6 +968,8 @@ def make_bad_maps() -> Iterator[Vector]:
     yield "refused_memory", big, refused("memory", None)
     alike = [5 + k * PRIME for k in range(16, 81)]
     yield "refused_hashes", saved(future=plain(dict.fromkeys(alike, 0))), refused("hashes", None)
+    an_array = extension(8, "int64", msgpack.Ext(5, bytes(8)))
+    closed_with_array = [part for pair in (CLOSED | {"target": an_array}).items() for part in pair]
     bad: dict[str, tuple[str, dict[str, object]]] = {
         "no_dtype": ("array", {"xy": numbers([0] * 6, 2)}),
         "integers_as_floats": ("array", {"node_ids": floats([7, -2, 9])}),
@@ -995,8 +1011,30 @@ def make_bad_maps() -> Iterator[Vector]:
         "closed_without_id": ("closed", {"closed": plain([{"source": 7, "target": 9, "length": 1.0}])}),
         "closed_length_negative": ("closed", {"closed": plain([CLOSED | {"length": -1.0}])}),
         "closed_source_text": ("closed", {"closed": plain([CLOSED | {"source": "a"}])}),
+        "closed_target_array": ("closed", {"closed": extension(1, extension(2, *closed_with_array))}),
         "closed_key_number": ("closed", {"closed": plain([{**CLOSED, 1: 2}])}),
         "closed_list": ("closed", {"closed": plain([[1, 2]])}),
+        "closed_tuple": ("closed", {"closed": plain((CLOSED,))}),
+        "closed_id_twice": ("ids", {"closed": plain([CLOSED, CLOSED])}),
+        "closed_id_beyond_64_bits": ("closed", {"closed": plain([CLOSED | {"id": 1 << 63}])}),
+        "closed_length_not_finite": ("closed", {"closed": plain([CLOSED | {"length": np.nan}])}),
+        "closed_polyline_list": ("closed", {"closed": plain([CLOSED | {"linestring": LINE}])}),
+        "closed_polyline_text": ("closed", {"closed": plain([CLOSED | {"linestring": "LINESTRING (0 0, 3 4)"}])}),
+        "closed_polyline_of_one_point": ("closed", {"closed": plain([CLOSED | {"linestring": floats([0, 0], 2)}])}),
+        "closed_polyline_of_three_numbers": (
+            "closed",
+            {"closed": plain([CLOSED | {"linestring": floats([0] * 6, 3)}])},
+        ),
+        "closed_polyline_not_finite": (
+            "closed",
+            {"closed": plain([CLOSED | {"linestring": floats([0, np.inf] * 2, 2)}])},
+        ),
+        "crs_surrogate": ("text", {"crs": msgpack.Ext(7, "a\ud800".encode("utf-8", "surrogatepass"))}),
+        "base_map_none": ("dict", {"base_map": None}),
+        "base_map_and_scenery": (
+            "scenery",
+            {"scenery": "helsinki", "base_map": extension(2, *(part for pair in BASE_MAP.items() for part in pair))},
+        ),
     }
     for name, column in {
         "without_rows": attribute([], [], []),
@@ -1013,10 +1051,13 @@ def make_bad_maps() -> Iterator[Vector]:
     }.items():
         limit = "rows" if name in ("row_beyond", "rows_descending", "rows_twice") else "attribute"
         bad[f"attribute_{name}"] = (limit, {"node_attributes": extension(2, "a", column)})
+    as_tuple = extension(0, numbers([1]), numbers([0]), plain([1]))
+    bad["attribute_tuple"] = ("attribute", {"edge_attributes": extension(2, "a", as_tuple)})
     bad["attribute_name_number"] = ("attribute", {"edge_attributes": extension(2, 1, attribute([0], [0], [1]))})
     bad["attributes_list"] = ("attribute", {"edge_attributes": extension(1)})
     for name, limit, changes in (
         ("sizes", "sizes", {"sizes": numbers([3, 2, 3])}),
+        ("sizes_in_rows", "array", {"sizes": numbers([3, 2, 2], 1)}),
         ("area_of_two_points", "sizes", {"sizes": numbers([2, 3, 2])}),
         ("line_of_one_point", "sizes", {"sizes": numbers([3, 1, 3])}),
         ("kinds", "array", {"kinds": numbers([1, 16])}),
@@ -1067,8 +1108,178 @@ def make_sights() -> Iterator[Vector]:
         ("row_negative", "rows", {"rows": numbers([-1, 1, 1, 0, 1, 2], 0, "int32")}),
         ("rows_descending", "rows", {"rows": numbers([1, 0, 1, 0, 1, 2], 0, "int32")}),
         ("rows_missing", "array", {"rows": None}),
+        ("key_text", "dict", {"key": "k" * 32}),
     ):
         yield f"refused_{name}", seal(dict_body(state | changes)), refused(limit, None)
+
+
+# -- looks ------------------------------------------------------------------------------------------------------
+
+
+def sensed(*turns: Sequence[tuple[int, object]], world: bytes | None = b"") -> bytes:
+    """Return a recording of turns of events, with a map: the one of `saved` if none is given, no map if it is None."""
+    header = {"format": 3} | ({} if world is None else {"world": world or saved()})
+    head = packed(value_of(header))
+    key = zlib.crc32(head)
+    values = [value_of(data) for turn in turns for _, data in turn]
+    kinds = [kind for turn in turns for kind, _ in turn]
+    columns = [column(*[0] * len(turns)), column(*map(len, turns)), *[b"\0"] * 3, column(*[0] * len(values))]
+    body = turns_body([*columns, column(*kinds), column(*map(len, values))], b"".join(values))
+    blocks = block("T", body, key, 0, len(turns), 0, len(values)) + block("E", b"", key, len(turns))
+    return MAGIC + block("H", head) + blocks
+
+
+def small(items: Sequence[int], width: int = 0) -> msgpack.Ext:
+    """Return an array of bytes."""
+    return numbers(items, width, "uint8")
+
+
+# Agent 4 has two sensors and agent 0 has four. The looks have the forms 0 to 5.
+LOOKS: dict[str, object] = {
+    "agents": small([4, 0]),
+    "counts": small([2, 4]),
+    "sensors": [("eyes", "AGENT_RANGE"), ("map", "MAP"), ("gauge", "CUSTOM"), ("radar", "AERIAL_AGENT")],
+    "which": small([1, 1, 0, 2, 3, 0]),
+    "forms": small([0, 1, 2, 3, 4, 5]),
+    "sizes": small([2, 0, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 2),
+    "ids": numbers([7, -2, 7, 20, 10, 4, 9, 4, 9, 1, 0]),
+    "others": [{"volts": 2.5}, [(1, (1.0, 2.0, 3.0))]],
+    "seen": small([2, 4]),
+    "seen_at": small([7, 9]),
+}
+SEEN: list[tuple[object, ...]] = [
+    (4, "map", "MAP", 0, [7, -2], [], None),
+    (4, "map", "MAP", 1, [7], [20, 10], None),
+    (0, "eyes", "AGENT_RANGE", 2, [4], [9], None),
+    (0, "gauge", "CUSTOM", 3, [], [], {"volts": 2.5}),
+    (0, "radar", "AERIAL_AGENT", 4, [4], [9], [(1, (1.0, 2.0, 3.0))]),
+    (0, "eyes", "AGENT_RANGE", 2, [4, 2], [9, 7], None),
+]
+FIELDS: dict[str, object] = {
+    "fields": small([0, 0, 1, 0, 2, 3]),
+    "first_field": 0,
+    "new_fields": [(7, 10.0, b""), ((10.0, -0.25), 0.25, b"\x40"), (9, 0.0, b"")],
+}
+ONE_LOOK: dict[str, object] = {
+    "agents": small([4]),
+    "counts": small([1]),
+    "sensors": [("eyes", "AGENT_RANGE")],
+    "which": small([0]),
+    "forms": small([0]),
+    "sizes": small([0, 0], 2),
+    "ids": numbers([]),
+    "others": [],
+}
+
+
+def one_look(number: int, first: int, *fields: object) -> tuple[int, dict[str, object]]:
+    """Return an event with one look, which has the field of a number."""
+    return SENSED, ONE_LOOK | {"fields": small([number]), "first_field": first, "new_fields": [*fields]}
+
+
+def covering(*covered: list[int] | None) -> list[tuple[object, ...]]:
+    """Return looks of `one_look`."""
+    return [(4, "eyes", "AGENT_RANGE", 0, [], [], None, nodes) for nodes in covered]
+
+
+def make_looks() -> Iterator[Vector]:
+    """Yield recordings with sensed data, and with sensed data that readers refuse."""
+    without = [(*look, None) for look in SEEN]
+    yield "looks_of_each_form", sensed([(SENSED, LOOKS)]), {"looks": [without]}
+    covered = [None, None, [-2, 7], None, [-2], [9]]
+    answer = [(*look, nodes) for look, nodes in zip(SEEN, covered, strict=True)]
+    yield "looks_with_fields", sensed([(SENSED, LOOKS | FIELDS)]), {"looks": [answer]}
+    yield "looks_without_a_map", sensed([(SENSED, LOOKS | FIELDS)], world=None), {"looks": [without]}
+    nothing = {name: small([], 2) if name == "sizes" else small([]) for name in ("agents", "counts", "which", "forms")}
+    nothing |= {
+        "sizes": extension(8, "uint8", msgpack.Ext(5, b""), 0, 2),
+        "ids": small([]),
+        "sensors": [],
+        "others": [],
+    }
+    yield "looks_of_no_agent", sensed([(SENSED, nothing)], []), {"looks": [[], []]}
+    again = sensed([one_look(1, 0, (7, 0.0, b""))], [one_look(1, 1)], [one_look(2, 1, (9, 0.0, b""))])
+    yield "looks_with_a_field_again", again, {"looks": [covering([7]), covering([7]), covering([9])]}
+    numbered = sensed([one_look(1, 0, (7, 0.0, b""))], [one_look(1, 0, (9, 0.0, b""))], [one_look(1, 1)])
+    yield "looks_with_numbers_from_0_again", numbered, {"looks": [covering([7]), covering([9]), covering([9])]}
+    missing = sensed([one_look(3, 3)], [one_look(4, 3, (9, 0.0, b""))], [one_look(0, 4)])
+    yield "looks_with_a_missing_field", missing, {"looks": [covering(None), covering([9]), covering(None)]}
+    moved = saved(xy=floats([0.0, 0.0, 10.0, 0.0, 0.0, 0.0], 2))
+    at_two_nodes = one_look(1, 0, (7, 0.0, b"\x80"))
+    changed = sensed([one_look(1, 0, (7, 0.0, b""))], [(NEW_MAP, {"world": moved}), at_two_nodes])
+    yield "looks_after_a_new_map", changed, {"looks": [covering([7]), covering([9])]}
+    yield from _make_bad_looks()
+
+
+def _make_bad_looks() -> Iterator[Vector]:
+    huge = numbers([1 << 62] * 4)
+    bad: dict[str, tuple[str, dict[str, object]]] = {
+        "looks_counts": ("looks", {"counts": small([2, 3])}),
+        "looks_counts_negative": ("looks", {"counts": numbers([7, -1])}),
+        "looks_counts_with_a_sum_beyond_64_bits": (
+            "looks",
+            {"agents": small([0] * 4), "counts": huge, "which": small([]), "forms": small([])}
+            | {"sizes": extension(8, "uint8", msgpack.Ext(5, b""), 0, 2), "ids": small([]), "others": []},
+        ),
+        "looks_agents": ("looks", {"agents": small([4])}),
+        "looks_agents_beyond_64_bits": ("looks", {"agents": numbers([4, 1 << 63], 0, "uint64")}),
+        "looks_agents_list": ("looks", {"agents": [4, 0]}),
+        "looks_agents_floats": ("looks", {"agents": floats([4.0, 0.0])}),
+        "looks_agents_table": ("looks", {"agents": small([4, 0], 1)}),
+        "looks_sensor_beyond": ("looks", {"which": small([1, 1, 0, 2, 4, 0])}),
+        "looks_sensor_negative": ("looks", {"which": numbers([1, 1, 0, 2, -1, 0])}),
+        "looks_sensor_of_three": ("looks", {"sensors": [("eyes", "AGENT_RANGE", 1)] * 4}),
+        "looks_sensor_number": ("looks", {"sensors": [(1, "AGENT_RANGE")] * 4}),
+        "looks_sensors_tuple": ("looks", {"sensors": (("eyes", "AGENT_RANGE"),) * 4}),
+        "looks_forms": ("looks", {"forms": small([0, 1, 2, 3, 4])}),
+        "looks_form_6": ("looks", {"forms": small([6, 1, 2, 3, 4, 5])}),
+        "looks_form_negative": ("looks", {"forms": numbers([-1, 1, 2, 3, 4, 5])}),
+        "looks_sizes": ("sizes", {"sizes": small([1, 0, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 2)}),
+        "looks_sizes_negative": ("sizes", {"sizes": numbers([3, -1, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 2)}),
+        "looks_sizes_of_three": ("looks", {"sizes": small([2, 0, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 3)}),
+        "looks_second_part_of_nodes": ("looks", {"sizes": small([1, 1, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 2)}),
+        "looks_agents_without_nodes": ("looks", {"sizes": small([2, 0, 1, 2, 2, 0, 0, 0, 1, 1, 2, 0], 2)}),
+        "looks_other_data_with_ids": ("looks", {"sizes": small([2, 0, 1, 2, 1, 1, 1, 0, 1, 1, 1, 0], 2)}),
+        "looks_others_missing": ("looks", {"others": [{"volts": 2.5}]}),
+        "looks_others_superfluous": ("looks", {"others": [{}, [(1, (1.0, 2.0, 3.0))], 0]}),
+        "looks_others_tuple": ("looks", {"others": ({}, [(1, (1.0, 2.0, 3.0))])}),
+        "looks_positions": ("looks", {"others": [{}, []]}),
+        "looks_positions_tuple": ("looks", {"others": [{}, ((1, (1.0, 2.0, 3.0)),)]}),
+        "looks_seen": ("looks", {"seen": small([2, 4, 6])}),
+        "looks_seen_beyond": ("looks", {"ids": numbers([7, -2, 7, 20, 10, 4, 9, 4, 9, 2, 0])}),
+        "looks_seen_negative": ("looks", {"ids": numbers([7, -2, 7, 20, 10, 4, 9, 4, 9, -1, 0])}),
+        "fields_of_5_looks": ("fields", {"fields": small([0, 0, 1, 0, 2])}),
+        "fields_list": ("fields", {"fields": [0, 0, 1, 0, 2, 3]}),
+        "fields_signed": ("fields", {"fields": numbers([0, 0, 1, 0, 2, 3])}),
+        "fields_number_beyond": ("fields", {"fields": small([0, 0, 1, 0, 2, 4])}),
+        "fields_first_negative": ("fields", {"first_field": -1}),
+        "fields_first_boolean": ("fields", {"first_field": True}),
+        "fields_new_tuple": ("fields", {"new_fields": ((7, 10.0, b""),) * 3}),
+    }
+    for name, field in {
+        "list": [7, 10.0, b""],
+        "of_two": (7, 10.0),
+        "at_a_text": ("7", 10.0, b""),
+        "at_three_numbers": ((1.0, 2.0, 3.0), 10.0, b""),
+        "at_integers": ((1, 2), 10.0, b""),
+        "at_infinity": ((1.0, float("inf")), 10.0, b""),
+        "at_no_node": (8, 10.0, b""),
+        "radius_integer": (7, 10, b""),
+        "radius_negative": (7, -1.0, b""),
+        "radius_infinite": (7, float("inf"), b""),
+        "radius_nan": (7, float("nan"), b""),
+        "bits_text": (7, 10.0, "@"),
+        "bits_too_many": (7, 10.0, b"\x40\x40"),
+        "bits_of_no_node": ((50.0, 50.0), 1.0, b"\0"),
+    }.items():
+        bad[f"field_{name}"] = ("fields", {"new_fields": [(7, 10.0, b""), field, field]})
+    for key in sorted(LOOKS.keys() - {"seen"} | FIELDS.keys() - {"fields"}):
+        without = {name: value for name, value in (LOOKS | FIELDS).items() if name != key}
+        limit = "fields" if key in FIELDS else "looks"
+        yield f"refused_looks_without_{key}", sensed([(SENSED, without)]), refused(limit, None)
+    yield "refused_looks_list", sensed([(SENSED, [])]), refused("looks", None)
+    for name, (limit, changes) in bad.items():
+        yield f"refused_{name}", sensed([(SENSED, LOOKS | FIELDS | changes)]), refused(limit, None)
 
 
 if __name__ == "__main__":

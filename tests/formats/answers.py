@@ -6,12 +6,17 @@ import re
 from math import isfinite
 
 import numpy as np
+import second_looks
 import second_reader
 
+import gamms
 from gamms.errors import BadFile
 from gamms.graph import map_file, visibility
 from gamms.ir.scenery import Scenery
+from gamms.knowledge.fields import FieldTable
+from gamms.knowledge.looks import decode_looks
 from gamms.recorder import Reader, RecordingError
+from gamms.recorder.errors import reporting_damage
 
 # What GAMMS says of a file that breaks a limit.
 MESSAGES = {
@@ -28,8 +33,8 @@ MESSAGES = {
     "depth": "more than 32 levels",
     "key": "same key twice|unhashable",
     "array": "an array has|a value is damaged|array of the right type|a column is cut off|damaged$|has shape"
-    "|columns of a scenery|has no attribute",
-    "dict": "not a keyframe|no header|contents are damaged",
+    "|scenery is damaged|columns of a scenery|has no attribute",
+    "dict": "its key is damaged|not a keyframe|no header|contents are damaged",
     "column": "cannot have|does not fit its table",
     "counts": "damaged|add up to",
     "events": "out of place|not numbers",
@@ -37,11 +42,14 @@ MESSAGES = {
     "rows": "row that does not exist|damaged$",
     "finite": "finite",
     "lengths": "negative|finite",
-    "sizes": "are damaged|three points or more|scenery is damaged",
+    "sizes": "looks are damaged|are damaged|three points or more|scenery is damaged",
     "points": "at most",
     "text": "string or None|contents are damaged",
     "attribute": "attribute .* is damaged|does not exist|contents are damaged",
-    "closed": "contents are damaged",
+    "closed": "contents are damaged|closed edge",
+    "scenery": "both a scenery by name and a base map",
+    "looks": "looks are damaged",
+    "fields": "looks are damaged",
 }
 
 
@@ -85,7 +93,34 @@ def read_recording(data):
         reader.verify()
         answer = {"header": reader.header, "turns": [_pair_moves(reader.log(turn)) for turn in range(reader.turns)]}
         states = filter(None, map(reader.keyframe, range(reader.turns + 1)))
-        return answer | {"is_complete": reader.is_complete, "keyframes": dict(states)}
+        answer |= {"is_complete": reader.is_complete, "keyframes": dict(states)}
+        return answer | ({"looks": read_looks(reader)} if second_looks.has_looks(answer) else {})
+
+
+def read_looks(reader):
+    """Return the looks of each turn, as `second_looks.read_looks` does."""
+    fields = FieldTable()
+    turns = []
+    with reporting_damage("Its looks are damaged"), gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        has_map = "world" in reader.header
+        if has_map:
+            ctx.graph.storage.unpack(reader.header["world"])
+        for turn in range(reader.turns):
+            turns.append([])
+            for kind, data in (entry for entry in reader.log(turn) if type(entry) is tuple):
+                if kind == second_looks.NEW_MAP:
+                    has_map = "world" in data
+                    ctx.graph.storage.unpack(data["world"])
+                if kind == second_looks.SENSED:
+                    looks = decode_looks(data, fields=fields)
+                    graph = ctx.graph.graph if has_map else None
+                    turns[-1] += [(agent, *look[:-1], find_covered(look.field, graph)) for agent, look in looks]
+    return turns
+
+
+def find_covered(field, graph):
+    """Return the ids of the nodes that a field covers; None without a field or a map."""
+    return None if field is None or graph is None else field.nodes(graph).tolist()
 
 
 def _pair_moves(log):
@@ -116,7 +151,7 @@ def read_map(data):
         "faces": [[face.id, face.type, *(part for corner in face[1:5] for part in corner)] for face in saved.faces],
         "node_attributes": _name_rows(graph.node_attributes, nodes),
         "edge_attributes": _name_rows(graph.edge_attributes, edges),
-        "closed": [{key: _as_list(value) for key, value in edge.items()} for edge in saved.closed.values()],
+        "closed": [edge | _list_points(edge) for edge in saved.closed.values()],
         "base_map": None if is_named else _list_shapes(saved.scenery),
     }
 
@@ -125,8 +160,9 @@ def _name_rows(attributes, ids):
     return {name: [[ids[row], value] for row, value in by_row.items()] for name, by_row in attributes.items()}
 
 
-def _as_list(value):
-    return value.tolist() if isinstance(value, np.ndarray) else value
+def _list_points(edge):
+    line = edge.get("linestring")
+    return {} if line is None else {"linestring": line.tolist()}
 
 
 def _list_shapes(scenery):
@@ -144,16 +180,22 @@ def read_sight(data):
         state = map_file.unframe_file(data, b"GAMMSEYE", visibility._VERSION)
         answer = {name: state[name] for name in ("key", "radius", "observer_height")}
         seen = visibility.decode(data, state["key"], len(state["counts"]))
-    parts = np.split(seen.rows, np.cumsum(seen.counts)[:-1])
-    return answer | {"seen": [part.tolist() for part in parts]}
+    ends = np.cumsum(seen.counts)
+    parts = zip((ends - seen.counts).tolist(), ends.tolist(), strict=True)
+    return answer | {"seen": [seen.rows[start:end].tolist() for start, end in parts]}
 
 
 GAMMS = {".ggr": read_recording, ".gamms": read_map, ".sight": read_sight}
 SECOND = {
-    ".ggr": second_reader.read_recording,
+    ".ggr": lambda data: add_looks(second_reader.read_recording(data)),
     ".gamms": second_reader.read_map,
     ".sight": second_reader.read_sight,
 }
+
+
+def add_looks(recording):
+    """Add the looks of sensors to the second reader's answer, if there are any."""
+    return recording | ({"looks": second_looks.read_looks(recording)} if second_looks.has_looks(recording) else {})
 
 
 def ask_gamms(suffix, data):

@@ -20,7 +20,6 @@ class Refused(ValueError):
     """A file that a reader must refuse: the limit that it breaks, and the byte of its block."""
 
     def __init__(self, limit, byte=None):
-        super().__init__(f"{limit} at byte {byte}")
         self.limit = limit
         self.byte = byte
 
@@ -43,9 +42,9 @@ class Budget:
         self.left -= cost
         expect(self.left >= 0, "memory")
 
-    def count_hash(self, value):
+    def count_hash(self, value, data):
         same = self.values.setdefault(hash(value), set())
-        same.add(repr(value))
+        same.add(data)
         expect(len(same) <= 64, "hashes")
 
 
@@ -139,7 +138,7 @@ def _open(item, depth, budget):
     if item.code == 6:
         number = int.from_bytes(data, "big", signed=True)
         if abs(number) >= 1 << 64:
-            budget.count_hash(number)
+            budget.count_hash(number, data)
         return number
     try:
         if item.code == 7:
@@ -158,7 +157,7 @@ def _container(code, data, depth, budget):
     budget.charge(160 + len(data) + 48 * len(items))
     value = MAKERS[code]([_open(item, depth + 1, budget) for item in items])
     if code == 4 or (code == 0 and _is_key(value)):
-        budget.count_hash(value)
+        budget.count_hash(value, data)
     return value
 
 
@@ -179,6 +178,7 @@ def _array(items):
     expect(dtype in DTYPES and len(shape) <= 8, "array")
     expect(all(type(length) is int and 0 <= length < 1 << 40 for length in shape), "array")
     size = struct.calcsize(DTYPES[dtype])
+    expect(size * prod(length or 1 for length in shape) < 1 << 63, "array")
     count = prod(shape)
     expect(len(data) == size * count, "array")
     joined = bytearray(len(data))
@@ -371,13 +371,8 @@ def _read_numbers(columns, kind, count):
 GRAPH = {"node_ids": "nodes", "xy": "nodes 2", "edge_ids": "edges", "sources": "edges", "targets": "edges"}
 GRAPH |= {"lengths": "edges", "bend_rows": "bends", "bend_sizes": "bends", "bend_points": "points 2"}
 GRAPH |= {"face_ids": "faces", "face_types": "faces", "face_corners": "faces 12"}
-BASE_MAP = {
-    "kinds": "shapes",
-    "sizes": "shapes",
-    "points": "points 2",
-    "face_types": "walls",
-    "face_corners": "walls 12",
-}
+BASE_MAP = {"kinds": "shapes", "sizes": "shapes", "points": "points 2"}
+BASE_MAP |= {"face_types": "walls", "face_corners": "walls 12"}
 FLOATS = {"xy", "lengths", "bend_points", "face_corners", "points"}
 
 
@@ -396,15 +391,20 @@ def read_map(data):
     state = _read_frame(data, b"GAMMSMAP", 2)
     graph = _read_columns(state, GRAPH)
     texts = {name: state.get(name, None if name == "scenery" else 0) for name in ("crs", "attribution", "scenery")}
-    expect(all(text is None or isinstance(text, str) for text in texts.values()), "text")
-    nodes, edges = graph["node_ids"], graph["edge_ids"]
+    given = [text for text in texts.values() if text is not None]
+    expect(all(isinstance(text, str) and text == text.encode(errors="ignore").decode() for text in given), "text")
+    expect(texts["scenery"] is None or "base_map" not in state, "scenery")
+    nodes, edges, closed = graph["node_ids"], graph["edge_ids"], state.get("closed", [])
+    expect(isinstance(closed, list), "closed")
+    closed = [_check_closed(edge) for edge in closed]
+    expect(len({edge["id"] for edge in closed}) == len(closed), "ids")
     expect(all(len(set(ids)) == len(ids) for ids in (nodes, edges, graph["face_ids"])), "ids")
     expect(all(0 <= row < len(nodes) for row in graph["sources"] + graph["targets"]), "rows")
     places = graph["xy"] + graph["bend_points"] + graph["face_corners"]
     expect(all(isfinite(number) for place in places for number in place), "finite")
     expect(all(isfinite(length) and length >= 0 for length in graph["lengths"]), "lengths")
     _check_rows(graph["bend_rows"], edges)
-    bends = dict(zip(graph["bend_rows"], _split(graph["bend_points"], graph["bend_sizes"], 2), strict=True))
+    bends = dict(zip(graph["bend_rows"], split(graph["bend_points"], graph["bend_sizes"], 2), strict=True))
     columns = zip(edges, graph["sources"], graph["targets"], graph["lengths"], strict=True)
     faces = zip(graph["face_ids"], graph["face_types"], graph["face_corners"], strict=True)
     return texts | {
@@ -413,14 +413,13 @@ def read_map(data):
         "faces": [[id, kind, *corners] for id, kind, corners in faces],
         "node_attributes": _read_attributes(state.get("node_attributes"), nodes),
         "edge_attributes": _read_attributes(state.get("edge_attributes"), edges),
-        "closed": [_check_closed(edge) for edge in state.get("closed", ())],
+        "closed": closed,
         "base_map": _read_base_map(state["base_map"]) if "base_map" in state else None,
     }
 
 
 def _read_columns(state, shapes):
     """Return the arrays of a dict as lists, those of two dimensions as lists of lists."""
-    expect(isinstance(state, dict), "dict")
     found, lengths = {}, {}
     for name, shape in shapes.items():
         axis, *width = shape.split()
@@ -428,11 +427,12 @@ def _read_columns(state, shapes):
         expect(isinstance(array, Array) and array.dtype == ("float64" if name in FLOATS else "int64"), "array")
         expect([str(length) for length in array.shape[1:]] == width and array.shape, "array")
         expect(lengths.setdefault(axis, array.shape[0]) == array.shape[0], "array")
-        found[name] = _split(array.items, [int(width[0])] * array.shape[0]) if width else array.items
+        found[name] = split(array.items, [int(width[0])] * array.shape[0]) if width else array.items
     return found
 
 
-def _split(items, sizes, least=0):
+def split(items, sizes, least=0):
+    """Return parts of a list, of so many items each, which are all of them."""
     expect(all(size >= least for size in sizes) and sum(sizes) == len(items), "sizes")
     return [items[start:end] for start, end in pairwise(accumulate(sizes, initial=0))]
 
@@ -448,9 +448,8 @@ def _read_attributes(columns, ids):
     for name, column in columns.items():
         expect(isinstance(name, str) and isinstance(column, list) and len(column) == 3, "attribute")
         *arrays, values = column
-        expect(
-            all(isinstance(part, Array) and part[:2] == ("int64", [len(part.items)]) for part in arrays), "attribute"
-        )
+        are_columns = all(isinstance(part, Array) and part[:2] == ("int64", [len(part.items)]) for part in arrays)
+        expect(are_columns, "attribute")
         rows, numbers = (part.items for part in arrays)
         expect(isinstance(values, list) and len(rows) == len(numbers) > 0, "attribute")
         expect(all(0 <= number < len(values) for number in numbers), "attribute")
@@ -461,15 +460,16 @@ def _read_attributes(columns, ids):
 
 def _check_closed(edge):
     expect(isinstance(edge, dict) and all(isinstance(key, str) for key in edge), "closed")
-    expect(all(type(edge.get(key)) is int for key in ("id", "source", "target")), "closed")
+    ids = [edge.get(key) for key in ("id", "source", "target")]
+    expect(all(type(id) is int and -(1 << 63) <= id < 1 << 63 for id in ids), "closed")
     length = edge.get("length")
     expect(type(length) in (int, float) and isfinite(length) and length >= 0, "closed")
     line = edge.get("linestring")
     if line is None:
         return edge
-    expect(isinstance(line, Array) and line.shape[0] >= 2 and line.shape[1:] == [2], "closed")
+    expect(isinstance(line, Array) and line.shape[1:] == [2] and line.shape[0] >= 2, "closed")
     expect(line.dtype != "bool" and all(map(isfinite, line.items)), "closed")
-    return edge | {"linestring": _split(line.items, [2] * line.shape[0])}
+    return edge | {"linestring": split(line.items, [2] * line.shape[0])}
 
 
 def _read_base_map(state):
@@ -478,7 +478,7 @@ def _read_base_map(state):
     expect(sum(array.shape[0] for array in arrays if array.shape) <= 1 << 20, "points")
     columns = _read_columns(state, BASE_MAP)
     places = columns["points"] + columns["face_corners"]
-    shapes = list(zip(columns["kinds"], _split(columns["points"], columns["sizes"]), strict=True))
+    shapes = list(zip(columns["kinds"], split(columns["points"], columns["sizes"]), strict=True))
     expect(all(len(points) >= (3 if kind < 16 else 2) for kind, points in shapes), "sizes")
     expect(all(abs(number) <= 1e12 for place in places for number in place), "finite")
     walls = zip(columns["face_types"], columns["face_corners"], strict=True)
@@ -490,8 +490,8 @@ def read_sight(data):
     state = _read_frame(data, b"GAMMSEYE", 3)
     arrays = [state.get(name) for name in ("counts", "rows")]
     expect(all(isinstance(part, Array) and part[:2] == ("int32", [len(part.items)]) for part in arrays), "array")
-    seen = _split(arrays[1].items, arrays[0].items, 1)
+    seen = split(arrays[1].items, arrays[0].items, 1)
     for rows in seen:
         _check_rows(rows, seen)
-    expect(state.keys() >= {"key", "radius", "observer_height"}, "dict")
+    expect(isinstance(state.get("key"), bytes) and state.keys() >= {"radius", "observer_height"}, "dict")
     return {name: state[name] for name in ("key", "radius", "observer_height")} | {"seen": seen}

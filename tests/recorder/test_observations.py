@@ -12,7 +12,7 @@ from gamms.agent import AgentType
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.knowledge import looks as sensed
-from gamms.knowledge.fields import FieldTable, SensorField, find_places
+from gamms.knowledge.fields import FieldTable, find_places
 from gamms.recorder import RecordingError
 from gamms.sensor import SensorType
 from gamms.sensor.detection import DetectingSensor
@@ -206,15 +206,6 @@ def test_agents_are_listed_once_unless_looks_differ_about_their_nodes():
             sensed.decode_looks({**data, key: value})
 
 
-def test_damaged_columns_are_refused():
-    looks = sensed.take_looks([(0, {"near": (SensorType.NEIGHBOR, [1, 2])})], {"anna": 0}, {"anna": 0})
-    data = sensed.columns_of(looks, FieldTable(), 0)
-    assert [look.first for _, look in sensed.decode_looks(data, 0)] == [[1, 2]]
-    for key, value in (("counts", np.array([2])), ("which", np.array([5])), ("sensors", [3]), ("forms", np.array([3]))):
-        with pytest.raises((KeyError, ValueError, TypeError, IndexError)):
-            sensed.decode_looks({**data, key: value}, 0)
-
-
 # -- covered nodes ------------------------------------------------------------------------------------------------
 
 
@@ -371,48 +362,6 @@ def test_pages_ask_no_sensor_for_its_field_and_older_recordings_give_the_same_pa
     with recorder.open(io.BytesIO(old)) as recording:
         web.page(recording)
     assert asked != []
-
-
-ONE = SensorField(2, 10.0, b"\x40")
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"fields": np.array([3], np.uint8)},
-        {"fields": np.array([1], np.int64)},
-        {"fields": np.array([1, 1], np.uint8)},
-        {"fields": [1]},
-        {"first_field": -1},
-        {"first_field": True},
-        {"first_field": 1.0},
-        {"new_fields": [(2, 10.0)]},
-        {"new_fields": [(2, float("inf"), b"")]},
-        {"new_fields": [(2, float("nan"), b"")]},
-        {"new_fields": [(2, -1.0, b"")]},
-        {"new_fields": [(2, 10, b"")]},
-        {"new_fields": [("2", 10.0, b"")]},
-        {"new_fields": [((1.0, float("nan")), 10.0, b"")]},
-        {"new_fields": [((1.0, 2.0, 3.0), 10.0, b"")]},
-        {"new_fields": [(2, 10.0, "no")]},
-        {"new_fields": 5},
-    ],
-)
-def test_damaged_fields_are_refused(change):
-    data = FieldTable().write([ONE], 0)
-    assert FieldTable().read(data, 1) == [ONE]
-    with pytest.raises((KeyError, ValueError, TypeError)):
-        FieldTable().read({**data, **change}, 1)
-
-
-def test_fields_that_do_not_fit_the_map_are_refused():
-    with gamms.create_context(logger_config=QUIET) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
-        assert ONE.nodes(ctx.graph.graph).tolist() == [1, 5]  # of 1, 2 and 5 without 2
-        with pytest.raises(ValueError, match="bits of 3 nodes"):
-            ONE._replace(hidden=b"\x40\x40").nodes(ctx.graph.graph)
-        with pytest.raises(UnknownName):
-            ONE._replace(place=99).nodes(ctx.graph.graph)
 
 
 def test_a_page_of_fields_that_do_not_fit_the_map_is_refused(lookouts):

@@ -249,7 +249,7 @@ def decode(data: bytes) -> SavedMap:
         attributes = _read_attributes(state["node_attributes"]), _read_attributes(state["edge_attributes"])
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
         graph = check_columns(arrays, _read_polylines(others), attributes, crs)
-        closed = {edge["id"]: edge for edge in map(_check_edge, state.get("closed", ()))}
+        closed = _read_closed(state.get("closed", []))
         return SavedMap(graph, list(_read_faces(others)), attribution, _read_scenery(state), closed)
 
 
@@ -331,14 +331,29 @@ def _list_closed(closed: ClosedEdges) -> list[Plain]:
     return [dict(edge) for edge in closed.values()]
 
 
+def _read_closed(edges: Plain) -> ClosedEdges:
+    if type(edges) is not list:
+        raise BadFile("the closed edges are not a list")
+    closed = {edge["id"]: edge for edge in map(_check_edge, edges)}
+    if len(closed) < len(edges):
+        raise BadFile("a closed edge occurs twice")
+    return closed
+
+
 def _check_edge(edge: Plain) -> dict[str, Any]:
     """Check a closed edge as far as possible without the graph; `open_roads` checks the rest."""
-    id = records.as_id(edge["id"], "an edge")
+    for name in ("id", "source", "target"):
+        if type(edge[name]) is not int:
+            raise BadFile(f"the {name} of a closed edge is {shown(edge[name])}, which is not an integer")
+        records.as_id(edge[name], "an edge or a node")
+    if type(edge["length"]) not in (int, float):
+        raise BadFile(f"the length of a closed edge is {shown(edge['length'])}, which is not a number")
+    id = edge["id"]
     line = edge.get("linestring")
     records.as_length(edge["length"], id)
-    for end in ("source", "target"):
-        records.as_id(edge[end], "a node")
     if line is not None:
+        if not isinstance(line, np.ndarray) or line.shape[1:] != (2,):
+            raise BadFile(f"the linestring of closed edge {id} is not an array of points")
         edge["linestring"] = read_points(line, f"The linestring of edge {id}")
     return records.extras(edge, frozenset()) if type(edge) is dict else {}
 
@@ -389,8 +404,11 @@ def _make_keys(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
 def _read_attributes(columns: Plain) -> _Attributes:
     """Return attributes by name; rows with equal values share one object."""
     found: _Attributes = {}
-    for name, (rows, codes, values) in columns.items():
-        if type(name) is not str or type(values) is not list or not len(rows) == len(codes) > 0:
+    for name, column in columns.items():
+        if type(name) is not str or type(column) is not list or len(column) != 3:
+            raise BadFile(f"attribute {name!r} is damaged")
+        rows, codes, values = column
+        if type(values) is not list or not len(rows) == len(codes) > 0:
             raise BadFile(f"attribute {name!r} is damaged")
         if any(one.ndim != 1 or one.dtype != np.int64 for one in (rows, codes)):
             raise BadFile(f"attribute {name!r} is damaged")
@@ -449,12 +467,17 @@ def pack_base_map(scenery: Scenery) -> dict[str, Plain]:
 
 
 def _read_scenery(state: dict[str, Plain]) -> str | Scenery | None:
-    columns = state.get("base_map")
-    if columns is None:
-        return records.as_text(state.get("scenery"), "scenery")
+    name = records.as_text(state.get("scenery"), "scenery")
+    if "base_map" not in state:
+        return name
+    if name is not None:
+        raise BadFile("it has both a scenery by name and a base map")
+    columns = state["base_map"]
     kinds, sizes, points, types, corners = (
         _read_array(columns, name) for name in ("kinds", "sizes", "points", "face_types", "face_corners")
     )
+    if sizes.ndim != 1:
+        raise BadFile("the scenery is damaged")
     if len(sizes) and not 0 <= int(sizes.min()) <= int(sizes.max()) <= len(points):
         raise BadFile("the scenery is damaged")
     offsets = np.concatenate(([0], np.cumsum(sizes)))

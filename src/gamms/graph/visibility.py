@@ -345,6 +345,8 @@ def decode(data: bytes, key: bytes, nodes: int) -> VisibilityRows | None:
     """
     with map_file.report_damage():
         state = map_file.unframe_file(data, _MAGIC, _VERSION)
+        if type(state["key"]) is not bytes:
+            raise BadFile("its key is damaged")
         if state["key"] != key:
             return None
         counts, rows = seen = VisibilityRows(state["counts"], state["rows"])

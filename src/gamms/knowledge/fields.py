@@ -207,8 +207,7 @@ class FieldTable:
     """
 
     def __init__(self) -> None:
-        self._first = 0  # number of the first known field
-        self._known: list[SensorField] = []
+        self._known: dict[int, SensorField] = {}  # by number, of those that were read
         self._numbers: dict[SensorField, int] = {}  # of those that were written
         self._span = -1
 
@@ -259,17 +258,17 @@ class FieldTable:
         if _COLUMNS[0] not in data:
             return [None] * looks
         numbers, first, given = (data[key] for key in _COLUMNS)
+        if type(given) is not list or not all(type(one) is tuple for one in given):
+            raise TypeError("its new fields are not a list of tuples")
         new = [_check_field(*one) for one in given]
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "u" or numbers.shape != (looks,):
             raise TypeError("its fields are not a column of one number for each look")
         if type(first) is not int or first < 0 or (looks and int(numbers.max()) > first + len(new)):
             raise ValueError("a look has a field with a number that does not exist")
-        if not self._first <= first <= self._first + len(self._known):  # the reader has begun after the writer
-            self._first = first
-        del self._known[first - self._first :]  # all of them, or those of this event if it is read again
-        self._known += new
-        rows = [number - 1 - self._first for number in numbers.tolist()]
-        return [self._known[row] if row >= 0 else None for row in rows]
+        if first == 0:
+            self._known.clear()
+        self._known |= enumerate(new, first)
+        return [self._known.get(number - 1) for number in numbers.tolist()]  # 0 is no field
 
 
 def _check_field(place: object, radius: object, hidden: object) -> SensorField:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.graph import GraphColumns
+from gamms.ir.graph import GraphColumns, IntArray
 from gamms.knowledge.fields import FieldTable, SensorField
 from gamms.plain import to_plain
 from gamms.text import shown
@@ -15,7 +15,8 @@ Results = Mapping[str, tuple[Any, Any]]  # sensor -> (type, data), as in a state
 
 # Forms of data: node ids; nodes and edges; agents and nodes; anything else; agents in 3D, and the nodes below; and, in
 # encoded data only, agents as places in the list of all agents that the looks report, with their nodes.
-_IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE, _LISTED = range(6)
+_FORMS = range(6)
+_IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE, _LISTED = _FORMS
 WITH_OTHER = (_OTHER, _IN_SPACE)
 _OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # their data are (type, position) for each agent
 # Types whose ids are node ids, and whose names are agent names; custom types may differ.
@@ -147,6 +148,59 @@ def _narrow(numbers: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
     return numbers.astype(np.min_scalar_type(int(numbers.max())))
 
 
+class _LookColumns(NamedTuple):
+    """The columns of looks, checked.
+
+    Attributes:
+        owners: (looks,) number of the agent that looked.
+        which: (looks,) place of its sensor.
+        forms: (looks,) how its data are held.
+        ends: (2 * looks + 1,) where the ids of its first and of its second part begin, and where the last end.
+        others: (looks + 1,) the number of items of `others` before each look.
+    """
+
+    owners: IntArray
+    which: list[int]
+    forms: IntArray
+    ends: list[int]
+    others: list[int]
+
+    def slice_parts(self, row: int) -> tuple[slice, slice]:
+        """Return where the first and the second part of the ids of a look are."""
+        begin, middle, end = self.ends[2 * row : 2 * row + 3]
+        return slice(begin, middle), slice(middle, end)
+
+
+def _read_columns(data: Mapping[str, Any]) -> _LookColumns:
+    """Check the columns of an event; see `decode_looks`."""
+    agents, counts, which, forms, ids = (
+        _convert_integers(data[name]) for name in ("agents", "counts", "which", "forms", "ids")
+    )
+    looks = len(which)
+    sizes = _convert_integers(data["sizes"], 2)
+    if len(forms) != looks or len(sizes) != looks or len(agents) != len(counts):
+        raise ValueError("its columns have different lengths")
+    if not _add_up(counts, looks) or not _add_up(sizes.reshape(-1), len(ids)):
+        raise ValueError("its counts or sizes do not add up")
+    sensors = data["sensors"]
+    if type(sensors) is not list or not all(type(one) is tuple and [*map(type, one)] == [str, str] for one in sensors):
+        raise TypeError("its sensors are not a list of pairs of a name and a kind")
+    if looks and not 0 <= int(which.min()) <= int(which.max()) < len(sensors):
+        raise ValueError("a look has a sensor that is not listed")
+    if not np.isin(forms, _FORMS).all():
+        raise ValueError("a look has an unknown form")
+    first, second = sizes.T
+    has_pairs = np.isin(forms, (_AGENTS, _IN_SPACE))
+    if (second != np.where(has_pairs, first, 0))[forms != _MAP].any() or first[forms == _OTHER].any():
+        raise ValueError("a look has ids that its form does not have")
+    has_other = np.isin(forms, WITH_OTHER)
+    if type(data["others"]) is not list or len(data["others"]) != np.count_nonzero(has_other):
+        raise ValueError("its other data are not one item for each look that has some")
+    ends = np.concatenate(([0], np.cumsum(sizes))).tolist()
+    others = np.concatenate(([0], np.cumsum(has_other))).tolist()
+    return _LookColumns(np.repeat(agents, counts), which.tolist(), forms, ends, others)
+
+
 def decode_looks(
     data: Mapping[str, Any], agent: int | None = None, fields: FieldTable | None = None
 ) -> list[tuple[int, Look]]:
@@ -160,36 +214,45 @@ def decode_looks(
     Raises:
         KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
     """
-    agents, counts, which = (_convert_integers(data[name]) for name in ("agents", "counts", "which"))
-    if (
-        not len(which) == len(_convert_integers(data["forms"])) == len(_convert_integers(data["sizes"])) == counts.sum()
-        or (counts < 0).any()
-    ):
-        raise ValueError("its columns have different lengths")
-    owners = np.repeat(agents, counts)  # at most the number of looks
-    ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
-    others = np.cumsum(np.isin(data["forms"], WITH_OTHER)).tolist()
+    columns = _read_columns(data)
+    owners = columns.owners
     covered = None if fields is None else fields.read(data, len(owners))
     rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
+    ids = data["ids"].tolist()
+    seen = _read_seen(data)
     found = []
     for row in rows:
-        sensor, kind = data["sensors"][int(data["which"][row])]
-        begin = ends[2 * row - 1] if row else 0
-        middle = ends[2 * row]
-        end = ends[2 * row + 1]
-        form = int(data["forms"][row])
-        other = data["others"][others[row] - 1] if form in WITH_OTHER else None
-        first = data["ids"][begin:middle].tolist()
-        second = data["ids"][middle:end].tolist()
+        sensor, kind = data["sensors"][columns.which[row]]
+        first, second = (ids[part] for part in columns.slice_parts(row))
+        form = int(columns.forms[row])
+        other = data["others"][columns.others[row]] if form in WITH_OTHER else None
+        if form == _IN_SPACE and (type(other) is not list or len(other) != len(first)):
+            raise ValueError("a look has other positions than agents")
         if form == _LISTED:
             form = _AGENTS
             if first and min(first) < 0:
                 raise ValueError("it lists an agent at a negative place")
-            if first:
-                first, second = (_convert_integers(data[key])[first].tolist() for key in ("seen", "seen_at"))
+            pairs = [seen[place] for place in first]
+            first = [number for number, _ in pairs]
+            second = [node for _, node in pairs]
         field = None if covered is None else covered[row]
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other, field)))
     return found
+
+
+def _read_seen(data: Mapping[str, Any]) -> list[tuple[int, int]]:
+    """Return the number and the node of each listed agent."""
+    if "seen" not in data:
+        return []
+    numbers, nodes = (_convert_integers(data[name]).tolist() for name in ("seen", "seen_at"))
+    return list(zip(numbers, nodes, strict=True))
+
+
+def _add_up(sizes: IntArray, total: int) -> bool:
+    """Return whether sizes are not negative and have a sum, without an overflow for any numbers."""
+    if not len(sizes):
+        return total == 0
+    return int(sizes.min()) >= 0 and int(sizes.max()) <= total and int(sizes.sum()) == total
 
 
 def renumber_looks(
@@ -205,10 +268,10 @@ def renumber_looks(
     Raises:
         KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
     """
+    columns = _read_columns(data)
     ids = data["ids"].astype(np.int64)
-    ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
-    for row in np.flatnonzero(np.isin(data["forms"], (_AGENTS, _IN_SPACE))).tolist():
-        part = slice(ends[2 * row - 1] if row else 0, ends[2 * row])
+    for row in np.flatnonzero(np.isin(columns.forms, (_AGENTS, _IN_SPACE))).tolist():
+        part, _ = columns.slice_parts(row)
         ids[part] = [number_of(number) for number in ids[part].tolist()]
     found = {"agents": _map_numbers(data["agents"], observer_of or number_of), "ids": ids}
     if "seen" in data:
@@ -323,10 +386,20 @@ def as_reported(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
     return look
 
 
-def _convert_integers(column: object) -> "np.ndarray[Any, Any]":
-    if not isinstance(column, np.ndarray) or column.dtype.kind not in "iu" or not column.ndim:
+def _convert_integers(column: object, *row: int) -> IntArray:
+    """Return a column of integers, or of rows of integers of the given shape.
+
+    Raises:
+        TypeError: it is not such a column.
+        OverflowError: an integer does not fit into int64.
+    """
+    if not isinstance(column, np.ndarray) or column.dtype.kind not in "iu" or column.ndim != 1 + len(row):
         raise TypeError(f"{shown(column)} is not a column of integers")
-    return column
+    if column.shape[1:] != row:
+        raise TypeError(f"{shown(column)} is not a column of rows of {row[0]} integers")
+    if column.size and int(column.max()) >= 1 << 63:
+        raise OverflowError(f"{shown(column)} has an integer beyond int64")
+    return column.astype(np.int64, copy=False)
 
 
 def _make_look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], nodes: Mapping[str, int]) -> Look:
