@@ -347,9 +347,12 @@ def _notes_of_files(folder: Path, plan: Mapping[str, Any], lines: int) -> Iterat
         plan: its plan.
         lines: the number of lines of its journal.
     """
-    extra = lines - len({*plan["rows"]})
-    if extra > 0:
-        yield f"{folders.JOURNAL} has {extra:,} lines that belong to no row of the plan."
+    rows = len({*plan["rows"]})
+    if lines > rows:
+        yield (
+            f"{folders.JOURNAL} has {lines:,} lines for {rows:,} rows: lines of other rows, and lines before another "
+            "one of the same row, are not checked."
+        )
     derived = ("rows.jsonl", "rows.csv", "rows.parquet")
     checked = {folders.PLAN, folders.JOURNAL, folders.SERIES, *derived}
     others = [one for one in folders.files_in(folder) if one.suffix != _RECORDING and one.as_posix() not in checked]
