@@ -194,6 +194,15 @@ def test_items_of_lists_are_compared_by_their_names_and_their_order():
     assert walk().differences(Scenario(**raw)) == ["rules: in the order tag, last_team, and last_team, tag"]
 
 
+def test_values_in_lists_are_compared_by_their_places():
+    other = walk(data={"at": [1.5, 2.5], "posts": [4, 5, 6]})
+    assert walk(data={"at": [1.5, 3.5], "posts": [4, 6]}).differences(other) == [
+        "data.at.1: 3.5, and 2.5",
+        "data.posts.1: 6, and 5",
+        "data.posts.2: not there, and 6",
+    ]
+
+
 def test_numbers_and_truths_differ():
     assert walk(data={"a": 1}).differences(walk(data={"a": True})) == ["data.a: 1, and true"]
     with pytest.raises(BadType, match="differences needs another Scenario, not 3"):

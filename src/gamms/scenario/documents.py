@@ -248,8 +248,8 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
 def differences(first: Plain, second: Plain, path: str = "") -> Iterator[str]:
     """Yield a line for each place where two plain values differ.
 
-    Items of lists are compared by their labels, such as the names of agents and rules, where both lists have unique
-    ones; otherwise by their numbers.
+    Names and mappings in lists are compared by their labels, such as the names of agents and rules, if both lists have
+    unique ones; all other items by their numbers.
     """
     with_labels = _has_labels(first) and _has_labels(second)
     one = _labeled(first, with_labels=with_labels)
@@ -272,8 +272,10 @@ def differences(first: Plain, second: Plain, path: str = "") -> Iterator[str]:
 
 
 def _has_labels(value: Plain) -> bool:
-    """Return whether the items of a list have different names."""
-    labels = _list_parts(value) if isinstance(value, list) else []
+    """Return whether the items of a list are different names, or mappings with different names."""
+    if not isinstance(value, list) or not all(isinstance(item, dict | str) for item in value):
+        return False
+    labels = _list_parts(value)
     return all(labels) and len(set(labels)) == len(labels)
 
 
