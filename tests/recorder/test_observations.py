@@ -206,6 +206,36 @@ def test_agents_are_listed_once_unless_looks_differ_about_their_nodes():
             sensed.decode_looks({**data, key: value})
 
 
+def spoil(recording, header, keyframe, events):
+    """The first turn of a recording, with other values in the header and the first keyframe, and with more events."""
+    reader = recording.reader
+    stream = io.BytesIO()
+    writer = recorder.Writer(stream, reader.header | header, seconds=None)
+    writer.keyframe(reader.keyframe(0)[1] | keyframe)
+    writer.add_turn([*reader.log(0), *events])
+    writer.close()
+    return recorder.open(io.BytesIO(stream.getvalue()))
+
+
+@pytest.mark.parametrize(
+    ("header", "keyframe", "events"),
+    [
+        ({"sides": [3]}, {}, []),
+        ({}, {"team_memories": [("red", (1, 2))]}, []),
+        ({}, {}, [(kinds.USER_EVENT, 2.5)]),
+    ],
+)
+def test_pages_of_values_of_other_types_are_refused(game, header, keyframe, events):
+    with spoil(game[0], header, keyframe, events) as recording, pytest.raises(RecordingError):
+        web.page(recording)
+
+
+@pytest.mark.parametrize(("keyframe", "events"), [({"teams": ["red"] * 9}, []), ({}, [(kinds.AGENT_CREATE, [1])])])
+def test_cuts_of_values_of_other_types_are_refused(game, keyframe, events):
+    with spoil(game[0], {}, keyframe, events) as recording, pytest.raises(RecordingError):
+        recording.cut(io.BytesIO(), "red")
+
+
 # -- covered nodes ------------------------------------------------------------------------------------------------
 
 

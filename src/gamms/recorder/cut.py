@@ -5,7 +5,7 @@ team senses them, at their reported positions: they are created when they are se
 data before a turn belong to the state before it, so that a state shows what the team decides from.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from itertools import chain
 from typing import Any, BinaryIO
@@ -580,30 +580,39 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     def is_own(name: str, team: Any) -> bool:
         return bool((name if team is None else team) == own)
 
-    own = _find_team(reader, first[1], team)
+    with reporting_damage("It cannot be cut", DAMAGES):
+        teams = _list_teams(reader, first[1])
+    own = _find_team(teams, team)
     with reporting_damage("It cannot be cut", DAMAGES):
         cut = KnowledgeFilter(first[1], is_own, sensed.make_nearest(lambda: columns), reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
-    header |= {"seed": None, "audience": own, "sides": list_sides(reader.header, first[1], is_own)}
+        header |= {"seed": None, "audience": own, "sides": list_sides(reader.header, first[1], is_own)}
     writer = Writer(out, header, seconds=None)
     for turn in range(reader.turns):
         with reporting_damage(f"Turn {turn + 1} cannot be cut", DAMAGES):
             complete = list(cut.add(reader.log(turn)))
+            keyframe = cut.keyframe(turn) if turn % _KEYFRAME_TURNS == 0 else None
         for given in complete:
             writer.add_turn(given)
-        if turn % _KEYFRAME_TURNS == 0:
-            writer.keyframe(cut.keyframe(turn))
-    for given in cut.rest():
+        if keyframe is not None:
+            writer.keyframe(keyframe)
+    with reporting_damage("Its last turn cannot be cut", DAMAGES):
+        rest = list(cut.rest())
+    for given in rest:
         writer.add_turn(given)
     writer.close()
 
 
-def _find_team(reader: Reader, first: Keyframe, team: object) -> Any:
-    """Return the team given by a caller, as agents have it; the name of an agent without a team."""
+def _list_teams(reader: Reader, first: Keyframe) -> list[Any]:
+    """Return the teams of all agents, and the names of agents without a team."""
     come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
     come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
     there = zip(first["names"], first["teams"], strict=True)
-    teams = [name if own is None else own for name, own in (*there, *come)]
+    return [name if own is None else own for name, own in (*there, *come)]
+
+
+def _find_team(teams: Sequence[Any], team: object) -> Any:
+    """Return the team given by a caller, as agents have it; the name of an agent without a team."""
     for known in teams:
         if known == team or str(known) == team:
             return known

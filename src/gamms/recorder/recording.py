@@ -32,7 +32,7 @@ from gamms.ir.graph import read_only
 from gamms.ir.tables import add_latlon, frame_of, make_table
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
-from gamms.recorder.errors import Damaged, RecordingError, reporting_damage
+from gamms.recorder.errors import DAMAGES, Damaged, RecordingError, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, check_given_map, has_map, hash_in, hash_of
 from gamms.recorder.states import State, copy_state
@@ -173,9 +173,10 @@ class Recording(Surface, StreamOwner):
         name = scenario.get("name") if isinstance(scenario, dict) else None
         if isinstance(name, str) and name:
             return name
-        sides = self.header.get("sides") or list_sides(self.header, self.detached(0).keyframe(0))
-        named = [side for side in sides if side is not None]
-        return " and ".join(named) if 0 < len(named) <= _FEW_SIDES else "A recorded game"
+        with reporting_damage("The sides of this recording are damaged", DAMAGES):
+            sides = self.header.get("sides") or list_sides(self.header, self.detached(0).keyframe(0))
+            named = [side for side in sides if side is not None]
+            return " and ".join(named) if 0 < len(named) <= _FEW_SIDES else "A recorded game"
 
     @property
     def turns(self) -> int:

@@ -19,6 +19,7 @@ from gamms.plain import Plain
 from gamms.recorder import Recording
 from gamms.recorder import open as opened
 from gamms.recorder.cut import list_sides
+from gamms.recorder.errors import DAMAGES, reporting_damage
 from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
@@ -169,6 +170,11 @@ def _encode_for_viewer(recording: Recording, team: str | None) -> bytes:
         known = BytesIO()
         with_sensed(recording).cut(known, team)
         recording = opened(BytesIO(known.getvalue()))
+    with reporting_damage("This recording cannot be shown", DAMAGES, with_type=True):
+        return _encode_turns(recording)
+
+
+def _encode_turns(recording: Recording) -> bytes:
     state = recording.detached(0).keyframe(0)
     every = min(max(_PART_MOVES // max(len(state["names"]), 1), _FEWEST_TURNS), _MOST_TURNS)
     sides = recording.header.get("sides") or list_sides(recording.header, state)
