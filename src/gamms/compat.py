@@ -114,8 +114,8 @@ FOR_ENGINES = {  # names that only engines and clients use
     "ctx.visual": "after_turn is_closing quiet_turns",
 }
 AS_KEYWORDS = {  # settings that `create_context(game=…)` takes, and that few games read or set later
-    "ctx.game": "decide deeds deadline_s default_action information legal on_error on_illegal speed_unit team_memory "
-    "time_budget turn_seconds weight",
+    "ctx.game": "clock decide deeds deadline_s default_action information legal on_error on_illegal speed_unit "
+    "team_memory time_budget turn_seconds weight",
 }
 MOVED = {
     **{

@@ -1,5 +1,9 @@
-"""Worker processes: fresh Python processes that call functions, and import the user's script only on demand."""
+"""Worker processes: fresh Python processes that call functions, and import the user's script only on demand.
 
+They, and other child processes that call `die_with_parent`, end when their parent process ends, even by a crash.
+"""
+
+import ctypes
 import os
 import pickle
 import runpy
@@ -24,6 +28,9 @@ T = TypeVar("T")
 SIGNALS_S = 0.5  # how often signals are looked for that came just before a wait, which Python then sleeps through
 _LOOK_S = 1.0  # interval of checks of a silent process
 _IN_WORKER = "GAMMS_WORKER"
+_SET_DEATH_SIGNAL = 1  # of prctl; SIGKILL
+_KILL = 9
+_LIBC: Any = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here, for a forked child must not load
 _SCRIPT = """import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 if hasattr(signal, "pthread_sigmask"):
@@ -36,6 +43,20 @@ serve()
 def count_cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def die_with_parent(parent: int) -> None:
+    """Have this process killed when the one that started it ends; does nothing on systems other than Linux.
+
+    Linux means the thread that started it, which therefore has to live as long.
+
+    Args:
+        parent: the id of that process; if it has ended already, this process exits.
+    """
+    if _LIBC is not None:
+        _LIBC.prctl(_SET_DEATH_SIGNAL, _KILL, 0, 0, 0)
+        if os.getppid() != parent:
+            os._exit(1)
 
 
 def wait_for_first(futures: Collection[Future[T]]) -> set[Future[T]]:

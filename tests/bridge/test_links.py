@@ -13,7 +13,7 @@ import websockets
 from websockets.sync.client import connect
 
 import gamms
-from gamms.bridge import Fix, Process, Udp, WebSocketServer, drive
+from gamms.bridge import Fix, Process, SimulatedClock, Udp, WebSocketServer, drive
 from gamms.errors import BadType, BadValue, NetworkError
 
 HOME = "127.0.0.1"
@@ -217,6 +217,13 @@ def test_a_process_that_says_nothing_is_waited_for_no_longer_than_is_said():
         began = time.monotonic()
         assert link.roads(0, 0.05) is None
         assert 0.04 < time.monotonic() - began < 60.0  # it would wait for ever
+
+
+def test_a_link_waits_by_its_clock():
+    clock = SimulatedClock()
+    with Udp(listen=(HOME, 0), clock=clock) as link:
+        assert link.roads(0, 5.0) is None
+    assert clock.now() == pytest.approx(5.0)
 
 
 def test_a_process_that_has_ended_is_not_waited_for():

@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms.bridge import SimulatedClock
 from gamms.errors import BadType, BadValue, IllegalMutation
 from gamms.rules import Conflicts
 from gamms.sensor import SensorType
@@ -261,6 +262,37 @@ def test_at_the_deadline_the_default_action_counts(ctx):
     assert (result.agents["a"]["overruns"], result.agents["a"]["illegal"]) == (1, 0)
 
 
+def test_decisions_are_awaited_by_the_clock_of_the_game(ctx):
+    clock = SimulatedClock()
+    ctx.game.configure({"deadline_s": 3600.0, "default_action": 6, "clock": clock})
+    team(ctx, "a", strategy=later(1800.0, lambda state: state.update(action=4)))
+    team(ctx, "b", strategy=later(7200.0))
+    began = time.perf_counter()
+    result = ctx.game.run(1)
+    assert nodes(ctx) == {"a": 4, "b": 6}
+    assert [error["agent"] for error in result.errors] == ["b"]
+    assert clock.now() == 3600.0
+    ctx.game.clock = SimulatedClock(-5.0)
+    ctx.game.step()
+    assert (clock.now(), ctx.game.clock.now()) == (3600.0, 3595.0)
+    ctx.game.clock = None
+    ctx.game.deadline_s = 0.05
+    ctx.game.step()
+    assert time.perf_counter() - began < 60
+
+
+def test_a_simulated_clock_stands_while_threads_work_for_a_decision(ctx):
+    async def think(state):
+        await asyncio.to_thread(time.sleep, 0.05)
+        state["action"] = 4
+
+    clock = SimulatedClock()
+    ctx.game.configure({"deadline_s": 1.0, "clock": clock})
+    team(ctx, "a", strategy=think)
+    assert ctx.game.run(1).errors == []
+    assert (nodes(ctx), clock.now()) == ({"a": 4}, 0.0)
+
+
 def test_a_late_plan_is_an_overrun_of_all_its_agents(ctx):
     team(ctx, "a", "b")
 
@@ -298,6 +330,7 @@ def test_default_actions_and_deadlines_are_checked(ctx):
         ("default_action", lambda: 1),
         ("deadline_s", 0),
         ("deadline_s", "x"),
+        ("clock", 1.0),
     ):
         with pytest.raises((BadType, BadValue)):
             setattr(ctx.game, name, wrong)

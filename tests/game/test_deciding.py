@@ -402,7 +402,7 @@ def complaints(thing):
         except (IllegalMutation, AttributeError):
             continue
         is_copy = getattr(thing, name) is not value
-        if name not in ("ctx", "logger", *PARTS.get(kind, ())) and not is_copy and not is_fixed(value):
+        if name not in ("clock", "ctx", "logger", *PARTS.get(kind, ())) and not is_copy and not is_fixed(value):
             yield f"{kind}.{name} hands out {value!r:.80}"
 
 

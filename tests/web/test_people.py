@@ -6,6 +6,7 @@ import pytest
 
 import gamms
 from gamms import recorder, scenario, web
+from gamms.bridge import SimulatedClock
 from gamms.web.choices import RefusedChoice
 from gamms.web.people import People
 
@@ -94,10 +95,11 @@ def east(state):
 
 
 def test_the_default_decides_where_the_time_is_over():
-    with context(web.human(seconds=0.05, otherwise=east)) as ctx:
+    with context(web.human(seconds=60.0, otherwise=east), clock=SimulatedClock()) as ctx:
         result, _ = play(ctx, lambda *_: None)
     assert result.agents["anna"]["node"] == 1
     assert result.table("choice")["outcome"].tolist() == ["no choice in time"]
+    assert result.table("choice")["seconds"].tolist() == [60.0]
 
 
 @pytest.mark.parametrize(

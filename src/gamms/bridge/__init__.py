@@ -9,7 +9,7 @@ of contexts: May import: `scenario`, `rules`, `recordings` and below. To add a w
 """
 
 from gamms.bridge.driving import Drive, drive
-from gamms.bridge.feeds import Clock, Feed, SimulatedClock, WallClock
+from gamms.bridge.feeds import Feed
 from gamms.bridge.lines import Fix
 from gamms.bridge.links import Link, Process, Udp, WebSocketServer
 from gamms.bridge.matching import FixChecks
@@ -17,6 +17,7 @@ from gamms.bridge.rosbridge import RosBridge, rosbridge
 from gamms.bridge.rules import positions, publish, traffic
 from gamms.bridge.simulated import SimulatedRobot
 from gamms.bridge.tracks import recording_from_tracks
+from gamms.clocks import Clock, SimulatedClock, WallClock
 from gamms.errors import suggest_names as _suggest_names
 from gamms.graph.tracks import TrackMatch
 

@@ -8,8 +8,9 @@ from typing import Any, Self
 import numpy as np
 
 from gamms.arguments import as_name, as_range, explain_call_errors
-from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, WallClock, as_feed
+from gamms.bridge.feeds import Feed, Message, Send, Source, as_feed
 from gamms.bridge.matching import XY, FixChecks, PositionTracker, RoadRoute, RoutePoint, find_route, find_route_along
+from gamms.clocks import Clock, WallClock
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.settings import RuleSpec, declared

@@ -1,14 +1,14 @@
-"""Sources of measured positions: feeds, which other threads may fill, and clocks for the age of fixes."""
+"""Sources of measured positions: feeds, which other threads may fill."""
 
 import asyncio
 import threading
-import time
 import weakref
 from collections import Counter, deque
 from collections.abc import AsyncIterable, Callable, Iterable, Mapping
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 from gamms.bridge.lines import Fix, as_fix
+from gamms.clocks import Clock, as_clock
 from gamms.errors import BadType, BadValue
 from gamms.readonly import NotPickled
 from gamms.text import shown
@@ -20,60 +20,6 @@ FixLike = Fix | Mapping[str, object]
 Message = dict[str, Any]  # plain values, as docs/bridge.md describes them
 Send = Callable[[Message], object]
 Source = Callable[[], FixLike | Iterable[FixLike] | None] | Iterable[FixLike] | AsyncIterable[FixLike]
-
-
-class Clock(Protocol):
-    """Tells the time and waits."""
-
-    def now(self) -> float:
-        """Return seconds since an arbitrary moment; never decreasing."""
-
-    def sleep(self, seconds: float) -> None:
-        """Wait for a number of seconds."""
-
-
-class WallClock:
-    """The monotonic clock of the machine."""
-
-    def now(self) -> float:
-        """Return seconds since an arbitrary moment."""
-        return time.monotonic()
-
-    def sleep(self, seconds: float) -> None:
-        """Wait for a number of seconds."""
-        time.sleep(seconds)
-
-
-def as_clock(value: object) -> Clock:
-    """Return a clock; None: the clock of the machine.
-
-    Raises:
-        BadType: the value is not a clock.
-    """
-    if value is None:
-        return WallClock()
-    if not (callable(getattr(value, "now", None)) and callable(getattr(value, "sleep", None))):
-        raise BadType(f"A clock has now() and sleep(seconds), as gamms.bridge.SimulatedClock(), unlike {shown(value)}.")
-    return value  # type: ignore[return-value] # as was checked
-
-
-class SimulatedClock:
-    """A clock that advances only in `sleep`, so that games with simulated robots are instant and repeatable.
-
-    Args:
-        start: seconds.
-    """
-
-    def __init__(self, start: float = 0.0) -> None:
-        self._now = start
-
-    def now(self) -> float:
-        """Return the start time plus all seconds slept."""
-        return self._now
-
-    def sleep(self, seconds: float) -> None:
-        """Advance the clock."""
-        self._now += seconds
 
 
 class ReceivedFix(NamedTuple):

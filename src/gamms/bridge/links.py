@@ -22,13 +22,14 @@ from time import monotonic
 from typing import IO, TYPE_CHECKING, Any, Self
 
 from gamms.arguments import as_count, as_items, as_name
-from gamms.bridge.feeds import Clock, Feed, Message
+from gamms.bridge.feeds import Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, encode_line, parse
-from gamms.child_processes import die_with_parent
+from gamms.clocks import Clock, as_clock
 from gamms.errors import BadType, BadValue, MissingFile, NetworkError
 from gamms.plugins import needing
 from gamms.readonly import NotPickled
 from gamms.text import shown
+from gamms.workers import die_with_parent
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -44,6 +45,7 @@ _MOST_VIEWERS = 64
 _MOST_A_SECOND = 1_000  # lines of one viewer that are read in a second; the others wait in the network
 _MOST_BUFFERED = 1 << 20  # bytes for one viewer
 _GRACE_S = 2.0
+_LOOK_S = 0.001  # seconds between two looks for the changes of the roads
 _CLOSE_S = 0.2  # seconds that a peer has to answer when it is disconnected
 _PORTS = 1 << 16
 _quiet = logging.getLogger("gamms.websocket")  # logger of the library, which would report every new connection
@@ -62,10 +64,10 @@ class Link(NotPickled, ABC):
 
     def __init__(self, clock: Clock | None = None) -> None:
         self.counts: Counter[str] = Counter()
-        self._clock = clock
+        self._clock = as_clock(clock)
         self._feeds = dict[str, Feed]()
         self._roads: deque[RoadChanges] = deque(maxlen=_MOST_ROADS)
-        self._has_news = threading.Condition()
+        self._lock = threading.Lock()
 
     def feed(self, agent: str) -> Feed:
         """Return the feed of an agent's robot; its messages to the robot are sent by this link."""
@@ -87,17 +89,18 @@ class Link(NotPickled, ABC):
 
         Changes for earlier turns are discarded.
         """
-        ends = monotonic() + wait_s
-        with self._has_news:
-            while True:
-                self._read_waiting_lines()
+        clock = self._clock
+        ends = clock.now() + wait_s
+        while True:
+            self._read_waiting_lines()
+            with self._lock:
                 while self._roads and self._roads[0].turn < turn:
                     self._roads.popleft()
                 found = next((one for one in self._roads if one.turn == turn), None)
-                left = ends - monotonic()
-                if found is not None or left <= 0.0 or not self._may_come():
-                    return found
-                self._has_news.wait(min(left, 0.01))
+            left = ends - clock.now()
+            if found is not None or left <= 0.0 or not self._may_come():
+                return found
+            clock.sleep(min(left, _LOOK_S))
 
     @abstractmethod
     def close(self) -> None:
@@ -116,7 +119,7 @@ class Link(NotPickled, ABC):
         return True
 
     def _count(self, what: str) -> None:
-        with self._has_news:
+        with self._lock:
             self.counts[what] += 1
 
     def _take(self, line: bytes | str) -> bool:
@@ -127,7 +130,7 @@ class Link(NotPickled, ABC):
         except BadLine:
             self._count("bad")
             return False
-        with self._has_news:
+        with self._lock:
             if isinstance(message, RoadChanges):
                 if len(self._roads) == self._roads.maxlen:
                     self.counts["dropped"] += 1
@@ -153,7 +156,7 @@ class Udp(Link):
     Args:
         listen: host and port to read datagrams at; port 0 takes a free one. None: receive nothing.
         to: host and port to send lines to; None: send nothing.
-        clock: the clock for the age of fixes; None: that of the machine.
+        clock: the clock for the age of fixes and for waits; None: that of the machine.
 
     Attributes:
         address: the address where it listens; None if it does not.
@@ -217,7 +220,7 @@ class Process(Link):
 
     Args:
         command: the program and its arguments; no shell reads them.
-        clock: the clock for the age of fixes; None: that of the machine.
+        clock: the clock for the age of fixes and for waits; None: that of the machine.
 
     Raises:
         BadType: the command is not a list of texts.
@@ -321,7 +324,7 @@ class WebSocketServer(Link):
         host: "127.0.0.1" accepts programs of this machine, "0.0.0.0" also those of other machines.
         origins: origins of browser pages that may connect, such as "http://localhost:8000"; programs other than
             browsers send no origin and may always connect.
-        clock: the clock for the age of fixes; None: that of the machine.
+        clock: the clock for the age of fixes and for waits; None: that of the machine.
 
     Attributes:
         url: the address for clients.

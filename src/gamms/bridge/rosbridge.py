@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Self
 import msgspec
 
 from gamms.arguments import as_name, as_numbers, as_range
-from gamms.bridge.feeds import Clock, Feed, Message
+from gamms.bridge.feeds import Feed, Message
 from gamms.bridge.lines import Fix
+from gamms.clocks import Clock
 from gamms.errors import BadValue, NetworkError, nearest
 from gamms.plugins import needing
 from gamms.readonly import NotPickled

@@ -6,8 +6,9 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_int, as_name, as_range
-from gamms.bridge.feeds import Clock, Message, SimulatedClock, as_clock
+from gamms.bridge.feeds import Message
 from gamms.bridge.lines import Fix
+from gamms.clocks import Clock, SimulatedClock, as_clock
 from gamms.context import Context
 from gamms.typing import IAgent
 

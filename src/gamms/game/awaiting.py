@@ -2,16 +2,21 @@
 
 import asyncio
 import math
+import selectors
 import weakref
 from collections.abc import Awaitable, Callable, Coroutine, Iterable
-from concurrent.futures import Future, wait
+from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
 from contextvars import copy_context
 from threading import Thread
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, TypeVarTuple
 
+from gamms.clocks import Clock, WallClock
 from gamms.deciding import AWAITED, DecidePhase
 from gamms.errors import GammsError
+
+T = TypeVar("T")
+Arguments = TypeVarTuple("Arguments")
 
 _GRACE_S = 1.0  # the time for a cancelled coroutine to end
 
@@ -30,9 +35,13 @@ class EventLoop:
     It stays open between turns, and so do connections that strategies have opened in it. It runs in the thread that
     plays the game; if this thread already runs an event loop, as notebooks do, it runs in a helper thread until the
     turn ends.
+
+    Args:
+        clock: the clock of all waits in the loop.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
         self._loop: asyncio.AbstractEventLoop | None = None
         self.close: Callable[[], object] = lambda: None
 
@@ -53,7 +62,7 @@ class EventLoop:
             strict: cancel the others as soon as one raises.
         """
         if self._loop is None or self._loop.is_closed():
-            self._loop = asyncio.new_event_loop()
+            self._loop = _make_loop(self.clock)
             self.close = weakref.finalize(self, _close, self._loop)
         work = _collect_outcomes(phase, list(awaited), deadline_s, strict=strict)
         phase.agent = AWAITED
@@ -61,6 +70,55 @@ class EventLoop:
             return (_run_in_thread if _is_in_a_loop() else _run)(self._loop, work)
         finally:
             phase.agent = None
+
+
+def _make_loop(clock: Clock) -> asyncio.AbstractEventLoop:
+    """Return an event loop whose timers follow a clock."""
+    return asyncio.new_event_loop() if type(clock) is WallClock else _ClockLoop(clock)
+
+
+class _ClockLoop(asyncio.SelectorEventLoop):
+    """An event loop that tells the time and waits by a clock.
+
+    When no task can go on and nothing has arrived, the clock sleeps until the next timer, as the `autojump` clock of
+    Trio does. It stands while functions that tasks wait for run in threads. It does not wait for sockets and files.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._in_threads = set[asyncio.Future[Any]]()
+        super().__init__(_ClockSelector(clock, self._in_threads))
+
+    def time(self) -> float:
+        """Return the time by the clock, seconds."""
+        return self._clock.now()
+
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[[*Arguments], T], *args: *Arguments
+    ) -> asyncio.Future[T]:
+        """Call a function in a thread."""
+        future = super().run_in_executor(executor, func, *args)
+        self._in_threads.add(future)
+        future.add_done_callback(self._in_threads.discard)
+        return future
+
+
+class _ClockSelector(selectors.DefaultSelector):
+    """A selector that waits by a clock, unless threads work for the loop."""
+
+    def __init__(self, clock: Clock, in_threads: set[asyncio.Future[Any]]) -> None:
+        super().__init__()
+        self._clock = clock
+        self._in_threads = in_threads
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Return the ready files; if there are none, sleep for `timeout` seconds. None: wait for a file."""
+        if timeout is None or (timeout > 0.0 and self._in_threads):
+            return super().select(None)
+        ready = super().select(0.0)
+        if not ready and timeout > 0.0:
+            self._clock.sleep(timeout)
+        return ready
 
 
 async def _collect_outcomes(

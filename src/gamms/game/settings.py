@@ -23,6 +23,7 @@ from gamms.arguments import (
     as_text,
     spell_out_options,
 )
+from gamms.clocks import WALL_CLOCK, Clock, as_clock
 from gamms.core.rules import Rule as CoreRule
 from gamms.deciding import ContextPart, get_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
@@ -94,6 +95,7 @@ class Settings(ContextPart):
             as an overrun. None: no limit.
         deadline_s: seconds per turn for all awaited strategies and plans together; late ones are cancelled, and counted
             as overruns. None: no limit.
+        clock: the clock of all that is awaited: `deadline_s`, people and language models. None: that of the machine.
         default_action: the action of an agent whose strategy or plan was too slow, or has raised with
             `on_error="stay"`: "stay", an action, or a function that returns one from the agent's state. If it is not
             legal, the agent stays.
@@ -119,6 +121,7 @@ class Settings(ContextPart):
     conflicts: IConflicts | None = None
     time_budget: float | None = None
     deadline_s: float | None = None
+    clock: Clock = WALL_CLOCK
     default_action: Any = "stay"  # an action of any form, or a function that returns one
     plans: Mapping[Any, Plan] = ReadOnlyMapping({})
     team_memory: bool = True
@@ -332,6 +335,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "conflicts": _check_conflicts,
     "time_budget": _check_seconds,
     "deadline_s": _check_seconds,
+    "clock": lambda _, value: as_clock(value),
     "default_action": _check_action,
     "plans": _check_plans,
     "team_memory": lambda name, value: as_bool(value, f"ctx.game.{name}"),

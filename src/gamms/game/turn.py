@@ -730,10 +730,12 @@ class TurnEngine(GameTurn):
 
     def _await_answers(self, decisions: Decisions) -> None:
         """Wait for the answers of awaitables."""
-        if self._loop is None:
+        clock = self._settings.clock
+        if self._loop is None or self._loop.clock is not clock:
             from gamms.game.awaiting import EventLoop  # it loads asyncio
 
-            self._loop = EventLoop()
+            self.close()
+            self._loop = EventLoop(clock)
         decisions.collect(self._loop)
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:

@@ -25,8 +25,8 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, NamedTuple, NoReturn
 
-from gamms.child_processes import die_with_parent
 from gamms.tournament.confinement import ControlGroups, ProcessLimits, confine
+from gamms.workers import die_with_parent
 
 _STEP_S = 0.002
 _FREE = 10  # lowest descriptor for temporary copies, above those that a child receives

@@ -5,11 +5,11 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
-from time import monotonic
 from types import NoneType
 from typing import Any
 
 from gamms import recorder
+from gamms.clocks import Clock
 from gamms.context import Context
 from gamms.errors import BadFile, BadValue, GammsError
 from gamms.game.channels import check_outboxes, receivers_of
@@ -64,9 +64,10 @@ class Question:
         inbox: the last received messages, as JSON.
         doing: the deed that lasts and that the agent is doing, as in its state; None: it does none.
         limit_s: the time that the person has for the answer, seconds.
-        began: the time when the question was asked, or when the person first connected, by `time.monotonic()`.
-        until: the deadline, by `time.monotonic()`.
+        began: the time when the question was asked, or when the person first connected, by the clock.
+        until: the deadline, by the clock.
         wake: called when the question changes.
+        clock: the clock of the game.
         action: the chosen value of `state["action"]`, once the person has answered.
         chosen: the choice as JSON; None: no answer yet.
         took_s: the time that the person took, seconds.
@@ -88,6 +89,7 @@ class Question:
     began: float
     until: float
     wake: Callable[[], object]
+    clock: Clock
     action: Any = None
     chosen: str | None = None
     took_s: float = 0.0
@@ -97,7 +99,7 @@ class Question:
         """Return the question as the JSON message that is sent to the person."""
         moves: Plain = None if self.moves is None else list(self.moves)
         asked = {"question": self.number, "agent": self.agent, "turn": self.turn, "here": self.here, "moves": moves}
-        left = round(max(self.until - monotonic(), 0.0), 3)
+        left = round(max(self.until - self.clock.now(), 0.0), 3)
         offered: dict[str, Plain] = {"speed": self.speed, "deeds": self.deeds, "channels": self.channels}
         if self.doing is not None:
             offered["doing"] = self.doing

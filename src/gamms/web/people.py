@@ -12,8 +12,8 @@ from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from threading import Lock
-from time import monotonic
 from typing import Any
 
 from gamms.arguments import as_function_of, as_name, as_positive
@@ -155,7 +155,7 @@ class People(PartOfServer):
             known.is_here = True
             mine = [question for name, question in self._questions.values() if name == person]
             for question in mine:
-                now = monotonic()
+                now = question.clock.now()
                 question.until = now + question.limit_s
                 question.began = now
         for question in mine:
@@ -173,7 +173,7 @@ class People(PartOfServer):
             self._is_let_go = True
             open_ones = [question for _, question in self._questions.values()]
             for question in open_ones:
-                question.until = 0.0
+                question.until = -inf
         for question in open_ones:
             question.wake()
 
@@ -192,7 +192,7 @@ class People(PartOfServer):
         with self._lock:
             question = self._open_question(person, choice)
             action = make_action(choice, question, self._ctx)
-            question.took_s = monotonic() - question.began
+            question.took_s = question.clock.now() - question.began
             question.action = action
             question.chosen = json.dumps(as_json(written(choice)), sort_keys=True)
         question.wake()
@@ -209,7 +209,7 @@ class People(PartOfServer):
             raise RefusedChoice("foreign", f"Question {number} is asked of another player.")
         if question.chosen is not None:
             raise RefusedChoice("duplicate", f"Question {number} was answered already; the first choice counts.")
-        if question.is_over or monotonic() >= question.until:
+        if question.is_over or question.clock.now() >= question.until:
             raise RefusedChoice("late", f"The time for question {number} is over.")
         return question
 
@@ -236,7 +236,7 @@ class People(PartOfServer):
         person = self.person_of(state["name"])
         question = self._put(person, state, wake, seconds, joins_within)
         try:
-            while question.chosen is None and (left := question.until - monotonic()) > 0:
+            while question.chosen is None and (left := question.until - question.clock.now()) > 0:
                 woken.clear()
                 with suppress(TimeoutError):
                     await asyncio.wait_for(woken.wait(), left)
@@ -247,7 +247,7 @@ class People(PartOfServer):
             outcome = CHOSEN
             took = question.took_s
         else:
-            took = monotonic() - question.began
+            took = question.clock.now() - question.began
             outcome = "no choice in time" if person.is_here else "not there"
         choice = Choice(state["turn"] + 1, state["name"], person.name, outcome, question.chosen, round(took, 3))
         return question.action, choice
@@ -272,11 +272,12 @@ class People(PartOfServer):
         ctx = self._ctx
         assert ctx is not None  # noqa: S101 - people are asked where a server has opened the game
         limit = ctx.game.deadline_s
-        latest = float("inf") if limit is None else max(limit - _MARGIN_S, limit / 2)
+        latest = inf if limit is None else max(limit - _MARGIN_S, limit / 2)
         with self._lock:
-            now = monotonic()
+            clock = ctx.game.clock
+            now = clock.now()
             waits = seconds if person.is_here else joins_within
-            until = 0.0 if self._is_let_go else now + min(waits, latest)
+            until = -inf if self._is_let_go else now + min(waits, latest)
             self._last += 1
             question = Question(
                 self._last,
@@ -290,7 +291,7 @@ class People(PartOfServer):
                 channels_of(state, person.agents, ctx),
                 list_inbox(state),
                 as_json(state.get("doing")),
-                *(min(seconds, latest), now, until, wake),
+                *(min(seconds, latest), now, until, wake, clock),
             )
             self._questions[question.number] = (person.name, question)
         self._notify()
