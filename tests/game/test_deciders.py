@@ -1,6 +1,7 @@
 """A team can be commanded by one plan, of states or of arrays, and strategies and plans may be awaited."""
 
 import asyncio
+import gc
 import io
 import signal
 import threading
@@ -291,6 +292,18 @@ def test_a_simulated_clock_stands_while_threads_work_for_a_decision(ctx):
     team(ctx, "a", strategy=think)
     assert ctx.game.run(1).errors == []
     assert (nodes(ctx), clock.now()) == ({"a": 4}, 0.0)
+
+
+def test_ctrl_c_in_an_awaited_decision_leaves_no_error_that_is_not_read(ctx, caplog):
+    async def press(state):
+        signal.raise_signal(signal.SIGINT)
+
+    team(ctx, "a", strategy=press)
+    team(ctx, "b", strategy=later(60.0))
+    with pytest.raises(KeyboardInterrupt):
+        ctx.game.step()
+    gc.collect()
+    assert caplog.records == []
 
 
 def test_a_late_plan_is_an_overrun_of_all_its_agents(ctx):

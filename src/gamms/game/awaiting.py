@@ -134,9 +134,9 @@ async def _collect_outcomes(
         for task in late:
             task.cancel()
         if late:
-            ended, _ = await asyncio.wait(late, timeout=_GRACE_S)
-            for task in ended:
-                _make_outcome(task)  # or asyncio would log an error that was never retrieved
+            await asyncio.wait(late, timeout=_GRACE_S)
+        for task in tasks:
+            _make_outcome(task)  # or asyncio would log an error that was never retrieved, also of Ctrl-C
 
 
 async def _wait_for_tasks(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, until: str) -> None:
