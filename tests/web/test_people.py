@@ -1,5 +1,6 @@
 """People as players, without a browser: what they are asked, which choices count, and what is recorded of them."""
 
+import asyncio
 from threading import Lock, Thread
 
 import pytest
@@ -100,6 +101,27 @@ def test_the_default_decides_where_the_time_is_over():
     assert result.agents["anna"]["node"] == 1
     assert result.table("choice")["outcome"].tolist() == ["no choice in time"]
     assert result.table("choice")["seconds"].tolist() == [60.0]
+
+
+def test_a_choice_counts_once_when_its_turn_has_to_be_begun_again():
+    class Failing:
+        """A strategy that raises an error in its first turn, when others have decided."""
+
+        calls = 0
+
+        async def __call__(self, state):
+            await asyncio.sleep(90.0)
+            self.calls += 1
+            state["action"] = state["curr_pos"] // (self.calls - 1)
+
+    with context(web.human(seconds=60.0, otherwise=east), Failing(), clock=SimulatedClock()) as ctx:
+        people = People.open(ctx)
+        people.come("anna")
+        with pytest.raises(ZeroDivisionError):
+            ctx.game.step()
+        ctx.game.step()
+        assert [event["turn"] for event in ctx.game.events] == [1]
+        assert ctx.game.observation("anna")["curr_pos"] == 1
 
 
 @pytest.mark.parametrize(

@@ -177,7 +177,7 @@ class UsageAccount:
     def __init__(self, name: str, settings: Settings) -> None:
         self.name = name
         self._settings = settings
-        self._pending: list[tuple[str, int, Decision]] = []
+        self._pending: list[tuple[float, Decision]] = []  # time within the turn, decision
         self._spent = TokenUsage()  # usage in this turn; without a game that counts turns, all usage
         self._gate: tuple[asyncio.AbstractEventLoop, asyncio.Semaphore] | None = None
 
@@ -191,7 +191,7 @@ class UsageAccount:
     def __call__(self, ctx: Context) -> None:
         """Emit the decisions of the turn, sorted by agent, and add them to the totals."""
         turn = ctx.game.turn
-        decided = [one for _, _, one in sorted(self._pending, key=lambda item: item[:2]) if one.turn == turn]
+        decided = [one for _, one in sorted(self._pending, key=lambda item: item[1].agent) if one.turn == turn]
         for one in decided:
             ctx.game.emit(EVENT, **one.as_event())
         before = self._find_earlier_usage(ctx)
@@ -243,9 +243,18 @@ class UsageAccount:
         """Replace the reserved tokens of a call by the tokens that it took."""
         self._spent.add(tokens[0] - reserved[0], tokens[1] - reserved[1])
 
-    def note(self, decision: Decision, *, is_counted: bool) -> None:
-        """Store a decision of this turn; `is_counted`: its calls were reserved already."""
-        self._pending.append((decision.agent, len(self._pending), decision))
+    def note(self, decision: Decision, time: float, *, is_counted: bool) -> None:
+        """Store a decision of this turn.
+
+        Earlier decisions of the agent at this time or later are dropped: the turn was begun before, and has failed.
+
+        Args:
+            decision: the decision.
+            time: the time within the turn, for agents that decide on arrival.
+            is_counted: whether its calls were reserved already.
+        """
+        self._pending = [one for one in self._pending if one[1].agent != decision.agent or one[0] < time]
+        self._pending.append((time, decision))
         if not is_counted:
             self._spent.add(decision.input_tokens, decision.output_tokens, decision.calls)
 

@@ -158,7 +158,7 @@ class Strategy(ShallowCopyMixin):
                 "differ from the recorded ones. Give a client to ask a model."
             )
         if self._ctx is not None:
-            self._account.note(decision, is_counted=decision is not known)
+            self._account.note(decision, state.get("time", 0.0), is_counted=decision is not known)
         if choice is None:
             remember(state.get("memory"), flaw=decision.flaw)
             answer = self._fallback(state)

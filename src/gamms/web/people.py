@@ -75,7 +75,7 @@ class People(PartOfServer):
         self._persons: dict[str, Person] = {}
         self._questions: dict[int, tuple[str, Question]] = {}  # of the current turn: number -> person, question
         self._last = 0
-        self._pending: list[Choice] = []
+        self._pending: list[tuple[float, Choice]] = []  # time within the turn, choice
         self._is_let_go = False
         self.changed: list[
             Callable[[], object]
@@ -252,15 +252,23 @@ class People(PartOfServer):
         choice = Choice(state["turn"] + 1, state["name"], person.name, outcome, question.chosen, round(took, 3))
         return question.action, choice
 
-    def note(self, choice: Choice) -> None:
-        """Store a choice until the end of the turn."""
-        self._pending.append(choice)
+    def note(self, choice: Choice, time: float) -> None:
+        """Store a choice until the end of the turn.
+
+        Earlier choices of the agent at this time or later are dropped: the turn was begun before, and has failed.
+
+        Args:
+            choice: the choice.
+            time: the time within the turn, for agents that decide on arrival.
+        """
+        self._pending = [one for one in self._pending if one[1].agent != choice.agent or one[0] < time]
+        self._pending.append((time, choice))
 
     def __call__(self, ctx: Context) -> None:
         """Emit the choices of the turn in the order of agent names, and remove the questions."""
         with self._lock:
             self._questions.clear()
-        for choice in sorted(self._pending, key=lambda one: one.agent):
+        for _, choice in sorted(self._pending, key=lambda one: one[1].agent):
             if choice.turn == ctx.game.turn:
                 ctx.game.emit(EVENT, **{name: value for name, value in vars(choice).items() if name != "turn"})
         self._pending = []
@@ -362,7 +370,7 @@ class Human:
             action, choice = await self._people.answer(state, self._seconds, self._joins_within)
         else:
             action, choice = self._find_recorded_choice(state, self._choices)
-        self._people.note(choice)
+        self._people.note(choice, state.get("time", 0.0))
         if choice.outcome == CHOSEN:
             state["action"] = action
             if messages := list_messages(choice):
