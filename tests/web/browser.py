@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -26,6 +26,7 @@ NODES = "(({state, world}) => [...state.agents.values()].map(({row}) => world.no
 """What gives the nodes of all agents that are shown."""
 _SECONDS = 60.0
 _LEFT = re.compile("navigated or closed|context was destroyed|Cannot find context")
+_FRAMES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 _IS_READ = "document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead"
 
 
@@ -82,7 +83,15 @@ class Page:
         is_address = str(path).startswith("http")
         self.call("Page.navigate", url=str(path) if is_address else Path(path).absolute().as_uri())
         self.wait(until)
+        with suppress(PageLeftError):
+            self.wait_for_frame()  # observers of sizes, which move the map, are called before the first frame
         return self
+
+    def reload(self, until="document.readyState === 'complete'"):
+        """Load the page again, and wait until a condition holds in the new one: at first the old one still answers."""
+        self.value("window.isLeft = true")
+        self.call("Page.reload")
+        self.wait(f"!window.isLeft && ({until})")
 
     @contextmanager
     def another(self, *, is_other_browser=False):
@@ -114,11 +123,13 @@ class Page:
         except PageLeftError:
             return False
 
+    def wait_for_frame(self):
+        """Wait until the next frame is painted."""
+        self.value(_FRAMES)
+
     def settle(self):
-        """Wait until the next frames are painted."""
-        self.value(
-            "new Promise((done) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(done)), 200))"
-        )
+        """Wait until the map rests and is painted sharply."""
+        self.value(f"new Promise((done) => setTimeout(done, 200)).then(() => {_FRAMES})")
 
     def picture(self, path=None):
         """Return a screenshot as PNG, and write it to a file."""

@@ -843,7 +843,7 @@ def test_the_numbers_of_a_scenario_are_sliders_beside_the_map_for_those_who_may_
         assert page.value(f"{row}.querySelector('[type=number]').value") == "3"
         page.value("document.querySelector('.numbers button').click()")
         page.wait("gamms.views[0].replay.state.agents.size == 5")
-        page.wait(f"{row}.querySelector('[type=number]').value == '3'")
+        page.wait(f"{row}.querySelector('[type=number][value=\"3\"]')")  # a new field, with the number of the new game
         page.value(f"{row}.querySelector('[type=number]').value = '999'")
         assert page.value("document.querySelector('.numbers').checkValidity()") is False
         assert page.messages == []

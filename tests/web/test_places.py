@@ -101,6 +101,7 @@ def test_pointing_at_a_node_describes_it(chromium, folder):
     page = opened(chromium, folder, "town.gamms")
     x, y = pixel_of(page, 7)
     page.mouse("mouseMoved", x + 2, y + 1)
+    page.wait("document.querySelector('.tip').textContent")
     words = page.value("document.querySelector('.tip').textContent")
     with gamms.create_context() as ctx:
         ctx.graph.load(folder / "town.gamms")

@@ -58,7 +58,7 @@ def asked(page, turn):
     """Wait until the page asks for the move of a turn."""
     page.wait(f"window.gamms?.player?.question?.turn === {turn} && gamms.turns === {turn}")
     page.wait("performance.now() - gamms.player.chosenAt > 400")  # a click before is the second of a double click
-    page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.wait_for_frame()
 
 
 def received(page):
@@ -219,13 +219,13 @@ def test_a_person_sees_how_far_the_agents_see_before_each_move(chromium):
         assert page.value(SIGHT) == {"nodes": near(14, 8), "seen": {"rita": ["rob"], "rob": ["rita"]}}
         assert len(set(page.value(INSIDE))) == 2
         page.click(*place_of(page, 15))
-        page.wait("gamms.player.question.agent === 'rob'")
+        page.wait("gamms.player.question?.agent === 'rob'")
         page.wait("performance.now() - gamms.player.chosenAt > 400")
         click_button(page, "Stay")
         asked(page, 1)
         assert page.value(SIGHT) == {"nodes": near(15, 8), "seen": {"rita": ["rob"], "rob": ["rita"]}}
         page.click(*place_of(page, 16))
-        page.wait("gamms.player.question.agent === 'rob'")
+        page.wait("gamms.player.question?.agent === 'rob'")
         page.wait("performance.now() - gamms.player.chosenAt > 400")
         click_button(page, "Stay")
         asked(page, 2)

@@ -25,7 +25,7 @@ def go_on(page, words):
 def to_next_round(page):
     """Wait until the game is over, and go back to the page of the study by its button."""
     page.wait("window.gamms && !document.querySelector('.live .wanted').hidden")
-    assert page.value("document.querySelector('.live .words').textContent") == "This round is over."
+    page.wait("document.querySelector('.live .words').textContent === 'This round is over.'")
     click_middle(page, "document.querySelector('.live .wanted')")
 
 
@@ -37,7 +37,7 @@ def test_a_participant_goes_from_consent_to_thanks_by_mouse_and_keys(chromium, t
         assert chromium.value(WORDS) == "Do you agree?\n\nYou may stop."
         go_on(chromium, "Do you agree?")
         chromium.wait(f"{WORDS}.includes('Practice round 1. It does not count.\\n\\nReach the corner.')")
-        chromium.call("Page.reload")  # and the same browser goes on
+        chromium.reload()  # and the same browser goes on
         go_on(chromium, "Practice round 1")
         asked(chromium, 0)
         chromium.click(*place_of(chromium, 1))

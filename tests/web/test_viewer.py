@@ -249,8 +249,8 @@ def test_the_panel_stands_beside_the_map_and_what_is_selected_stays_in_view(chro
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (700, 600), (390, 844)])
-def test_the_map_is_clear_of_cards_and_captions(page, walk, size):
-    page.open(walk, *size)
+def test_the_map_is_clear_of_cards_and_captions(chromium, walk, size):
+    page = chromium.open(walk, *size)
     overlaps = """(({camera}) => {
       const [left, top] = camera.toScreen(camera.box.left, camera.box.top);
       const [right, bottom] = camera.toScreen(camera.box.right, camera.box.bottom);
@@ -273,6 +273,7 @@ def test_dragging_the_timeline_shows_any_turn(page, game):
 
 def test_the_mouse_moves_the_map_and_the_wheel_zooms_around_it(page):
     page.value("gamms.settings.fit()")
+    page.settle()
     camera = "(({x, y, scale}) => [x, y, scale])(gamms.views[0].scene.camera)"
     x, y, scale = page.value(camera)
     page.drag((600, 300), (700, 350))
@@ -406,7 +407,7 @@ def test_two_fingers_zoom_on_a_phone(chromium, walk):
     chromium.touch("touchStart", (150, 300), (250, 300))
     chromium.touch("touchMove", (100, 300), (300, 300))
     chromium.touch("touchEnd")
-    assert chromium.value("gamms.views[0].scene.camera.scale") > 1.5 * scale
+    chromium.wait(f"gamms.views[0].scene.camera.scale > {1.5 * scale}")
     width = chromium.value("document.documentElement.scrollWidth")
     assert width == 390
     box = chromium.value(
