@@ -36,7 +36,7 @@ from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
 from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import OnEdge, locate
-from gamms.typing.sensor_engine import Carried, ISensor, SensorType, find_owner, refuse_no_sensor
+from gamms.typing.sensor_engine import Carried, ISensor, SensorType, find_owner, find_place_of_look, refuse_no_sensor
 
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
@@ -253,9 +253,10 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         node = self.current_node_id
         sensed = {}
         place = self._get_edge() if self._sensor_list else None
-        where: Any = node if place is None else place.xy
+        on_edge = None if place is None else place.xy
         for sensor, (name, last, *_, look) in zip(self._sensor_list.values(), self._carried, strict=True):
-            (look or sensor).sense(where if getattr(sensor, "looks_from_points", False) else node)
+            where: Any = find_place_of_look(sensor, node, on_edge)
+            (look or sensor).sense(where)
             sensed[name] = sensor.type, last[0]
         return sensed
 

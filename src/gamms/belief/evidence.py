@@ -16,7 +16,6 @@ import json
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from hashlib import blake2b
-from math import hypot
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -26,10 +25,11 @@ from gamms.arguments import as_context, as_count, as_mapping
 from gamms.belief.ground import Arc, BeliefMap, get_belief_map
 from gamms.context import Context
 from gamms.deciding import get_phase
-from gamms.errors import BadType, BadValue, MissingKey, NotOffered
+from gamms.errors import BadType, BadValue, MissingKey
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.sensor_results import Coverage
+from gamms.knowledge.sides import list_certain
 from gamms.plain import (
     ANYTHING,
     ID,
@@ -52,7 +52,6 @@ from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import AerialState, NodeId, State
 from gamms.typing.on_edges import PassedNode
-from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 Memory = dict[Any, Any]
 Key = tuple[str, int, str]
@@ -64,8 +63,6 @@ _REPORTS = "belief reports"  # first part of a key of reports about earlier turn
 _ALL = ""  # the observer of joined observations of a team; no agent has this name
 _MAP = "belief map"  # key of the digest of the map that was seen last
 _EVENTS = "belief events"  # key of the number of events of the game that were read
-_NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
-_NEAR = 1e-6  # map units: an agent seen this near a node is on it
 HORIZON = 50  # default minimum number of turns for which looks are remembered
 _ALMOST = 0.999999  # the highest probability below 1 that is written
 
@@ -331,29 +328,15 @@ def find_last_sightings(turns: Mapping[int, TurnObservations]) -> dict[str, Sigh
 def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
     """Write to memory the agents of other teams that an agent's sensors show in this turn."""
     agent = as_context(ctx, "observe").agent.get_agent(get_required(state, "name"))
-    is_between = state.get("edge") is not None
+    on_edge = None if state.get("edge") is None else state.get("xy")
     found: dict[str, Any] = dict(_find_respawned_agents(ctx, state, share=share))
     looks = []
-    for name, (kind, data) in state["sensor"].items():
-        if kind not in ON_GROUND | IN_AIR:
-            continue
-        try:
-            sensor = agent.sensors[name]
-            looks_from: Any = agent.current_node_id
-            if is_between and getattr(sensor, "looks_from_points", False):
-                looks_from = state.get("xy")
-            covered = sensor.coverage(looks_from, agent.name)
-        except (KeyError, NotOffered):  # a sensor of another class may notice anything
-            covered = _NO_COVERAGE
-        not_shown = set(covered.not_shown)
-        if covered.is_exact:
-            places = data if kind in ON_GROUND else _find_nodes_below(ctx, data)
-            found |= {one: _as_found(ctx, state, node) for one, node in places.items() if _is_other(ctx, state, one)}
-            not_shown |= data.keys() - places.keys()
-        else:  # approximate reports give no certain positions
-            not_shown |= data.keys() & ctx.agent.agents.keys()
-        others = sorted(one for one in not_shown if _is_other(ctx, state, one))
-        looks.append(_write_look(ctx, covered, others))
+    graph = ctx.graph.graph
+    for report in list_certain(agent, state["sensor"], on_edge, graph, may_be_between=is_by_metres(ctx)):
+        others = {one: node for one, node in report.places.items() if _is_other(ctx, state, one)}
+        found |= {one: _as_found(ctx, state, node) for one, node in others.items()}
+        known = report.unclear & ctx.agent.agents.keys()  # without agents that were deleted since a late look
+        looks.append(_write_look(ctx, report.coverage, sorted(one for one in known if _is_other(ctx, state, one))))
     if state.get("time", 0.0):  # beliefs are about the beginning of the turn, when agents were elsewhere
         looks = []
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
@@ -439,22 +422,6 @@ def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:
     team = get_required(state, "team")
     is_mate = name == state["name"] or are_mates(team, getattr(other, "team", None))
     return not is_mate and other.type is not AgentType.AERIAL
-
-
-def _find_nodes_below(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, ...]]]) -> dict[str, int]:
-    """Return the nodes of agents that were seen from the air; agents between nodes are left out.
-
-    The last node that an agent between nodes passed cannot be seen.
-    """
-    graph = ctx.graph.graph
-    by_metres = is_by_metres(ctx)
-    found = dict[str, int]()
-    for name, (kind, place) in data.items():
-        if kind is not AgentType.AERIAL:
-            node = graph.get_node(graph.nearest_node(place[0], place[1]))
-            if not by_metres or hypot(node.x - place[0], node.y - place[1]) <= _NEAR:
-                found[name] = node.id
-    return found
 
 
 def is_by_metres(ctx: Context) -> bool:

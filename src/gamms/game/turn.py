@@ -39,6 +39,7 @@ from gamms.text import as_code
 from gamms.typing.agent_engine import DeletedAgent, IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import AerialState, Move, State
+from gamms.typing.sensor_engine import find_place_of_look
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
@@ -219,10 +220,9 @@ class TurnEngine(GameTurn):
                 node = agent.current_node_id
                 if not hasattr(sensor, "data_from"):  # of a class of the user's own
                     found[name] = sensor.sense_many([node])[0][0]
-                elif place is None or not getattr(sensor, "looks_from_points", False):
-                    found[name] = sensor.data_from(node, agent.name)
                 else:
-                    found[name] = sensor.data_from(place[2], agent.name)
+                    on_edge = None if place is None else place[2]
+                    found[name] = sensor.data_from(find_place_of_look(sensor, node, on_edge), agent.name)
         return found
 
     def restart_streams(self) -> None:

@@ -14,9 +14,11 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import NotOffered
 from gamms.ir.graph import IntArray
+from gamms.ir.sensor_results import Coverage
 from gamms.typing import IAgent, IGraph, IGraphEngine, ISensor
 from gamms.typing.context import HostContext
 from gamms.typing.on_edges import locate
+from gamms.typing.sensor_engine import find_place_of_look
 
 Places = Mapping[str, tuple[float, float]]
 """Agent between nodes -> its position."""
@@ -77,6 +79,21 @@ def find_field(
     )
 
 
+def find_coverage(sensor: ISensor, agent: IAgent, on_edge: tuple[float, float] | None) -> Coverage | None:
+    """Return the nodes on which a sensor of an agent would show other agents now; None: it does not tell.
+
+    Args:
+        sensor: the sensor.
+        agent: the agent that carries it.
+        on_edge: the position of the agent between nodes; None: it is at a node, or in the air.
+    """
+    place: Any = find_place_of_look(sensor, agent.current_node_id, on_edge)
+    try:
+        return sensor.coverage(place, agent.name)
+    except NotOffered:
+        return None
+
+
 def find_node_rows(map_now: IGraphEngine, ids: "Sequence[int] | IntArray") -> IntArray:
     """Return the rows of nodes (nodes,) with the given ids; -1 for unknown ids."""
     if not len(ids):
@@ -115,11 +132,8 @@ def find_places(ctx: HostContext) -> Places:
 
 
 def _find_covered_nodes(sensor: ISensor, agent: IAgent, on_edges: Places) -> IntArray:
-    place: Any = on_edges.get(agent.name, agent.current_node_id)
-    try:
-        return np.asarray(sensor.coverage(place, agent.name).node_ids, np.int64)
-    except NotOffered:
-        return _NONE
+    coverage = find_coverage(sensor, agent, on_edges.get(agent.name))
+    return _NONE if coverage is None else np.asarray(coverage.node_ids, np.int64)
 
 
 def _as_recorded(place: Place) -> Place:

@@ -1,6 +1,7 @@
 """Encoding of the sensor data of one turn as columns of ids."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from math import hypot
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from gamms.knowledge.fields import FieldTable, SensorField
 from gamms.plain import to_plain
 from gamms.text import shown
 from gamms.typing import AgentType, IGraph
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 Results = Mapping[str, tuple[Any, Any]]  # sensor -> (type, data), as in a state
 
@@ -18,14 +20,15 @@ Results = Mapping[str, tuple[Any, Any]]  # sensor -> (type, data), as in a state
 _FORMS = range(6)
 _IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE, _LISTED = _FORMS
 WITH_OTHER = (_OTHER, _IN_SPACE)
-_OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # their data are (type, position) for each agent
+_OF_AGENTS_IN_SPACE = frozenset(kind.name for kind in IN_AIR)  # their data are (type, position) for each agent
 # Types whose ids are node ids, and whose names are agent names; custom types may differ.
 _OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL")
-_OF_AGENTS = ("AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", *_OF_AGENTS_IN_SPACE)
+_OF_AGENTS = frozenset(kind.name for kind in ON_GROUND | IN_AIR)
 _SEEING = frozenset((*_OF_NODES, *_OF_AGENTS))
 _INT = frozenset({int})
 _UNSIGNED = 1 << 32
 _INT64 = range(-(1 << 63), 1 << 63)
+_NEAR = 1e-6  # map units: an agent seen this near a node is on it
 
 
 Nearest = Callable[[Sequence[float]], int]
@@ -374,6 +377,27 @@ def sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sightin
             yield agent, Sighting(nearest(position[:2]), tuple(position) if kind == AgentType.AERIAL.value else None)
         elif isinstance(place, dict) and isinstance(node := place.get("node_id"), int):
             yield agent, Sighting(node, None)
+
+
+def find_nodes_below(
+    data: Mapping[str, tuple[AgentType, tuple[float, ...]]], graph: IGraph, *, may_be_between: bool
+) -> dict[str, int]:
+    """Return the nodes of the agents on the ground that were seen from the air; agents between nodes are left out.
+
+    The last node that an agent between nodes passed cannot be seen.
+
+    Args:
+        data: agent -> its type and position, without errors.
+        graph: the map.
+        may_be_between: whether agents may be between nodes.
+    """
+    found = dict[str, int]()
+    for name, (kind, place) in data.items():
+        if kind is not AgentType.AERIAL:
+            node = graph.get_node(graph.nearest_node(place[0], place[1]))
+            if not may_be_between or hypot(node.x - place[0], node.y - place[1]) <= _NEAR:
+                found[name] = node.id
+    return found
 
 
 def as_reported(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:

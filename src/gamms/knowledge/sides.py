@@ -14,10 +14,22 @@ from gamms.ir.events import DECISIONS, EVENTS, Role
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
-from gamms.knowledge.fields import find_edge_rows, find_node_rows
-from gamms.knowledge.looks import Nearest, Report, Sighting, as_reported, list_parts, make_nearest, sightings
+from gamms.ir.sensor_results import Coverage
+from gamms.knowledge.fields import find_coverage, find_edge_rows, find_node_rows
+from gamms.knowledge.looks import (
+    Nearest,
+    Report,
+    Results,
+    Sighting,
+    as_reported,
+    find_nodes_below,
+    list_parts,
+    make_nearest,
+    sightings,
+)
 from gamms.text import as_text
-from gamms.typing import IGraphEngine, ISensor
+from gamms.typing import IAgent, IGraph, IGraphEngine, ISensor
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 
 def name_side(name: str, team: object) -> str:
@@ -172,6 +184,59 @@ def find_sighted(reports: Iterable[Report], others: Container[str], nearest: Nea
             if name is not None and name in others:
                 found[name] = sighting
     return found
+
+
+# -- certain --------------------------------------------------------------------------------------------------------
+
+
+class CertainReport(NamedTuple):
+    """The part of a sensor's report that an agent knows for certain, about agents on the ground at the present time.
+
+    Attributes:
+        places: agent -> its node, or a `PassedNode` on an edge.
+        coverage: the nodes on which the sensor would have shown other agents.
+        unclear: names of agents that may be on covered nodes although they are not in `places`.
+    """
+
+    places: Mapping[str, int]
+    coverage: Coverage
+    unclear: set[str]
+
+
+_NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
+
+
+def list_certain(
+    agent: IAgent,
+    sensed: Results,
+    on_edge: tuple[float, float] | None,
+    graph: IGraph,
+    *,
+    may_be_between: bool,
+) -> Iterator[CertainReport]:
+    """Yield what each sensor that shows agents has told an agent in its present look.
+
+    Reports of sensors that err or report late give no certain places. Sensors that do not tell their coverage exclude
+    no places.
+
+    Args:
+        agent: the agent.
+        sensed: the reports of its sensors, as in its state.
+        on_edge: the position of the agent between nodes; None: it is at a node, or in the air.
+        graph: the map.
+        may_be_between: whether agents may be between nodes.
+    """
+    for name, (kind, data) in sensed.items():
+        if kind not in ON_GROUND | IN_AIR:
+            continue
+        sensor = agent.sensors.get(name)
+        coverage = None if sensor is None else find_coverage(sensor, agent, on_edge)
+        if coverage is None:
+            coverage = _NO_COVERAGE
+        places: Mapping[str, int] = {}
+        if coverage.is_exact:
+            places = data if kind in ON_GROUND else find_nodes_below(data, graph, may_be_between=may_be_between)
+        yield CertainReport(places, coverage, {*coverage.not_shown, *(data.keys() - places.keys())})
 
 
 # -- witnessed ------------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from gamms.game.movement.travel import find_usable_graph
 from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.knowledge.fields import find_coverage
 from gamms.plain import (
     ID,
     NAME,
@@ -31,7 +32,7 @@ from gamms.plain import (
 from gamms.rules.endings import as_nodes, disclose_to_all, get_state, refuse_unknown
 from gamms.rules.meetings import find_nodes_within
 from gamms.text import shown
-from gamms.typing import AgentType, IAgent, ISensor, NodeId, Rule
+from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import TEAMS, Move, Visit
 from gamms.visual.drawers.rules import as_text
 from gamms.visual.drawers.standings import DISCOVERED, HELD, render_discovered, render_held
@@ -422,18 +423,19 @@ class _NodeIndex:
             self.at.setdefault((x, y), []).append(node)
 
 
-def _find_shown_nodes(sensors: Iterable[ISensor], name: str, here: int, places: _NodeIndex) -> set[int]:
-    """Return the ids of the nodes that the sensors of the named agent show from a node."""
+def _find_shown_nodes(agent: IAgent, places: _NodeIndex) -> set[int]:
+    """Return the ids of the nodes that the sensors of an agent show from its node."""
     shown_ids = set[int]()
-    for sensor in sensors:
+    for sensor in agent.sensors.values():
+        coverage = find_coverage(sensor, agent, None)
+        if coverage is not None:
+            shown_ids.update(coverage.node_ids.tolist())
+            continue
         try:
-            shown_ids.update(sensor.coverage(here, name).node_ids.tolist())
-        except NotOffered:  # the sensor does not show agents
-            try:
-                seen = sensor.view_from(here, name).nodes
-            except NotOffered:
-                continue
-            shown_ids.update(*(places.at.get((x, y), ()) for x, y in seen.tolist()))
+            seen = sensor.view_from(agent.current_node_id, agent.name).nodes
+        except NotOffered:
+            continue
+        shown_ids.update(*(places.at.get((x, y), ()) for x, y in seen.tolist()))
     return shown_ids & places.ids
 
 
@@ -443,4 +445,4 @@ def _find_nodes_in_view(ctx: Context, agent: IAgent, places: _NodeIndex, hops: f
     around: Iterable[int] = ()
     if agent.type is not AgentType.AERIAL:
         around = find_nodes_within(find_usable_graph(ctx, getattr(agent, "mode", None)), here, hops)
-    return _find_shown_nodes(agent.sensors.values(), agent.name, here, places) | places.ids.intersection(around)
+    return _find_shown_nodes(agent, places) | places.ids.intersection(around)

@@ -22,15 +22,12 @@ from gamms.ir.graph import as_node_id, split_mode
 from gamms.plain import Shape
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, EdgeAction, NodeId, State, Strategy
-from gamms.typing.sensor_engine import SensorType
+from gamms.typing.sensor_engine import ON_GROUND, SensorType
 
 if TYPE_CHECKING:
     from typing_extensions import TypeIs
 
 F = TypeVar("F")
-
-# Sensor types that agents on the ground may carry; their data is {name: node}
-_SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 
 _warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies that were warned about
 
@@ -160,7 +157,7 @@ def find_enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str,
     team = get_required(state, "team", caller)
     if caller not in (warned := _warned.setdefault(ctx, set())) and not _is_showing_agents(state):
         warned.add(caller)  # once in a context
-        kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
+        kinds = ", ".join(sorted(kind.name for kind in ON_GROUND))
         who = f"agent {state['name']!r}" if "name" in state else "an agent"
         ctx.logger.warning(
             f"{caller}: {who} carries no sensor that shows agents, so it sees no enemies. Give it one of {kinds}."
@@ -175,14 +172,14 @@ def find_mates_in_sight(ctx: IContext, state: State) -> dict[str, int]:
 
 
 def _is_showing_agents(state: State) -> bool:
-    return any(kind in _SHOWING_AGENTS for kind, _ in state["sensor"].values())
+    return any(kind in ON_GROUND for kind, _ in state["sensor"].values())
 
 
 def _list_agents_in_sight(ctx: IContext, state: State) -> list[tuple[str, int, Hashable]]:
     """Return (name, node, team) of the agents that the sensors show, sorted by name."""
     seen: dict[str, int] = {}
     for kind, data in state["sensor"].values():
-        if kind in _SHOWING_AGENTS:
+        if kind in ON_GROUND:
             seen.update(data)
     seen.pop(state.get("name", ""), None)  # a sensor at a fixed place also shows its owner
     there = ctx.agent.agents  # without agents that were deleted after a sensor with a delay saw them
@@ -194,7 +191,7 @@ def nodes_in_view(ctx: IContext, state: State) -> set[int]:
     agent = ctx.agent.get_agent(state["name"])
     found = set[int]()
     for name, (kind, _) in state["sensor"].items():
-        if kind in _SHOWING_AGENTS:
+        if kind in ON_GROUND:
             covered = agent.sensors[name].coverage(state["curr_pos"], state["name"])
             found.update(covered.node_ids[covered.detection > 0.0].tolist())
     return found

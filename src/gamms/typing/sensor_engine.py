@@ -214,6 +214,19 @@ def find_owner(sensor: ISensor) -> str | None:
     return getattr(sensor, "_owner", None)
 
 
+def find_place_of_look(sensor: object, node_id: int, on_edge: tuple[float, float] | None) -> int | tuple[float, float]:
+    """Return the place from which the sensor of an agent looks.
+
+    Args:
+        sensor: the sensor.
+        node_id: the node of the agent, or the last node that it passed.
+        on_edge: the position of the agent between nodes; None: it is at the node.
+    """
+    if on_edge is None or not getattr(sensor, "looks_from_points", False):
+        return node_id
+    return on_edge
+
+
 def is_sensor(value: object) -> bool:
     """Return whether `value` can serve as a sensor: an `ISensor`, or any object with its attributes and methods."""
     return isinstance(value, ISensor) or not _find_missing(value)

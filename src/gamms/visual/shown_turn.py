@@ -21,6 +21,7 @@ from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType
 from gamms.typing.on_edges import cut_line, locate
 from gamms.typing.recorder import Step
+from gamms.typing.sensor_engine import find_place_of_look
 
 _Point = tuple[float, float]
 
@@ -518,9 +519,7 @@ class SensorCarriers:
 
     def _look(self, sensor: ISensor, agent: IAgent, reports: Reports) -> ShownView:
         """Return what a sensor has reported to an agent, or would report now; other than built-in ones do not say."""
-        place: Any = agent.current_node_id
-        if getattr(sensor, "looks_from_points", False):
-            place = self._places().get(agent.name, place)
+        place: Any = find_place_of_look(sensor, agent.current_node_id, self._places().get(agent.name))
         key = next((name for name, one in agent.sensors.items() if one is sensor), "")
         report = reports.get((agent.name, key))
         preview = getattr(sensor, "preview", None)
