@@ -4,6 +4,7 @@ import base64
 import io
 import re
 import zlib
+from itertools import chain
 
 import pytest
 from games import grid_context, replayed
@@ -13,8 +14,11 @@ import gamms
 from gamms.recorder import open as opened
 from gamms.sensor import SensorType
 from gamms.visual import Artist
+from gamms.web.links import Audience
+from gamms.web.streams import Streams
 
-SECRETS = (b"zqspy", b"zqlens", b"zqbase", b"zqnote", b"hotpink", b"darkkhaki")
+SECRETS = (b"zqspy", b"zqlens", b"zqbase", b"zqnote", b"zqsecond", b"zqcount", b"zqplan", b"hotpink", b"darkkhaki")
+OF_HOST = {b"zqbase", b"zqplan", b"zqcount"}  # which the team of the spy does not know either
 
 
 def inflated(data):
@@ -69,18 +73,52 @@ def played(ctx, turns=3, **more):
     return stream.getvalue()
 
 
-@pytest.fixture(scope="module")
-def whole():
+def zqplan(state):
+    """Remember and send the note; its own name is recorded as that of the strategy."""
+    state["memory"]["zqnote"] = {"zqnote": state["turn"]}
+    state["team_memory"]["zqnote"] = ["zqnote"] * (1 + state["turn"])
+    state["outbox"] = [{"channel": "wire", "to": "red", "body": "zqnote"}]
+    state["action"] = 0 if state["turn"] == 2 else state["curr_pos"]  # 0 is not legal
+
+
+def scene_with_a_plan():
+    """The scene in which the spy has a secret in every kind of column, event and fact, before the game and in it."""
     ctx = scene()
     ctx.game.add_channel("radio", range_m=50.0, jammers=[{"radius_m": 1.0, "agent": "zqspy"}])
-    return played(ctx, provenance={"strategies": {"zqspy": "zqnote"}})
+    ctx.game.add_channel("wire", range_m=1.0)
+    ctx.agent.get_agent("zqspy").register_strategy(zqplan)
+    ctx.game.publish(to="red", plan="zqnote")
+    ctx.game.publish(to="zqspy", plan="zqnote")
+    ctx.game.collect("zqcount", lambda agent: agent.current_node_id, per="agent")
+    ctx.sensor.create_sensor("zqsecond", SensorType.AGENT_RANGE, sensor_range=2.0, delay_turns=1)
+
+    @ctx.game.add
+    def change(ctx):
+        spy = ctx.agent.get_agent("zqspy")
+        ctx.game.data[f"zqnote {ctx.game.turn}"] = "zqnote"
+        ctx.game.publish(to="red", plan=f"zqnote {ctx.game.turn}")
+        ctx.game.publish(to="zqspy", plan=f"zqnote {ctx.game.turn}")
+        spy.zqnote = f"zqnote {ctx.game.turn}"
+        spy.speed = 1 + ctx.game.turn
+        if ctx.game.turn == 1:
+            spy.register_sensor("zqsecond", ctx.sensor.get_sensor("zqsecond"))
+
+    return ctx
+
+
+PROVENANCE = {"strategies": {"zqspy": "zqnote"}}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return played(scene_with_a_plan(), provenance=PROVENANCE)
 
 
 def test_the_whole_recording_has_them_and_the_cut_does_not(whole):
     assert secrets_in(whole) == sorted(SECRETS)
     cut = cut_of(whole, "blue")
     assert secrets_in(cut) == []
-    assert secrets_in(cut_of(whole, "red")) == sorted({*SECRETS} - {b"zqbase"})
+    assert secrets_in(cut_of(whole, "red")) == sorted({*SECRETS} - OF_HOST)
     with opened(io.BytesIO(cut)) as recording:
         assert [one["name"] for one in recording.header["visuals"]["artists"]] == ["graph", "blue_0"]
 
@@ -89,6 +127,23 @@ def test_neither_do_pages(whole):
     with opened(io.BytesIO(whole)) as recording:
         assert b"zqspy" in secrets_in(gamms.web.page(recording))
         assert secrets_in(gamms.web.page(recording, audience="blue")) == []
+
+
+def test_neither_do_streams():
+    ctx = scene_with_a_plan()
+    streams = Streams(ctx.graph.columns)
+    of_blue, of_red = [Audience(team) for team in ("blue", "red")]
+    ctx.record.follow(streams)
+    for audience in (of_blue, of_red):
+        streams.of(audience)
+    played(ctx, provenance=PROVENANCE)
+    streams.end()
+    sent = [
+        b"".join(map(zlib.decompress, chain(one.opening, *(messages for messages, _ in one._parts))))
+        for one in map(streams.of, (of_blue, of_red))
+    ]
+    assert secrets_in(sent[0]) == []
+    assert b"zqnote" in secrets_in(sent[1])
 
 
 def test_an_agent_brings_its_look_when_it_is_seen_first():

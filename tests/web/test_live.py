@@ -20,7 +20,7 @@ from shown_game import ShownGame
 import gamms
 from gamms import recorder, scenario, strategies, web
 from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
-from gamms.recorder.cut import list_sides
+from gamms.knowledge.sides import list_sides
 from gamms.recorder.errors import Damaged
 from gamms.typing import OpCodes
 from gamms.web import columns, server, streams

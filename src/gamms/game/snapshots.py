@@ -21,7 +21,7 @@ from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
 from gamms.ir.schema import Memo
-from gamms.knowledge.sides import select_heard, select_own
+from gamms.knowledge.sides import select_by_name, select_heard, select_own
 from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
 from gamms.readonly import NotPickled
 from gamms.text import shown
@@ -761,7 +761,7 @@ def copy_known(
     state.messages = list(select_heard(source.state.messages, names, source.state.turn + 1))
     for log in ("errors", "deeds"):
         setattr(state, log, list(select_own(getattr(source.state, log), names)))
-    state.began = {name: place for name, place in known.starts.items() if name in names}
+    state.began = select_by_name(known.starts, names)
     for rule in target.rules.rules:
         prepare = rule.spec.prepare
         if prepare is not None and rule.spec.disclose is None:  # it may draw random state that no agent knows

@@ -44,7 +44,7 @@ class Role(Enum):
     BY_AGENT = "values by the names of agents"
     BY_TEAM = "pairs of a team and a value"
     NODE = "a node id"
-    PLAIN = "nothing"
+    PLAIN = "a value for all who know of the event"
 
 
 class Field(NamedTuple):
@@ -111,13 +111,14 @@ def _check_speed(value: object, name: str) -> Any:
     return value
 
 
-_FIELDS = {  # fields with these names; other fields hold any plain value
+_FIELDS = {  # fields with these names; other fields name their role, and hold any plain value
     "agent_name": Field(Role.AGENT, as_name),
     "names": Field(Role.AGENT),
     "node_id": Field(Role.NODE, as_int),
     **dict.fromkeys(("number", "numbers"), Field(Role.NUMBER)),
     **dict.fromkeys(("node", "previous", "edge_source", "edge_target"), Field(Role.NODE)),
     **dict.fromkeys(("name", "sensor_id", "kind"), Field(check=as_name)),
+    **dict.fromkeys(("x", "y", "z", "w"), Field()),
     "orientation": Field(check=_make_number_check("(cos, sin)", or_none=True)),
     "position": Field(check=_make_number_check("(x, y, z)")),
     "quat": Field(check=_make_number_check("(w, x, y, z)")),
@@ -134,11 +135,17 @@ _Records = Callable[[Any, Mover | None], Iterator[Record]]
 
 
 def _parse_fields(spec: str) -> dict[str, Field]:
-    """Return fields by name, from a spec like "name:AGENT ?state": with a role, or optional."""
+    """Return fields by name, from a spec like "name:AGENT ?state:PLAIN": each with a role, or optional.
+
+    A field has no default role, because the role decides who knows the field; see `gamms.knowledge.sides`.
+
+    Raises:
+        KeyError: a field has neither a role nor a name of `_FIELDS`.
+    """
     fields = {}
     for part in spec.split():
         key, _, role = part.removeprefix("?").partition(":")
-        field = _FIELDS.get(key, Field())
+        field = _FIELDS.get(key, Field()) if role else _FIELDS[key]
         fields[key] = Field(Role[role] if role else field.role, field.check, part.startswith("?"))
     return fields
 
@@ -292,7 +299,12 @@ _WITNESSED = Audience.WITNESSED
 _HOST = Audience.HOST
 
 AGENT_CREATE = _add_event(
-    0x01000000, "AGENT_CREATE", _HOST, "name:AGENT kwargs ?state ?strategy", _create, _list_creation_records
+    0x01000000,
+    "AGENT_CREATE",
+    _HOST,
+    "name:AGENT kwargs:PLAIN ?state:PLAIN ?strategy:PLAIN",
+    _create,
+    _list_creation_records,
 )
 AGENT_DELETE = _record(
     0x01000001, "AGENT_DELETE", _HOST, "name:AGENT", lambda state, data: state.agents.remove(data["name"])
@@ -308,7 +320,7 @@ AERIAL_AGENT_QUATERNION = _record(
     0x01100006, "AERIAL_AGENT_QUATERNION", _SENSED, "agent_name quat", _make_setter("quat", "quat")
 )
 AGENT_STRATEGY = _add_event(
-    0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strategy", _make_setter("strategies", "strategy")
+    0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strategy:PLAIN", _make_setter("strategies", "strategy")
 )
 AGENT_PROGRESS = _add_event(
     0x01100014,
@@ -424,7 +436,7 @@ for _field, (_code, _name, _audience, _key, _) in FIELD_EVENTS.items():
         _code,
         _name,
         _audience,
-        f"{_key}:BY_AGENT" if FIELDS[_field].axis == "agent" else _key,
+        f"{_key}:{'BY_AGENT' if FIELDS[_field].axis == 'agent' else 'PLAIN'}",
         _make_game_setter(_field),
     )
 GAME_SCORES = FIELD_EVENTS["scores"].code
@@ -433,44 +445,56 @@ GAME_NAMED_EDGES = FIELD_EVENTS["named_edges"].code
 GAME_DRIVEN = FIELD_EVENTS["driven"].code
 GAME_COLLECTED = FIELD_EVENTS["collected"].code
 GAME_DATA = _add_event(
-    0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
+    0x04000001,
+    "GAME_DATA",
+    _HOST,
+    "?set:PLAIN ?more:PLAIN ?removed:PLAIN",
+    lambda state, data: change(state.game.data, data),
 )
 DECISIONS = ("choice", "llm")
 """Kinds of emitted events about decisions of an agent: visible only to its own team."""
 
 GAME_EVENT = _add_logged_event(0x04000002, "GAME_EVENT", _WITNESSED, "kind", "events")
-GAME_OVER = _add_event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _apply_over)
-GAME_TURN = _add_event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts:BY_AGENT", _count)
+GAME_OVER = _add_event(0x04000003, "GAME_OVER", _ALL, "?reason:PLAIN ?winner:PLAIN ?truncated:PLAIN", _apply_over)
+GAME_TURN = _add_event(0x04000004, "GAME_TURN", _ALL, "turn:PLAIN pace:PLAIN ?starts:BY_AGENT", _count)
 GAME_MEMORY = _add_event(0x04000005, "GAME_MEMORY", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _remember)
 GAME_FACTS = _add_event(
-    0x04000006, "GAME_FACTS", _ALL, "set removed", lambda state, data: state.publish(data["set"], data["removed"])
+    0x04000006,
+    "GAME_FACTS",
+    _ALL,
+    "set:PLAIN removed:PLAIN",
+    lambda state, data: state.publish(data["set"], data["removed"]),
 )
-GAME_CHANCE = _add_event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
+GAME_CHANCE = _add_event(
+    0x04000007, "GAME_CHANCE", _HOST, "chance:PLAIN", lambda state, data: state.set_rng(data["chance"])
+)
 GAME_PRIVATE_FACTS = _add_event(
     0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _publish_privately
 )
-GAME_DEED = _add_logged_event(0x04000008, "GAME_DEED", _WITNESSED, "agent:AGENT deed at:NODE", "deeds")
-GAME_MESSAGE = _add_logged_event(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
+GAME_DEED = _add_logged_event(0x04000008, "GAME_DEED", _WITNESSED, "agent:AGENT deed:PLAIN at:NODE", "deeds")
+GAME_MESSAGE = _add_logged_event(
+    0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel:PLAIN to:PLAIN body:PLAIN", "messages"
+)
 USER_EVENT = _add_event(0x05000000, "USER_EVENT", _WITNESSED, "kind")
 
 TERMINATE = _record(0x00000000, "TERMINATE", _ALL)
 SIMULATE = _record(0x00000001, "SIMULATE", _ALL, "", lambda state, _: state.end_turn())
 SNAPSHOT = _add_event(0x00000010, "SNAPSHOT", _HOST, "names numbers node", lambda state, data: state.restore(data))
 UNFINISHED = _add_event(0x00000011, "UNFINISHED", _ALL)
-WORLD = _add_event(0x03000000, "WORLD", _ALL, "world", lambda state, data: state.replace_world(data["world"]))
-VISUALS = _add_event(0x03000010, "VISUALS", _HOST, "artists", lambda state, data: state.show(data))
+WORLD = _add_event(0x03000000, "WORLD", _ALL, "world:PLAIN", lambda state, data: state.replace_world(data["world"]))
+VISUALS = _add_event(0x03000010, "VISUALS", _HOST, "artists:PLAIN", lambda state, data: state.show(data))
 VISUAL_COMMANDS = _add_event(
-    0x03000011, "VISUAL_COMMANDS", _HOST, "artist layer visible", lambda state, data: state.draw(data)
+    0x03000011, "VISUAL_COMMANDS", _HOST, "artist:PLAIN layer:PLAIN visible:PLAIN", lambda state, data: state.draw(data)
 )
 SENSORS = _add_event(
     0x06000000,
     "SENSORS",
     _HOST,
-    "sensor_kinds ?removed",
+    "sensor_kinds:PLAIN ?removed:PLAIN",
     lambda state, data: state.change_sensors(data["sensor_kinds"], data.get("removed", ())),
 )
-SENSED = _add_event(0x06000001, "SENSED", _TEAM, "agents:NUMBER ids")
-DELAYED_LOOKS = _add_event(0x06000002, "DELAYED_LOOKS", _HOST, "looks", _apply_delay)
+SENSED = _add_event(0x06000001, "SENSED", _TEAM, "agents:NUMBER ids:PLAIN")
+DELAYED_LOOKS = _add_event(0x06000002, "DELAYED_LOOKS", _HOST, "looks:PLAIN", _apply_delay)
 
 
 def _add_component_event(code: int, name: str, fields: str) -> int:
@@ -478,11 +502,11 @@ def _add_component_event(code: int, name: str, fields: str) -> int:
     return _record(code, name, _ALL, fields, lambda state, data: state.change_component(code, data))
 
 
-COMPONENT_REGISTER = _add_component_event(0x02000000, "COMPONENT_REGISTER", "key struct")
-COMPONENT_CREATE = _add_component_event(0x02000001, "COMPONENT_CREATE", "name type")
-COMPONENT_UPDATE = _add_component_event(0x02000002, "COMPONENT_UPDATE", "name key value")
+COMPONENT_REGISTER = _add_component_event(0x02000000, "COMPONENT_REGISTER", "key:PLAIN struct:PLAIN")
+COMPONENT_CREATE = _add_component_event(0x02000001, "COMPONENT_CREATE", "name type:PLAIN")
+COMPONENT_UPDATE = _add_component_event(0x02000002, "COMPONENT_UPDATE", "name key:PLAIN value:PLAIN")
 COMPONENT_DELETE = _add_component_event(0x02000003, "COMPONENT_DELETE", "name")
-COMPONENT_UNREGISTER = _add_component_event(0x02000004, "COMPONENT_UNREGISTER", "key")
+COMPONENT_UNREGISTER = _add_component_event(0x02000004, "COMPONENT_UNREGISTER", "key:PLAIN")
 COMPONENTS = frozenset([COMPONENT_REGISTER, COMPONENT_CREATE, COMPONENT_UPDATE, COMPONENT_DELETE, COMPONENT_UNREGISTER])
 """The kinds that change components."""
 
@@ -533,6 +557,10 @@ def renumber_event(kind: int, data: Plain, number_of: Callable[[int], int]) -> A
     fields = EVENTS[kind].fields if kind in EVENTS else {}
     if isinstance(data, tuple):
         return (number_of(data[0]), *data[1:])
+    if kind == MOVES:  # of `list_events`
+        moves = list(data)
+        moves[::2] = map(number_of, moves[::2])
+        return moves
     found = dict(data)
     for key in (key for key, field in fields.items() if field.role is Role.NUMBER):
         found[key] = data[key].copy()

@@ -6,7 +6,8 @@ declared in `GameState` in `ir/game_state.py`.
 
 To add a number per agent, add one entry, for example `Column("battery", np.float64, 1.0, event=ChangeEvent(0x01100015,
 "AGENT_BATTERY", Audience.TEAM, "battery"))`. It becomes a settable property of agents, is stored by snapshots and
-forks, and is recorded where it differs from 1.0. A number per team or for the game, for example the map of a game, is
+forks, and is recorded where it differs from 1.0; cuts have it for the agents of a team. A column without an audience,
+its own or that of its event, is left out of them. A number per team or for the game, for example the map of a game, is
 an entry with another `axis`.
 """
 
@@ -29,7 +30,7 @@ Memo = dict[int, Any]  # id() of an object -> its counterpart in a fork; see `co
 class Audience(Enum):
     """The audience of an event while the game is played."""
 
-    ALL = "all; of values by agents and teams, a team knows its own"
+    ALL = "all; of an agent, those who see it; of values by agents and teams, a team knows its own"
     TEAM = "the team of the agent"
     SENSED = "the team of the agent; others know what their sensors report"
     WITNESSED = "the team of the agents that the event names, and whoever sees one of them; all if it names none"
@@ -75,6 +76,7 @@ class Column(NamedTuple):
             (`AgentBlock.games`), and in keyframes if they differ from the initial value.
         is_copied: whether snapshots and forks copy the numbers; otherwise they begin with the initial value.
         is_recorded: whether keyframes have it.
+        audience: which agents may know the values of an agent; None: those that may know of its `event`.
     """
 
     name: str
@@ -91,6 +93,13 @@ class Column(NamedTuple):
     axis: Literal["agent", "team", "game"] = "agent"
     is_copied: bool = True
     is_recorded: bool = True
+    audience: Audience | None = None
+
+    def find_audience(self) -> Audience:
+        """Return which agents may know the values of an agent; without a declaration only the host."""
+        if self.audience is not None:
+            return self.audience
+        return Audience.HOST if self.event is None else self.event.audience
 
     def checked(self, value: object, name: str) -> Any:
         """Return a checked value of the column as a plain number; `name` is its name in error messages.
@@ -105,9 +114,10 @@ _CHECKS: dict[type | None, Any] = {np.bool_: as_bool, np.int64: as_int, np.float
 _CODES: dict[type, str] = {np.bool_: "?", np.int64: INT64, np.float64: "d"}
 
 COLUMNS = (  # in the order of keyframes
-    Column("names", is_structure=True),
-    Column("numbers", np.int64, is_in_block=False),  # by which moves in recordings refer to agents
-    Column("kind", np.int64, is_structure=True),
+    Column("names", is_structure=True, audience=Audience.SENSED),
+    # by which moves in recordings refer to agents; cuts have their own
+    Column("numbers", np.int64, is_in_block=False, audience=Audience.HOST),
+    Column("kind", np.int64, is_structure=True, audience=Audience.SENSED),
     Column(
         "node",
         np.int64,
@@ -128,11 +138,27 @@ COLUMNS = (  # in the order of keyframes
         event=ChangeEvent(0x01100004, "AGENT_ORIENTATION", Audience.SENSED, "orientation", is_record=True),
         attribute="orientation",
     ),
-    Column("position", np.float64, shape=(3,), numbers=(BlockColumn("position", "d", nan, "flyer", 3),)),
     Column(
-        "previous_position", np.float64, shape=(3,), numbers=(BlockColumn("previous_position", "d", nan, "flyer", 3),)
+        "position",
+        np.float64,
+        shape=(3,),
+        numbers=(BlockColumn("position", "d", nan, "flyer", 3),),
+        audience=Audience.SENSED,
     ),
-    Column("quat", np.float64, shape=(4,), numbers=(BlockColumn("quat", "d", nan, "flyer", 4),)),
+    Column(
+        "previous_position",
+        np.float64,
+        shape=(3,),
+        numbers=(BlockColumn("previous_position", "d", nan, "flyer", 3),),
+        audience=Audience.SENSED,
+    ),
+    Column(
+        "quat",
+        np.float64,
+        shape=(4,),
+        numbers=(BlockColumn("quat", "d", nan, "flyer", 4),),
+        audience=Audience.SENSED,
+    ),
     Column(
         "alive",
         np.bool_,
@@ -156,6 +182,7 @@ COLUMNS = (  # in the order of keyframes
             BlockColumn("edge", INT64, -1),
             BlockColumn("motion", INT64, 0),
         ),
+        audience=Audience.SENSED,
     ),
     Column(
         "teams",
@@ -170,10 +197,11 @@ COLUMNS = (  # in the order of keyframes
         is_structure=True,
         numbers=(BlockColumn("speed", "d", nan), BlockColumn("has_int_speed", "?", False)),
     ),
-    Column("modes", attribute="mode", is_structure=True, is_recorded=False),  # recorded with the attributes
-    Column("sensors", is_in_block=False),
-    Column("attributes", is_in_block=False),
-    Column("strategies", is_in_block=False),
+    # recorded with the attributes
+    Column("modes", attribute="mode", is_structure=True, is_recorded=False, audience=Audience.TEAM),
+    Column("sensors", is_in_block=False, audience=Audience.TEAM),
+    Column("attributes", is_in_block=False, audience=Audience.TEAM),
+    Column("strategies", is_in_block=False, audience=Audience.HOST),
 )
 """All columns."""
 

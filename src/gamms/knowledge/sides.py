@@ -1,19 +1,22 @@
-"""Sights, witnessed events and messages of the agents of a side in a turn.
+"""Sights, witnessed events and messages of the agents of a side in a turn, and the parts of recordings that it knows.
 
-A side is a team, or an agent without a team.
+A side is a team, or an agent without a team. Each column of agents, field of a game and field of an event declares its
+audience or role in `ir`; the functions here apply these declarations. Without a declaration, nobody knows it.
 """
 
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from itertools import chain
 from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.events import DECISIONS, EVENTS, Role
+from gamms.ir.events import DECISIONS, EVENTS, GAME_EVENT, MOVES, EventKind, Role
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.schema import AGENT_COLUMNS, Audience
 from gamms.ir.sensor_results import Coverage
 from gamms.knowledge.fields import find_coverage, find_edge_rows, find_node_rows
 from gamms.knowledge.looks import (
@@ -27,6 +30,7 @@ from gamms.knowledge.looks import (
     make_nearest,
     sightings,
 )
+from gamms.plain import Plain
 from gamms.text import as_text
 from gamms.typing import IAgent, IGraph, IGraphEngine, ISensor
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
@@ -35,6 +39,31 @@ from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 def name_side(name: str, team: object) -> str:
     """Return the name of the side of an agent: its team as text, or its own name if it has no team."""
     return name if team is None else as_text(team)
+
+
+def list_sides(
+    header: Mapping[str, Any], first: Mapping[str, Any], is_own: Callable[[str, Any], bool] = lambda _name, _team: True
+) -> list[str | None]:
+    """Return the sides of a game in the order of their color assignment, which is the same in all cuts.
+
+    A side is the text of a team, or the name of an agent without a team; None for an unknown agent without a team.
+
+    Args:
+        header: header of the whole recording.
+        first: first keyframe of the game.
+        is_own: function of the name and the team of an agent: whether it is known.
+    """
+    sides: dict[str | int, str | None] = {}
+    for name, team in zip(first["names"], first["teams"], strict=True):
+        if team is None and not is_own(name, team):
+            sides[len(sides)] = None
+        else:
+            side = name_side(name, team)
+            sides[side] = side
+    scenario = header.get("scenario")
+    teams = scenario.get("teams") if isinstance(scenario, Mapping) else None
+    sides |= {team: team for team in teams or () if isinstance(team, str)}  # some may come later
+    return list(sides.values())
 
 
 # -- seen -----------------------------------------------------------------------------------------------------------
@@ -242,13 +271,27 @@ def list_certain(
 # -- witnessed ------------------------------------------------------------------------------------------------------
 
 
-def is_witnessed(
-    kind: int,
-    data: Mapping[str, Any],
-    names: Container[str],
-    is_own: Callable[[str], bool],
-    is_in_view: Callable[[str], bool],
-) -> bool:
+class KnownAgents(NamedTuple):
+    """The agents that a side knows at a moment.
+
+    Attributes:
+        own: name -> team, of the agents of the side.
+        seen: the names of the agents of other sides that it sees.
+        names: the names of all agents of the game so far.
+        by_number: number of an agent in events -> its name, for all present agents.
+    """
+
+    own: Mapping[str, Any]
+    seen: Container[str]
+    names: Container[str]
+    by_number: Mapping[int, str]
+
+    def is_in_view(self, name: str) -> bool:
+        """Return whether an agent is of the side, or seen by it."""
+        return name in self.own or name in self.seen
+
+
+def is_witnessed(kind: int, data: Mapping[str, Any], agents: KnownAgents) -> bool:
     """Return whether a side knows of an event: it names no agents, or one that is in view.
 
     The decisions of an agent are known to its side only.
@@ -256,15 +299,25 @@ def is_witnessed(
     Args:
         kind: the kind of the event.
         data: its data.
-        names: the names of all agents.
-        is_own: whether an agent is of the side.
-        is_in_view: whether an agent is of the side, or seen by it.
+        agents: the agents that the side knows.
     """
     if data.get("kind") in DECISIONS and "agent" in data:
-        return is_own(data["agent"])
+        return data["agent"] in agents.own
     actors = [data[key] for key, field in EVENTS[kind].fields.items() if field.role is Role.AGENT]
-    named = actors or [text for text in _texts_in(data) if text in names]
-    return not named or any(map(is_in_view, named))
+    named = actors or [text for text in _texts_in(data) if text in agents.names]
+    return not named or any(map(agents.is_in_view, named))
+
+
+def find_known_flags(data: Mapping[Any, Any], agents: KnownAgents) -> dict[Any, Any]:
+    """Return the flags in the data of rules: their bases, and that they are carried, but not by which unseen agent."""
+    found = {}
+    for key, kept in data.items():
+        if isinstance(kept, dict) and all(isinstance(kept.get(part), dict) for part in ("bases", "carriers")):
+            carriers = {
+                team: name if name is None or agents.is_in_view(name) else "" for team, name in kept["carriers"].items()
+            }
+            found[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
+    return found
 
 
 def select_own(entries: Iterable[Mapping[str, Any]], names: Container[str]) -> Iterator[dict[str, Any]]:
@@ -322,3 +375,210 @@ def split_heard(entry: Mapping[str, Any], names: Container[str]) -> Iterator[tup
     for turn in sorted(set(chain.from_iterable(each.values() for each in heard.values()))):
         now = {key: {name: at for name, at in each.items() if at == turn} for key, each in heard.items()}
         yield max(turn - entry["turn"], 0), known | now
+
+
+# -- parts of recordings ----------------------------------------------------------------------------------------------
+
+
+_PUBLIC_ENTRIES = ("format", "package", "created", "world", "world_sha256")
+_PUBLIC_ARTISTS = (
+    "graph",
+    "obstacles",
+    "flags",
+    "territory",
+    "tags",
+    "goals",
+    "held",
+    "discovered",
+    "resources",
+    "cooldowns",
+    "doing",
+)
+_OF_AGENTS = (Role.AGENT, Role.NUMBER, Role.EACH, Role.BY_AGENT, Role.BY_TEAM)
+_OF_VISUALS = ("artists", "is_declared", "team_colors")
+_KNOWN_COLUMNS = {
+    part.name
+    for column in AGENT_COLUMNS
+    for part in (column.parts or (column,))
+    if column.find_audience() is not Audience.HOST
+}
+
+
+def select_public_entries(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of the header of a recording that everybody knows; others may name agents of other sides."""
+    return {key: header[key] for key in _PUBLIC_ENTRIES if key in header}
+
+
+def select_visuals(
+    visuals: Mapping[str, Any], agents: Container[str], sensors: Container[str], unknown: Container[str]
+) -> dict[str, Any]:
+    """Return the artists and colors that a side knows.
+
+    Artists with custom drawers or shapes are left out, because they see everything.
+
+    Args:
+        visuals: the artists and colors in the header of the whole recording.
+        agents: the names of the agents that the side has seen so far, and of its own.
+        sensors: the ids of its sensors.
+        unknown: the names of agents of which it may not know the colors.
+    """
+    names = {"agent": agents, "sensor": sensors}
+    artists = [
+        one
+        for one in visuals["artists"]
+        if one["kind"] in _PUBLIC_ARTISTS or one["keywords"].get("name") in names.get(one["kind"], ())
+    ]
+    known = {key: visuals[key] for key in _OF_VISUALS if key in visuals} | {"artists": artists}
+    if "team_colors" in known:
+        known["team_colors"] = {side: one for side, one in known["team_colors"].items() if side not in unknown}
+    return known
+
+
+def select_columns(columns: Mapping[str, Any], rows: Sequence[int]) -> dict[str, Any]:
+    """Return the columns of the agents of a side, with empty values in columns that only the host knows.
+
+    Args:
+        columns: the columns of all agents, as in a keyframe.
+        rows: the rows of the agents of the side.
+    """
+    selected: dict[str, Any] = {}
+    for name, values in columns.items():
+        own = values[rows] if isinstance(values, np.ndarray) else [values[row] for row in rows]
+        if name not in _KNOWN_COLUMNS:
+            own = np.zeros_like(own) if isinstance(own, np.ndarray) else [None] * len(rows)
+        selected[name] = own
+    return selected
+
+
+def select_history(history: Mapping[str, Any], agents: KnownAgents, turn: int) -> dict[str, Any]:
+    """Return copies of the known parts of a keyframe beside its columns and the fields of the game.
+
+    Args:
+        history: the keyframe.
+        agents: the agents that the side knows.
+        turn: the last turn of which it knows.
+    """
+    given = {"events": [], **history}
+    return {key: select(given[key], agents, turn) for key, select in _HISTORY.items() if key in given}
+
+
+def _copy_public(value: Plain, _agents: KnownAgents, _turn: int) -> Any:
+    return deepcopy(value)
+
+
+def _select_events(events: Sequence[Mapping[str, Any]], agents: KnownAgents, _: int) -> list[Mapping[str, Any]]:
+    return [deepcopy(event) for event in events if is_witnessed(GAME_EVENT, event, agents)]
+
+
+def _select_settings(given: Mapping[str, Any], agents: KnownAgents, _: int) -> dict[str, Any]:
+    """Return the settings of a game without jammers that agents of other sides carry."""
+    settings = deepcopy(dict(given))
+    for channel in settings.get("channels", {}).values():
+        if "jammers" in channel:
+            channel["jammers"] = [one for one in channel["jammers"] if one.get("agent", "") in {"", *agents.own}]
+    return settings
+
+
+_HISTORY: dict[str, Callable[[Any, KnownAgents, int], Any]] = {
+    "pace": _copy_public,
+    "components": _copy_public,
+    "events": _select_events,
+    "settings": _select_settings,
+    "facts": _copy_public,
+    "deeds": lambda deeds, agents, _: list(select_own(deeds, agents.own)),
+    "messages": lambda messages, agents, turn: list(select_heard(messages, agents.own, turn)),
+    "starts": lambda starts, agents, _: select_by_name(starts, agents.own),
+}
+"""Part of a keyframe beside its columns -> function that returns the part that a side knows; others are left out."""
+
+
+def select_by_name(values: Mapping[str, Any], names: Container[str]) -> dict[str, Any]:
+    """Return the values of some agents, by name."""
+    return {name: value for name, value in values.items() if name in names}
+
+
+def select_event(kind: int, data: Plain, agents: KnownAgents) -> Any:
+    """Return the part of the data of an event that a side knows when it happens; None if it knows nothing.
+
+    Messages are known in the turns of `split_heard`; here they are left out. An event for all may name one agent: it is
+    known while the side sees this agent, see `names_only`.
+
+    Args:
+        kind: the kind of the event.
+        data: its data; moves are a flat list of numbers and nodes.
+        agents: the agents that the side knows.
+
+    Raises:
+        KeyError, TypeError, ValueError, IndexError: the data do not fit the kind.
+    """
+    known = EVENTS.get(kind)
+    if known is None or known.audience in (Audience.HOST, Audience.HEARD):
+        return None
+    if known.audience is Audience.WITNESSED:
+        return data if is_witnessed(kind, data, agents) else None
+    if kind == MOVES:
+        pairs = zip(map(int, data[::2]), map(int, data[1::2]), strict=True)
+        own = [pair for pair in pairs if agents.by_number.get(pair[0]) in agents.own]
+        return list(chain.from_iterable(own)) or None
+    if known.is_tuple:  # (number, …)
+        return data if agents.by_number.get(data[0]) in agents.own else None
+    return _select_fields(known, data, agents)
+
+
+def names_only(kind: int, data: Plain, is_shown: Callable[[str], bool]) -> bool:
+    """Return whether an event names no agent in a field of its own that is not shown to a side.
+
+    Witnessed events and messages may: who witnesses or hears them knows of the agents in them.
+
+    Args:
+        kind: the kind of the event.
+        data: its data.
+        is_shown: whether an agent exists for the side at this moment.
+    """
+    known = EVENTS[kind]
+    if known.is_tuple or known.audience in (Audience.WITNESSED, Audience.HEARD):
+        return True
+    keys = [key for key, field in known.fields.items() if field.role is Role.AGENT and isinstance(data.get(key), str)]
+    return all(is_shown(data[key]) for key in keys)
+
+
+def _select_fields(known: EventKind, data: Mapping[str, Any], agents: KnownAgents) -> dict[str, Any] | None:
+    """Return the fields of an event that a side knows; fields that its kind does not declare are left out."""
+    rows = _find_own_rows(known, data, agents)
+    is_told = known.audience is Audience.ALL
+    found = {}
+    for key, value in data.items():
+        field = known.fields.get(key)
+        if field is None:
+            continue
+        items = value
+        if field.role is Role.AGENT and isinstance(value, str):
+            is_told = is_told or value in agents.own
+        elif field.role in _OF_AGENTS:
+            items = _select_items(field.role, value, rows, agents)
+            is_told = is_told or len(items) > 0
+            if field.is_optional and not len(items):
+                continue
+        found[key] = items
+    return found if is_told else None
+
+
+def _find_own_rows(known: EventKind, data: Mapping[str, Any], agents: KnownAgents) -> list[int]:
+    """Return the rows of the agents of a side in the columns of an event."""
+    names: list[str] = []
+    for key, field in known.fields.items():
+        if field.role is Role.NUMBER:
+            names = [agents.by_number[number] for number in np.asarray(data[key]).tolist()]
+        elif field.role is Role.AGENT and isinstance(data.get(key), list):
+            names = data[key]
+    return [row for row, name in enumerate(names) if name in agents.own]
+
+
+def _select_items(role: Role, value: Plain, rows: list[int], agents: KnownAgents) -> Any:
+    """Return the part of the value of a field that is about the agents of a side."""
+    if role is Role.BY_AGENT:
+        return select_by_name(value, agents.own)
+    if role is Role.BY_TEAM:
+        teams = set(agents.own.values())
+        return [pair for pair in value if pair[0] in teams]
+    return value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]

@@ -1,8 +1,8 @@
 """Reduce a recording to the knowledge of a team: the rest is not in the file.
 
-The table of events (`ir/events.py`) defines the audience of each event. Agents of other teams exist in a cut while the
-team senses them, at their reported positions: they are created when they are seen and deleted when they are not. Sensor
-data before a turn belong to the state before it, so that a state shows what the team decides from.
+`gamms.knowledge.sides` decides which events, columns and parts a team knows. Agents of other teams exist in a cut while
+the team senses them, at their reported positions: they are created when they are seen and deleted when they are not.
+Sensor data before a turn belong to the state before it, so that a state shows what the team decides from.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -14,43 +14,38 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, MOVES, Log, Role, list_events, renumber_event
+from gamms.ir.events import EVENTS, MOVES, Log, list_events, renumber_event
 from gamms.ir.game_state import FIELD_EVENTS, FIELDS, GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.schema import Audience
 from gamms.knowledge import looks as sensed
 from gamms.knowledge.fields import FieldTable
 from gamms.knowledge.looks import Look, Nearest, Report, Sighting
-from gamms.knowledge.sides import find_sighted, is_witnessed, name_side, select_heard, select_own, split_heard
+from gamms.knowledge.sides import (
+    KnownAgents,
+    find_known_flags,
+    find_sighted,
+    list_sides,
+    names_only,
+    select_by_name,
+    select_columns,
+    select_event,
+    select_history,
+    select_public_entries,
+    select_visuals,
+    split_heard,
+)
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import DAMAGES, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
-from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
+from gamms.recorder.keyframes import Keyframe
 
 _Event = tuple[int, Any]
 _KEYFRAME_TURNS = 64
-# of a header; other entries may name agents of other teams
-_PUBLIC = ("format", "package", "created", "world", "world_sha256")
-_OF_ALL = (
-    "graph",
-    "obstacles",
-    "flags",
-    "territory",
-    "tags",
-    "goals",
-    "held",
-    "discovered",
-    "resources",
-    "cooldowns",
-    "doing",
-)
-# roles of fields with information about agents
-_OF_AGENTS = (Role.AGENT, Role.NUMBER, Role.EACH, Role.BY_AGENT, Role.BY_TEAM)
 _VALUES = {event.code: (name, event.key) for name, event in FIELD_EVENTS.items() if FIELDS[name].axis == "agent"}
-_OF_STATE = ("pace", "components", "events", "settings", "facts")  # parts of a keyframe that everybody may know
 
 
 class KnowledgeFilter:
@@ -179,25 +174,13 @@ class KnowledgeFilter:
         return ({} if turns else self._first) | self._known.keyframe(turns)
 
     def visuals(self) -> dict[str, Any] | None:
-        """Return the artists and colors that the team knows now; None: none are declared.
-
-        Artists with custom drawers or shapes are left out, because they see everything.
-        """
+        """Return the artists and colors that the team knows now; None: none are declared."""
         if self._visuals is None:
             return None
         agents = self._own.keys() | self._met
         sensors = {sensor["id"] for sensor in self._list_sensors(self._own)}
-        names = {"agent": agents, "sensor": sensors}
-        artists = [
-            one
-            for one in self._visuals["artists"]
-            if one["kind"] in _OF_ALL or one["keywords"].get("name") in names.get(one["kind"], ())
-        ]
-        known = {**self._visuals, "artists": artists}
-        if "team_colors" in known:
-            hidden = self._ids.keys() - agents - set(map(str, self._all.agents.columns["teams"]))
-            known["team_colors"] = {side: one for side, one in known["team_colors"].items() if side not in hidden}
-        return known
+        unknown = self._ids.keys() - agents - set(map(str, self._all.agents.columns["teams"]))
+        return select_visuals(self._visuals, agents, sensors, unknown)
 
     # -- own agents ---------------------------------------------------------------------------------------------
 
@@ -211,6 +194,11 @@ class KnowledgeFilter:
             self._ids.setdefault(name, len(self._ids))
         teams = dict(zip(columns["names"], columns["teams"], strict=True))
         self._own = {name: team for name, team in teams.items() if self._is_own(name, team)}
+
+    @property
+    def _agents(self) -> KnownAgents:
+        """The agents that the team knows in the present turn."""
+        return KnownAgents(self._own, self._in_view, self._ids, self._names)
 
     def _get_id(self, number: int) -> int:
         return self._ids[self._names[number]]
@@ -227,24 +215,10 @@ class KnowledgeFilter:
         """Return the state as known to the own agents; data outside the columns come from a keyframe or snapshot."""
         columns = self._all.agents.columns
         names = [name for name in columns["names"] if name in self._own]
-        rows = [self._all.agents.row(name) for name in names]
-        own = {name: [columns[name][row] for row in rows] for name in LISTS}
-        own |= {name: columns[name][rows] for name in ARRAYS} | {"numbers": np.arange(len(rows))}
-        own["strategies"] = [None] * len(rows)
-        packed = keyframes.packed(own, len(rows), self._list_sensors(names), self._make_known_game(), None)
-        history: dict[str, Any] = {key: deepcopy(of[key]) for key in _OF_STATE if key in of}
-        events = history.get("events", ())
-        history["events"] = [event for event in events if self._is_witnessed(kinds.GAME_EVENT, event)]
-        for channel in history.get("settings", {}).get("channels", {}).values():
-            if "jammers" in channel:
-                channel["jammers"] = [one for one in channel["jammers"] if one.get("agent", "") in {"", *self._own}]
-        if "deeds" in of:
-            history["deeds"] = list(select_own(of["deeds"], self._own))
-        if "messages" in of:
-            history["messages"] = list(select_heard(of["messages"], self._own, self._all.game.turn))
-        if "starts" in of:
-            history["starts"] = self._select_own(of["starts"])
-        return packed | history
+        own = select_columns(columns, [self._all.agents.row(name) for name in names])
+        own["numbers"] = np.arange(len(names))
+        packed = keyframes.packed(own, len(names), self._list_sensors(names), self._make_known_game(), None)
+        return packed | select_history(of, self._agents, self._all.game.turn)
 
     def _make_known_game(self) -> GameState:
         """Return the part of the game state that the own agents know."""
@@ -254,16 +228,7 @@ class KnowledgeFilter:
         return game
 
     def _find_known_flags(self) -> dict[Any, Any]:
-        """Return the flags of rules as known: their bases, and that they are carried, but not by which unseen agent."""
-        found = {}
-        for key, kept in self._all.game.data.items():
-            if isinstance(kept, dict) and all(isinstance(kept.get(part), dict) for part in ("bases", "carriers")):
-                carriers = {
-                    team: name if name is None or self._is_in_view(name) else ""
-                    for team, name in kept["carriers"].items()
-                }
-                found[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
-        return found
+        return find_known_flags(self._all.game.data, self._agents)
 
     def _note_new_flags(self, now: dict[Any, Any]) -> Iterator[_Event]:
         before = self._flags
@@ -279,89 +244,23 @@ class KnowledgeFilter:
     def _note_new_values(self, kind: int, data: Mapping[str, Any]) -> Iterator[_Event]:
         """Yield the values of the own agents if they have changed: other events are about agents of other teams."""
         _, key = _VALUES[kind]
-        now = self._select_own(data[key])
+        now = select_by_name(data[key], self._own)
         if now != self._values[kind]:
             self._values[kind] = now
             yield kind, {key: now}
-
-    def _is_in_view(self, name: str) -> bool:
-        return name in self._own or name in self._in_view
-
-    def _select_own(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: value for name, value in by_name.items() if name in self._own}
 
     # -- waiting events -----------------------------------------------------------------------------------------
 
     def _cut(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield the part of an event that the own agents know, given the state before the event."""
-        audience = EVENTS[kind].audience if kind in EVENTS else Audience.HOST
         if kind in _VALUES:
             yield from self._note_new_values(kind, data)
-        elif audience is Audience.HEARD:
+        elif kind in EVENTS and EVENTS[kind].audience is Audience.HEARD:
             yield from self._note_messages(kind, data)
-        elif audience is Audience.WITNESSED:
-            if self._is_witnessed(kind, data):
-                yield kind, data
-        elif audience is not Audience.HOST:
-            own = self._select_own_part(kind, data)
-            if own is not None:
-                yield kind, own
-
-    def _select_own_part(self, kind: int, data: Plain) -> Any:
-        """Return the known part of the data of an event; None if nothing is known."""
-        if kind == MOVES:
-            moves = chain.from_iterable(
-                self._select_own_move(*pair) for pair in zip(data[::2], data[1::2], strict=True)
-            )
-            return list(moves) or None
-        if isinstance(data, tuple):  # (number, …)
-            return (self._get_id(data[0]), *data[1:]) if self._names.get(data[0]) in self._own else None
-        known = EVENTS[kind]
-        own = {}
-        is_empty = known.audience is not Audience.ALL
-        rows = self._find_own_rows(kind, data)
-        for key, value in data.items():
-            role = known.fields[key].role if key in known.fields else Role.PLAIN
-            own[key] = value
-            if role is Role.AGENT and isinstance(value, str):
-                is_empty = is_empty and value not in self._own
-            elif role in _OF_AGENTS:
-                own[key] = self._select_own_items(role, value, rows)
-                is_empty = is_empty and not len(own[key])
-                if known.fields[key].is_optional and not len(own[key]):
-                    del own[key]
-        has_agents = any(field.role in _OF_AGENTS for field in known.fields.values())
-        return None if is_empty and has_agents else own
-
-    def _select_own_move(self, number: int, node: int) -> Iterator[int]:
-        if self._names.get(int(number)) in self._own:
-            yield self._get_id(int(number))
-            yield int(node)
-
-    def _find_own_rows(self, kind: int, data: Mapping[str, Any]) -> list[int]:
-        """Return the rows of the own agents in the columns of an event."""
-        names: list[str] = []
-        for key, field in EVENTS[kind].fields.items():
-            if field.role is Role.NUMBER:
-                names = [self._names[number] for number in np.asarray(data[key]).tolist()]
-            elif field.role is Role.AGENT and isinstance(data.get(key), list):
-                names = data[key]
-        return [row for row, name in enumerate(names) if name in self._own]
-
-    def _select_own_items(self, role: Role, value: Plain, rows: list[int]) -> Any:
-        """Return the part of the value of a field that concerns the own agents."""
-        if role is Role.BY_AGENT:
-            return self._select_own(value)
-        if role is Role.BY_TEAM:
-            teams = set(self._own.values())
-            return [pair for pair in value if pair[0] in teams]
-        items = value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]
-        if role is Role.NUMBER:
-            items[:] = [self._get_id(number) for number in np.asarray(items).tolist()]
-        return items
-
-    def _is_witnessed(self, kind: int, data: Mapping[str, Any]) -> bool:
-        return is_witnessed(kind, data, self._ids, self._own.__contains__, self._is_in_view)
+        else:
+            known = select_event(kind, data, self._agents)
+            if known is not None:
+                yield kind, renumber_event(kind, known, self._get_id)
 
     def _note_messages(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield a message of the own agents now, and messages of others in the turns in which they arrive."""
@@ -502,7 +401,7 @@ class KnowledgeFilter:
                 yield kind, known
         elif kind == kinds.SENSED:
             yield kind, sensed.renumber_looks(data, number_of)
-        elif "agent_name" not in EVENTS[kind].fields or self._ids[data["agent_name"]] in self._numbers:
+        elif names_only(kind, data, lambda name: self._ids[name] in self._numbers):
             yield kind, renumber_event(kind, data, number_of)
 
     def _renumber(self, kind: int, data: Plain) -> bool:
@@ -530,36 +429,10 @@ def _make_creation_data(name: str, given: dict[str, Any], position: tuple[float,
     }
 
 
-def list_sides(
-    header: Mapping[str, Any], first: Keyframe, is_own: Callable[[str, Any], bool] = lambda _name, _team: True
-) -> list[str | None]:
-    """Return the sides of a game in the order of their color assignment, which is the same in all cuts.
-
-    A side is the text of a team, or the name of an agent without a team; None for an unknown agent without a team.
-
-    Args:
-        header: header of the whole recording.
-        first: first keyframe of the game.
-        is_own: function of the name and the team of an agent: whether it is known.
-    """
-    sides: dict[str | int, str | None] = {}
-    for name, team in zip(first["names"], first["teams"], strict=True):
-        if team is None and not is_own(name, team):
-            sides[len(sides)] = None
-        else:
-            side = name_side(name, team)
-            sides[side] = side
-    scenario = header.get("scenario")
-    teams = scenario.get("teams") if isinstance(scenario, Mapping) else None
-    sides |= {team: team for team in teams or () if isinstance(team, str)}  # some may come later
-    return list(sides.values())
-
-
 def cut_header(header: Mapping[str, Any], cut: KnowledgeFilter) -> dict[str, Any]:
     """Return the part of a header that a team knows at the beginning."""
     visuals = cut.visuals()
-    public = {key: header[key] for key in _PUBLIC if key in header}
-    return {**public, **({} if visuals is None else {"visuals": visuals})}
+    return {**select_public_entries(header), **({} if visuals is None else {"visuals": visuals})}
 
 
 def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object) -> None:

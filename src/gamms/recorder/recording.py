@@ -30,6 +30,7 @@ from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
 from gamms.ir.graph import read_only
 from gamms.ir.tables import add_latlon, frame_of, make_table
+from gamms.knowledge.sides import list_sides
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import DAMAGES, Damaged, RecordingError, reporting_damage
@@ -167,8 +168,6 @@ class Recording(Surface, StreamOwner):
     @property
     def title(self) -> str:
         """The name of the scenario, else the sides of the game."""
-        from gamms.recorder.cut import list_sides
-
         scenario = self.header.get("scenario")
         name = scenario.get("name") if isinstance(scenario, dict) else None
         if isinstance(name, str) and name:

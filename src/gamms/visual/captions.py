@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from gamms.ir.events import DECISIONS, GAME_EVENT
 from gamms.ir.game_state import ALL_PLAYED, describe_reason
-from gamms.knowledge.sides import is_witnessed
+from gamms.knowledge.sides import KnownAgents, is_witnessed
 from gamms.text import as_digits, as_text
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, get_color_group
@@ -195,15 +195,9 @@ class Captions:
 
     def _is_open(self, event: Mapping[str, Any], hidden: Collection[str]) -> bool:
         """Return whether those who do not see hidden agents know of an event; where none is hidden, all are known."""
-        agents = self._ctx.agent.agents
-
-        def is_in_view(name: str) -> bool:
-            return name in agents and name not in hidden
-
-        def is_own(_: str) -> bool:
-            return False  # decisions have no captions
-
-        return not hidden or is_witnessed(GAME_EVENT, event, {*agents, *hidden}, is_own, is_in_view)
+        names = self._ctx.agent.agents.keys()
+        # without own agents, because decisions have no captions
+        return not hidden or is_witnessed(GAME_EVENT, event, KnownAgents({}, names - hidden, {*names, *hidden}, {}))
 
 
 def draw_caption_bar(

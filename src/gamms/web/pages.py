@@ -15,10 +15,10 @@ from typing import Any, Unpack
 
 from gamms.arguments import as_bool, as_int, as_recording
 from gamms.errors import BadValue
+from gamms.knowledge.sides import list_sides
 from gamms.plain import Plain
 from gamms.recorder import Recording
 from gamms.recorder import open as opened
-from gamms.recorder.cut import list_sides
 from gamms.recorder.errors import DAMAGES, reporting_damage
 from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown

@@ -22,7 +22,8 @@ from gamms.ir import events as kinds
 from gamms.ir.events import Log, list_events
 from gamms.ir.graph import GraphColumns
 from gamms.knowledge.looks import Nearest, make_nearest
-from gamms.recorder.cut import KnowledgeFilter, cut_header, list_sides
+from gamms.knowledge.sides import list_sides
+from gamms.recorder.cut import KnowledgeFilter, cut_header
 from gamms.recorder.detached import DetachedState
 from gamms.web.columns import MAGIC, frame
 from gamms.web.links import Audience, PartOfServer
