@@ -1,6 +1,7 @@
 """Games that are played through random faults: `scripts/simulate_faults.py` plays many more."""
 
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,17 +13,39 @@ pytest.importorskip("openai", reason="language models are among the players")
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 
 import simulate_faults
-from simulate_faults import FAULTS, INVARIANTS, PARTS, Case, draw_case, failure_of, hold, play, report
+from simulate_faults import (
+    FAULTS,
+    INVARIANTS,
+    PARTS,
+    PLAYERS,
+    Case,
+    Memory,
+    draw_case,
+    failure_of,
+    hold,
+    minimize,
+    play,
+    report,
+)
+
+from gamms import folders
+from gamms.bridge import Feed
+from gamms.context import Context
+from gamms.llm.limits import UsageAccount
+from gamms.recorder import Recording
+from gamms.scenario import Scenario
+from gamms.web.people import People
 
 
-@pytest.mark.parametrize("seed", [1, 3, 6, 7, 21])
-def test_a_game_ends_as_without_its_faults(seed):
+@pytest.mark.parametrize("seed", [1, 3, 6, 7])
+def test_a_game_ends_as_without_its_players_and_faults(seed):
     assert failure_of(draw_case(seed)) is None
 
 
 def test_each_fault_happens_and_is_one_sentence():
     faults = [name for name in FAULTS if name != "worker killed"]  # it takes a second
-    struck = play(Case(3, tuple(PARTS), tuple((number // 3, name) for number, name in enumerate(faults))))
+    parts = [name for name in (*PARTS, *PLAYERS) if name != "strategies"]  # some of which no person can say
+    struck = play(Case(3, tuple(parts), tuple((number // 3, name) for number, name in enumerate(faults))))
     assert [line.partition(": ")[2].partition(": ")[0] for line in struck] == faults
 
 
@@ -30,6 +53,7 @@ def test_the_same_seed_draws_the_same_scenario_and_faults():
     cases = [draw_case(seed) for seed in range(50)]
     assert cases == [draw_case(seed) for seed in range(50)]
     assert {name for case in cases for _, name in case.faults} == {*FAULTS}
+    assert {name for case in cases for name in case.parts} == {*PARTS, *PLAYERS}
     assert cases[7].scenario() == draw_case(7).scenario()
 
 
@@ -40,15 +64,109 @@ def test_a_failure_is_reported_with_its_seed_and_the_least_of_its_scenario(monke
 
     monkeypatch.setitem(INVARIANTS, "planted", fail_of_rules)
     case = Case(9, ("map", "rules"), ((0, "file cut"), (1, "Ctrl-C")))
-    words = report(case, failure_of(case))
+    failure = failure_of(case)
+    words = report(case, failure, minimize(case, failure))
     assert words.startswith("seed 9 fails at commit ")
     assert "planted" in words
     assert "parts: rules\n  faults: Ctrl-C in turn 1\n" in words
 
 
-def test_a_thread_that_is_left_is_noticed(monkeypatch):
-    before = simulate_faults.resources()
-    left = before._replace(threads=before.threads - {"MainThread"})
-    monkeypatch.setattr(simulate_faults, "GRACE_S", 0.0)
-    with pytest.raises(simulate_faults.Broken, match="no process, descriptor or thread is left"):
-        simulate_faults.check_resources(left)
+# -- planted bugs -------------------------------------------------------------------------------------------------
+
+
+kept = []
+
+
+def keep(thing):
+    """Keep a thing in memory, and do nothing else."""
+    kept.append(thing)
+
+
+def write_in_place(patch):
+    """Write files where they are, without one beside them."""
+    patch.setattr(folders, "open_whole_file", contextmanager(lambda path, **_: (one for one in [path])))
+
+
+def keep_files_open(patch):
+    """Close no recording."""
+    patch.setattr(Recording, "close", keep)
+
+
+def let_threads_wait(patch):
+    """Stop no thread of a feed."""
+    patch.setattr(Feed, "close", keep)
+
+
+def swallow_choices(patch):
+    """Emit no events about people."""
+    patch.setattr(People, "__call__", lambda *_: None)
+
+
+def count_twice(patch):
+    """Emit each event about a model twice."""
+    real = UsageAccount.note
+
+    def note(account, decision, time, **options):
+        real(account, decision, time - 1.0, **options)
+        real(account, decision, time, **options)
+
+    patch.setattr(UsageAccount, "note", note)
+
+
+def shift_seeds(patch):
+    """Give the games of a batch the seeds of others."""
+    real = Scenario.batch
+
+    def batch(scenario, count, *, seed, **options):
+        return real(scenario, count, seed=seed + 1, **options)
+
+    patch.setattr(Scenario, "batch", batch)
+
+
+def keep_contexts(patch):
+    """Keep each context that is terminated."""
+    real = Context.terminate
+    patch.setattr(Context, "terminate", lambda ctx: kept.append(ctx) or real(ctx))
+
+
+PLANTED = {
+    write_in_place: ("disk full of a file", "no file is half-written"),
+    keep_files_open: ("file cut", "no process, descriptor or thread is left"),
+    let_threads_wait: ("dead robot", "no process, descriptor or thread is left"),
+    swallow_choices: ("late person", "each fault is one logged sentence"),
+    count_twice: ("model timeout", "each choice counts once"),
+    shift_seeds: ("Ctrl-C", "alone = batch"),
+    keep_contexts: ("Ctrl-C", "memory is flat"),
+}
+
+
+@pytest.mark.parametrize("plant", PLANTED, ids=lambda plant: plant.__name__)
+def test_a_planted_bug_is_found(plant, monkeypatch):
+    fault, invariant = PLANTED[plant]
+    cases = [Case(seed, (), ((1, fault),)) for seed in range(3)]
+    with monkeypatch.context() as patch:
+        patch.setattr(simulate_faults, "GRACE_S", 0.2)
+        plant(patch)
+        found = [failure_of(case) for case in cases]
+    for one in kept:
+        if not isinstance(one, Context):
+            one.close()
+    kept.clear()
+    assert any(words is not None and words.startswith(invariant) for words in found), found
+
+
+def test_memory_that_grows_with_each_run_is_noticed():
+    memory = Memory()
+    lists = []
+    found = []
+    for _ in range(simulate_faults.WARM_RUNS + 30):
+        lists.extend([number] for number in range(1000))
+        found.append(memory.check_run())
+    assert found[: simulate_faults.WARM_RUNS] == [None] * simulate_faults.WARM_RUNS
+    assert "more objects after 30 runs" in found[-1]
+
+
+def test_a_run_that_takes_too_long_is_a_failure(monkeypatch):
+    monkeypatch.setattr(simulate_faults, "MOST_CPU_S", 0.0)
+    monkeypatch.setattr(simulate_faults, "TRIES", 1)
+    assert "a run takes at most 0.0 CPU-s" in simulate_faults.run_seed(1)
