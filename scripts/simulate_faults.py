@@ -22,6 +22,7 @@ the simulator of TigerBeetle (https://docs.tigerbeetle.com/concepts/safety/).
 
 import argparse
 import asyncio
+import ctypes
 import gc
 import io
 import logging
@@ -75,8 +76,7 @@ MOST_CPU_S = 2.0  # of a run
 TRIES = 3  # to keep within it, because a busy machine is slower
 GRACE_S = 10.0  # for threads and processes that have been told to end
 WARM_RUNS = 20  # after which memory does not grow
-FLAT_BYTES = 100_000_000  # growth of the process from then on
-FLAT_BLOCKS = 300  # growth of the allocated objects by a run, from then on
+FLAT = 300, 50_000  # objects and bytes by which memory may grow with each run, for caches
 OF_PROCESS = {"gamms recordings"}  # threads that serve all contexts of the process, and end with it
 CHOOSE_NODES = {"random_walk", "wander"}  # strategies
 OF_PLAYERS = {"llm", "choice", "traffic_late"}  # events of players, who change nothing in the game
@@ -995,9 +995,24 @@ def run_seed(seed: int) -> str | None:
     return None
 
 
-def resident_bytes() -> int:
-    """Return how much memory this process has."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+class _AllocatorInfo(ctypes.Structure):
+    """What `mallinfo2` of the GNU C library returns."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    )
+
+
+def allocated_bytes() -> int:
+    """Return the bytes that this process has allocated, such as arrays, without small objects of Python."""
+    mallinfo2 = ctypes.CDLL(None).mallinfo2
+    mallinfo2.restype = _AllocatorInfo
+    info = mallinfo2()
+    return int(info.uordblks + info.hblkhd)
 
 
 class Memory:
@@ -1005,21 +1020,19 @@ class Memory:
 
     def __init__(self) -> None:
         self._runs = 0
-        self._early: tuple[int, int] = 0, 0  # allocated objects, and bytes
+        self._early: tuple[int, int] = 0, 0  # objects of Python, and bytes
 
     def check_run(self) -> str | None:
         """Count a run; return what has grown, if anything has."""
         gc.collect()
-        blocks = sys.getallocatedblocks()
-        size = resident_bytes()
+        now = sys.getallocatedblocks(), allocated_bytes()
         self._runs += 1
-        more = self._runs - WARM_RUNS
-        if more <= 0:
-            self._early = blocks, size
-        elif blocks > self._early[0] + FLAT_BLOCKS * (more + WARM_RUNS):
-            return f"memory is flat: {blocks - self._early[0]} more objects after {more} runs"
-        elif size > self._early[1] + FLAT_BYTES:
-            return f"memory is flat: {size - self._early[1]} more bytes after {more} runs"
+        if self._runs <= WARM_RUNS:
+            self._early = now
+            return None
+        for what, new, old, most in zip(("objects", "bytes"), now, self._early, FLAT, strict=True):
+            if new - old > most * self._runs:
+                return f"memory is flat: {new - old} more {what} after {self._runs - WARM_RUNS} runs"
         return None
 
 

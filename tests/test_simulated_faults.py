@@ -155,15 +155,19 @@ def test_a_planted_bug_is_found(plant, monkeypatch):
     assert any(words is not None and words.startswith(invariant) for words in found), found
 
 
-def test_memory_that_grows_with_each_run_is_noticed():
+@pytest.mark.parametrize(
+    ("leak", "what"), [(lambda: [[] for _ in range(2000)], "objects"), (lambda: bytes(1_000_000), "bytes")]
+)
+def test_memory_that_grows_with_each_run_is_noticed(leak, what, monkeypatch):
+    monkeypatch.setattr(simulate_faults, "WARM_RUNS", 3)
     memory = Memory()
-    lists = []
+    things = []
     found = []
-    for _ in range(simulate_faults.WARM_RUNS + 30):
-        lists.extend([number] for number in range(1000))
+    for _ in range(6):
+        things.append(leak())
         found.append(memory.check_run())
-    assert found[: simulate_faults.WARM_RUNS] == [None] * simulate_faults.WARM_RUNS
-    assert "more objects after 30 runs" in found[-1]
+    assert found[:3] == [None] * 3
+    assert f"more {what} after 3 runs" in found[-1]
 
 
 def test_a_run_that_takes_too_long_is_a_failure(monkeypatch):
