@@ -47,3 +47,18 @@ def test_it_covers_the_nodes_on_which_an_agent_is_seen_and_no_others(kind, node,
 def test_a_sensor_that_does_not_look_for_agents_does_not_offer_it():
     with world() as ctx, pytest.raises(NotOffered, match="coverage"):
         ctx.sensor.create_sensor("near", SensorType.NEIGHBOR).coverage(0)
+
+
+def test_coverage_past_obstacles_follows_the_walls_the_map_and_the_settings():
+    with world() as ctx:
+        eyes = ctx.sensor.create_sensor("eyes", SensorType.OCCLUDED_AGENT, sensor_range=60.0)
+        first = set(eyes.coverage(10).node_ids.tolist())
+        assert set(eyes.coverage(0).node_ids.tolist()) != first
+        ctx.graph.add_obstacle_face(2, tr=(5, 45, 9), tl=(5, -5, 9), br=(5, 45, 0), bl=(5, -5, 0), type=1)
+        assert set(eyes.coverage(10).node_ids.tolist()) == {0, 5, 10, 15, 20}
+        ctx.graph.add_nodes([99], [0.0], [33.0])
+        assert set(eyes.coverage(10).node_ids.tolist()) == {0, 5, 10, 15, 20, 99}
+        eyes.range = 12.0
+        assert set(eyes.coverage(10).node_ids.tolist()) == {5, 10, 15}
+        eyes.observer_height = 10.0
+        assert set(eyes.coverage(10).node_ids.tolist()) == {5, 10, 11, 15}

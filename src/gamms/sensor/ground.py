@@ -403,11 +403,14 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     def _find_covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        view = self._make_viewpoint(self.place(node_id))
-        nodes = find_nodes_ahead(self.ctx, view, self.range, self.fov, heading)
+        place = self.place(node_id)
+        view = self._make_viewpoint(place)
         if self._is_occluded:
-            is_seen = find_in_sight(self.ctx, view, nodes, self.range, self._observer_height)
-            nodes = NodeColumns(nodes.ids[is_seen], nodes.xy[is_seen])
+            views = self._memory.views_past_obstacles
+            ids = views.list_nodes(place, self.range, self.fov, heading, self._observer_height, view.tunnel)
+            nodes = NodeColumns(ids, self.ctx.graph.graph.positions(ids))
+        else:
+            nodes = find_nodes_ahead(self.ctx, view, self.range, self.fov, heading)
         return nodes.ids, np.hypot(*(nodes.xy - (view.x, view.y)).T)
 
     @property

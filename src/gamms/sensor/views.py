@@ -22,6 +22,7 @@ Place = int | tuple[float, ...]  # the id of a node, or (x, y)
 
 _FAR_BEYOND = 3.0  # limit of a visible area, in distances to the farthest node along an axis
 _MOST_AREAS = 1000
+_MOST_IDS = 1 << 20  # cached ids of nodes in sight
 _MOST_WORDS = 1 << 24  # cached 8-byte words in total, except arrays of ids
 _PART = 8  # one in this many views is dropped when the cache is full
 _WORDS_PER_NODE = 7  # per dict entry, at most
@@ -129,6 +130,8 @@ class OccludedViewCache(ViewCache):
     def __init__(self, ctx: IContext) -> None:
         super().__init__(ctx)
         self._areas: dict[Any, FloatArray] = {}
+        self._ids: dict[Any, IntArray] = {}
+        self._count = 0  # of nodes in it
 
     def look_past(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int = 0
@@ -139,12 +142,29 @@ class OccludedViewCache(ViewCache):
         try:
             return self._seen[kind][place]
         except KeyError:
-            ids = self._find_ids_in_sight(place, radius, fov, heading, height, tunnel)
+            ids = self.list_nodes(place, radius, fov, heading, height, tunnel)
             return self._keep(kind, place, self._ctx.graph.graph.among(ids))
         except TypeError:  # not hashable
             return self.look_past(
                 as_node_id(place, "The id of a node", self._ctx.graph), radius, fov, heading, height, tunnel
             )
+
+    def list_nodes(
+        self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int
+    ) -> IntArray:
+        """Return the ids of the nodes of `look_past` (nodes,), in insertion order; read-only."""
+        self._renew()
+        key = place, radius, fov, heading, height, tunnel
+        known = self._ids.get(key)
+        if known is None:
+            known = self._find_ids_in_sight(place, radius, fov, heading, height, tunnel)
+            known.setflags(write=False)
+            self._count += len(known)
+            if self._count > _MOST_IDS:
+                self._ids.clear()
+                self._count = len(known)
+            self._ids[key] = known
+        return known
 
     def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
         """Return the corners (corners, 2) of the visible part of a sector, cut off far outside the map."""
@@ -173,6 +193,8 @@ class OccludedViewCache(ViewCache):
         if revision != self._revision or None in revision:
             self._forget(None if None in revision else revision)
             self._areas.clear()
+            self._ids.clear()
+            self._count = 0
 
     def _find_ids_in_sight(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int
