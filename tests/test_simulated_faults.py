@@ -143,16 +143,16 @@ PLANTED = {
 @pytest.mark.parametrize("plant", PLANTED, ids=lambda plant: plant.__name__)
 def test_a_planted_bug_is_found(plant, monkeypatch):
     fault, invariant = PLANTED[plant]
-    cases = [Case(seed, (), ((1, fault),)) for seed in range(3)]
     with monkeypatch.context() as patch:
         patch.setattr(simulate_faults, "GRACE_S", 0.2)
         plant(patch)
-        found = [failure_of(case) for case in cases]
+        found = failure_of(Case(3, (), ((1, fault),)))
     for one in kept:
         if not isinstance(one, Context):
             one.close()
     kept.clear()
-    assert any(words is not None and words.startswith(invariant) for words in found), found
+    assert found is not None, "The run succeeds."
+    assert found.startswith(invariant), found
 
 
 @pytest.mark.parametrize(
