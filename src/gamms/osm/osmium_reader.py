@@ -17,7 +17,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple, TypeAlias, cast
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -495,6 +494,8 @@ def _refuse_entity(*_: object) -> None:
 
 def _tag(name: str, attributes: dict[str, str]) -> str:
     """Return the start tag of an element."""
+    from xml.sax.saxutils import quoteattr  # which loads HTTP
+
     return "".join([f"<{name}", *(f" {key}={quoteattr(text)}" for key, text in attributes.items()), ">"])
 
 

@@ -4,19 +4,21 @@ import logging
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from gamms import osm
 from gamms.context import Context, create_context
 from gamms.errors import BadValue, nearest
 from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
-from gamms.osm.modes import ModeFunction, as_mode, explain_name
 from gamms.scenario.code import CodeLibrary, call_function, inside
 from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, expand, list_given_values
 from gamms.text import shown
+
+if TYPE_CHECKING:  # `gamms.osm` is loaded for maps of streets alone: many processes play on others
+    from gamms.osm.modes import ModeFunction
 
 _OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # options for OpenStreetMap files only
 _KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
@@ -85,7 +87,7 @@ def check_names(map: Map) -> None:
         find_mode(map, None)
 
 
-def find_mode(map: Map, folder: Path | None) -> ModeFunction | list[ModeFunction] | None:
+def find_mode(map: Map, folder: Path | None) -> "ModeFunction | list[ModeFunction] | None":
     """Return the mode of travel for the streets of a file or place, or its modes; None if the scenario names none.
 
     Raises:
@@ -95,6 +97,9 @@ def find_mode(map: Map, folder: Path | None) -> ModeFunction | list[ModeFunction
     given = map.file if map.place is None else map.place
     if not isinstance(given, StreetMap) or (given.osm_type is None and given.modes is None):
         return None
+    from gamms import osm
+    from gamms.osm.modes import as_mode, explain_name
+
     path = f"map.{kind}.modes"
     known = osm.modes()
     if given.modes is not None:
@@ -102,7 +107,7 @@ def find_mode(map: Map, folder: Path | None) -> ModeFunction | list[ModeFunction
             known |= osm.modes(inside(given.modes, folder, path, "file of modes"))
         if given.osm_type is None:
             raise ScenarioError(path, f"name one of its modes as osm_type.{nearest('', known)}")
-    found = list[ModeFunction]()
+    found: list[ModeFunction] = []
     with at(f"map.{kind}.osm_type"):
         for one in given.osm_type if isinstance(given.osm_type, list) else [given.osm_type]:
             if isinstance(one, str) and one not in known:
@@ -122,7 +127,7 @@ def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
         if map.grid is not None:
             ctx.graph.attach_networkx_graph(Grid(**list_given_values(map.grid)))
         elif map.helsinki is not None:
-            osm.helsinki(ctx, **list_given_values(map.helsinki))
+            _load_helsinki(ctx, list_given_values(map.helsinki))
         elif map.place is not None:
             given = expand(MapPlace, map.place)
             _load_place(ctx, given, _make_street_options(given, find_mode(map, folder), folder))
@@ -140,7 +145,15 @@ def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
         return ctx.graph.storage.snapshot()
 
 
+def _load_helsinki(ctx: Context, options: Values) -> None:
+    from gamms import osm
+
+    osm.helsinki(ctx, **options)
+
+
 def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> None:
+    from gamms import osm
+
     is_saved = file.suffix == ".gamms"
     is_geojson = osm.is_geojson(file)
     named = {*options, *(name for name in ("buildings", "scenery") if getattr(given, name))}
@@ -181,12 +194,16 @@ def load_scenery(map: Map, given: Values, folder: Path | None, ctx: Context) -> 
     of_file = given.get("file")
     if file is None or (isinstance(of_file, Mapping) and "scenery" in of_file):
         return None
+    from gamms import osm
+
     if file.suffix == ".gamms" or osm.is_geojson(file):
         return None
     return osm.scenery_from_file(file, ctx, buildings=len(ctx.graph.obstacle_columns().ids) == 0)
 
 
 def _load_place(ctx: Context, given: MapPlace, options: Values) -> None:
+    from gamms import osm
+
     ctx.graph.attach_networkx_graph(osm.graph_from_place(given.location, **options))
     if given.buildings:
         walls = {**_make_wall_options(given, options), "offline": given.offline}
@@ -202,7 +219,7 @@ def _make_wall_options(given: MapFile | MapPlace, options: Values) -> Values:
 
 
 def _make_street_options(
-    given: MapFile | MapPlace, mode: ModeFunction | list[ModeFunction] | None, folder: Path | None
+    given: MapFile | MapPlace, mode: "ModeFunction | list[ModeFunction] | None", folder: Path | None
 ) -> Values:
     """Return the options for the streets of a map, as arguments of `gamms.osm` functions."""
     ours = ("path", "location", "buildings", "scenery", "barriers", "modes")

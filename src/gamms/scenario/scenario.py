@@ -34,7 +34,6 @@ from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, make_digests, write_out
 from gamms.scenario.code import ON_REQUEST, CodeLibrary, CodeReference, CodeSources, allowed
-from gamms.scenario.describing import OddDocument
 from gamms.scenario.documents import ScenarioError, named, on_map
 from gamms.scenario.placement import AgentPlacement, members, node_at
 from gamms.scenario.spec import LatLon, Place, Spec, convert_plain, to_plain
@@ -241,6 +240,8 @@ class Scenario(Surface, Immutable):
             BadType: `build` is not a bool.
             ScenarioError: a part of the scenario cannot be built as it is written.
         """
+        from gamms.scenario.describing import OddDocument
+
         is_built = as_flag(build, "build")
         found = self.code()
         is_loaded = is_built or maps.is_data(self.spec.map)

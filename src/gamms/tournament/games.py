@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
-from gamms.bridge.lines import encode_line
 from gamms.context import Context
 from gamms.plain import as_json, select_plain, to_plain
 from gamms.scenario import Scenario
@@ -134,7 +133,11 @@ class _EntrySide:
             states[name]["action"] = action
 
     def _encode_message(self, kind: str, fields: Mapping[str, Any]) -> bytes:
-        return frame_question({"type": kind, **fields}) if self._is_python else encode_line(kind, fields) + b"\n"
+        if self._is_python:
+            return frame_question({"type": kind, **fields})
+        from gamms.bridge.lines import encode_line
+
+        return encode_line(kind, fields) + b"\n"
 
     def find_illegal(self) -> None:
         """Record an illegal action of the team's agents as a fault."""

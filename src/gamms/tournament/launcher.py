@@ -76,12 +76,14 @@ def main(descriptor: int, master: int, setup: LauncherSetup) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the master ends it
     control = socket.socket(fileno=descriptor)
     play: Callable[[int, int], None] | None = None
+    gc.disable()  # until the modules are imported
     if setup.reference:
         from gamms.tournament.host import make_host
 
         play = make_host(setup.reference, setup.packages, setup.map, setup.settings)
     gc.collect()
     gc.freeze()  # so that garbage collection in children does not touch the shared pages
+    gc.enable()
     memory = setup.limits[0] + setup.limits[0] // 8  # with the memory that the kernel itself takes for the process
     groups = ControlGroups(memory, setup.threads + _OF_LAUNCHER)
     children: set[int] = set()
