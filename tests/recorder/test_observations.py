@@ -230,7 +230,10 @@ def test_pages_of_values_of_other_types_are_refused(game, header, keyframe, even
         web.page(recording)
 
 
-@pytest.mark.parametrize(("keyframe", "events"), [({"teams": ["red"] * 9}, []), ({}, [(kinds.AGENT_CREATE, [1])])])
+@pytest.mark.parametrize(
+    ("keyframe", "events"),
+    [({"teams": ["red"] * 9}, []), ({"teams": [np.zeros(2)] * 4}, []), ({}, [(kinds.AGENT_CREATE, [1])])],
+)
 def test_cuts_of_values_of_other_types_are_refused(game, keyframe, events):
     with spoil(game[0], {}, keyframe, events) as recording, pytest.raises(RecordingError):
         recording.cut(io.BytesIO(), "red")

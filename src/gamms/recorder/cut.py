@@ -5,7 +5,7 @@ the team senses them, at their reported positions: they are created when they ar
 Sensor data before a turn belong to the state before it, so that a state shows what the team decides from.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
 from itertools import chain
 from typing import Any, BinaryIO
@@ -455,7 +455,9 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
 
     with reporting_damage("It cannot be cut", DAMAGES):
         teams = _list_teams(reader, first[1])
-    own = _find_team(teams, team)
+        own = next((known for known in teams if known == team or str(known) == team), None)
+    if own is None:
+        raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
     with reporting_damage("It cannot be cut", DAMAGES):
         cut = KnowledgeFilter(first[1], is_own, sensed.make_nearest(lambda: columns), reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
@@ -482,11 +484,3 @@ def _list_teams(reader: Reader, first: Keyframe) -> list[Any]:
     come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
     there = zip(first["names"], first["teams"], strict=True)
     return [name if own is None else own for name, own in (*there, *come)]
-
-
-def _find_team(teams: Sequence[Any], team: object) -> Any:
-    """Return the team given by a caller, as agents have it; the name of an agent without a team."""
-    for known in teams:
-        if known == team or str(known) == team:
-            return known
-    raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
