@@ -76,8 +76,16 @@ def test_the_fog_of_a_team_shows_what_its_agents_send_hear_and_overhear(street):
     assert rings == {(200, 200, BLUE, 90)}  # the sender is out of sight
     assert arcs(street) - rings == {(300, 200, RED, 200)}
     street.agent.get_agent("rita").current_node_id = 1
-    Fog(street, "red").look()
-    assert arcs(street) == {(0, 10, BLUE, 90), (300, 10, RED, 200)}
+    fog = Fog(street, "red")
+    shown = []
+
+    def look(*_):
+        fog.look()
+        shown.append(arcs(street))
+
+    street.game.internals.after_observing.append(look)
+    street.game.step()
+    assert shown == [{(0, 10, BLUE, 90), (300, 10, RED, 200)}]
 
 
 def test_an_unheard_message_is_a_ring_that_grows_and_fades(street):

@@ -13,6 +13,8 @@ import gamms
 from gamms import recorder, web
 from gamms.agent import AgentType
 from gamms.errors import BadValue, UnknownName
+from gamms.ir.packing import to_bytes
+from gamms.rendering import Fog
 from gamms.visual.drawers.rules import FlagsDrawer
 from gamms.web.links import Audience
 from gamms.web.streams import Streams
@@ -179,8 +181,8 @@ def play_hiding(errors, hideout, seen_turns, *, flies=False):
         flies: whether the red agent watches from the air.
 
     Returns:
-        What the red team is given as bytes (its stream, its cut, its page), the same for everyone, and turn -> the
-        reports of the eyes.
+        What the red team is given as bytes (its stream, its cut, its page, its live fog), the same for everyone, and
+        turn -> the reports of the eyes.
     """
     reports = {}
 
@@ -209,6 +211,17 @@ def play_hiding(errors, hideout, seen_turns, *, flies=False):
         following = Streams(ctx.graph.columns)
         ctx.record.follow(following)
         streams = [following.of(audience) for audience in (Audience("red"), Audience())]
+        fog = Fog(ctx, "red")
+        pictures = [], []
+
+        def draw(*_):
+            fog.look()
+            pictures[0].append(ctx.visual.draw_commands().to_plain())
+            ctx.visual.artists.fog = None
+            pictures[1].append(ctx.visual.draw_commands().to_plain())
+
+        ctx.game.internals.after_observing.append(draw)
+        ctx.visual.after_turn.append(draw)
         ctx.game.run(TURNS)
         following.end()
         ctx.record.stop()
@@ -219,8 +232,10 @@ def play_hiding(errors, hideout, seen_turns, *, flies=False):
     with recorder.open(io.BytesIO(saved.getvalue())) as recording:
         cut = io.BytesIO()
         recording.cut(cut, "red")
+        red_picture, picture = [to_bytes(one, "pictures") for one in pictures]
         red = {"stream": red_stream, "cut": cut.getvalue(), "page": web.page(recording, audience="red")}
-        return red, {"stream": stream, "cut": saved.getvalue(), "page": web.page(recording)}, reports
+        whole = {"stream": stream, "cut": saved.getvalue(), "page": web.page(recording)}
+        return red | {"fog": red_picture}, whole | {"fog": picture}, reports
 
 
 @pytest.mark.parametrize("flies", [False, True])
@@ -234,8 +249,8 @@ def play_hiding(errors, hideout, seen_turns, *, flies=False):
     ],
 )
 def test_no_byte_of_a_team_depends_on_places_that_its_eyes_do_not_report(errors, fewest, most, flies):
-    """Streams, cuts and pages of two games are equal, if the games differ only in places that are not reported, and in
-    the nodes that the eyes of others cover.
+    """Streams, cuts, pages and live fog of two games are equal, if the games differ only in places that are not
+    reported, and in the nodes that the eyes of others cover.
     """
     reports = play_hiding(errors, 7, range(TURNS), flies=flies)[-1]
     seen_turns = {turn for turn, seen in reports.items() if "blue_0" in seen}

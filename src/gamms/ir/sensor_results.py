@@ -89,6 +89,7 @@ class SensorView:
     outline: FloatArray = field(default_factory=_make_no_points)  # (corners, 2)  of the field of view; empty: unlimited
     carrier: str | None = None  # the agent with which the field of view moves in pictures; None: it stays
     reach: FloatArray = field(default_factory=_make_no_points)  # (corners, 2)  the field of view if nothing blocked it
+    is_early: bool = False  # whether it was reported before the carrier's last move: its field of view stays there
 
     @property
     def dashed(self) -> FloatArray:

@@ -75,19 +75,23 @@ def find_field(
         map_now: the map.
     """
     return find_node_rows(
-        map_now, _find_covered_nodes(sensor, agent, on_edges) if field is None else field.nodes(map_now.graph)
+        map_now,
+        _find_covered_nodes(sensor, agent, on_edges.get(agent.name)) if field is None else field.nodes(map_now.graph),
     )
 
 
-def find_coverage(sensor: ISensor, agent: IAgent, on_edge: tuple[float, float] | None) -> Coverage | None:
+def find_coverage(
+    sensor: ISensor, agent: IAgent, on_edge: tuple[float, float] | None, node: int | None = None
+) -> Coverage | None:
     """Return the nodes on which a sensor of an agent would show other agents now; None: it does not tell.
 
     Args:
         sensor: the sensor.
         agent: the agent that carries it.
         on_edge: the position of the agent between nodes; None: it is at a node, or in the air.
+        node: the node where it was; None: it is at its present node.
     """
-    place: Any = find_place_of_look(sensor, agent.current_node_id, on_edge)
+    place: Any = find_place_of_look(sensor, agent.current_node_id if node is None else node, on_edge)
     try:
         return sensor.coverage(place, agent.name)
     except NotOffered:
@@ -131,8 +135,10 @@ def find_places(ctx: HostContext) -> Places:
     return {name: place.xy for name, place in found.items() if place is not None}
 
 
-def _find_covered_nodes(sensor: ISensor, agent: IAgent, on_edges: Places) -> IntArray:
-    coverage = find_coverage(sensor, agent, on_edges.get(agent.name))
+def _find_covered_nodes(
+    sensor: ISensor, agent: IAgent, on_edge: tuple[float, float] | None, node: int | None = None
+) -> IntArray:
+    coverage = find_coverage(sensor, agent, on_edge, node)
     return _NONE if coverage is None else np.asarray(coverage.node_ids, np.int64)
 
 
@@ -175,8 +181,14 @@ class FieldFinder:
         """Take the present positions of agents between nodes."""
         self._on_edges = find_places(self._ctx)
 
-    def find(self, sensor: ISensor | None, agent: IAgent) -> SensorField | None:
-        """Return the field of a sensor; None if it has none, or there is no sensor."""
+    def find(self, sensor: ISensor | None, agent: IAgent, node: int | None = None) -> SensorField | None:
+        """Return the field of a sensor; None if it has none, or there is no sensor.
+
+        Args:
+            sensor: the sensor.
+            agent: the agent that carries it.
+            node: the node where it was; then there is no field if its direction matters. None: the agent is there now.
+        """
         if sensor is None:
             return None
         if sensor.sensor_id not in self._radii:
@@ -190,17 +202,21 @@ class FieldFinder:
         radius, is_disc = radius_and_form
         place, direction = find_pose(sensor, agent)
         on_edge = None if getattr(sensor, "at", None) is not None else self._on_edges.get(agent.name)
+        if node is not None and getattr(sensor, "at", None) is None:
+            if direction is not None:
+                return None
+            place, on_edge = node, None
         if is_disc:
             return SensorField(_as_recorded(on_edge or place), radius, b"")
         key = sensor.sensor_id, place, direction, on_edge
         if key not in self._known:
             if len(self._known) >= _MOST_KNOWN:
                 self._known.clear()
-            self._known[key] = self._describe(sensor, agent, on_edge or place, radius)
+            covered = _find_covered_nodes(sensor, agent, on_edge, node)
+            self._known[key] = self._describe(on_edge or place, radius, covered)
         return self._known[key]
 
-    def _describe(self, sensor: ISensor, agent: IAgent, place: Place, radius: float) -> SensorField | None:
-        covered = _find_covered_nodes(sensor, agent, self._on_edges)
+    def _describe(self, place: Place, radius: float, covered: IntArray) -> SensorField | None:
         near = _find_nodes_near(self._ctx.graph.graph, place, radius)
         is_covered = np.isin(near, covered, assume_unique=True)
         if np.count_nonzero(is_covered) != len(covered):

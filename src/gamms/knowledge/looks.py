@@ -1,4 +1,4 @@
-"""Encoding of the sensor data of one turn as columns of ids."""
+"""The reports of sensors: taken from agents that observe, and encoded as columns of ids, one event for each turn."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from math import hypot
@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.graph import GraphColumns, IntArray
-from gamms.knowledge.fields import FieldTable, SensorField
+from gamms.knowledge.fields import FieldFinder, FieldTable, SensorField
 from gamms.plain import to_plain
 from gamms.text import shown
-from gamms.typing import AgentType, IGraph
+from gamms.typing import AgentType, IAgent, IGraph
+from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 Results = Mapping[str, tuple[Any, Any]]  # sensor -> (type, data), as in a state
@@ -62,10 +63,16 @@ class Report(NamedTuple):
     Attributes:
         look: the look.
         names: number of an agent -> name.
+        is_early: whether agents may have moved since.
     """
 
     look: Look
     names: Mapping[int, str]
+    is_early: bool = False
+
+
+Reports = Mapping[tuple[str, str], Report]
+"""(agent, name of the sensor for it) -> report."""
 
 
 def take_looks(
@@ -81,6 +88,42 @@ def take_looks(
     for agent, each in results:
         of_sensors = [(name, str(getattr(kind, "name", kind)), data) for name, (kind, data) in each.items()]
         yield agent, [_make_look(*one, numbers, nodes) for one in of_sensors]
+
+
+def take_observed_looks(
+    ctx: HostContext,
+    finder: FieldFinder,
+    agents: Sequence[Any],
+    states: Sequence[Mapping[str, Any]],
+    numbers: Mapping[str, int],
+    *,
+    is_early: bool = False,
+) -> list[tuple[int, list[Look]]]:
+    """Return the numbers of agents, and the looks of their sensors in states from which they decide.
+
+    Args:
+        ctx: the context.
+        finder: finds the fields of sensors.
+        agents: the agents.
+        states: the state of each of them.
+        numbers: agent -> number.
+        is_early: whether agents may have moved since.
+    """
+    columns = ctx.agent.block
+    nodes = dict(zip(columns.names, columns.ids_of(columns.node), strict=True))
+    results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
+    looks = list(take_looks(results, numbers, nodes))
+    finder.note_places()
+    for agent, state, (_, own) in zip(agents, states, looks, strict=True):
+        carried = agent.sensors
+        node = state.get("curr_pos") if is_early else None
+        if is_early and not isinstance(node, int):  # it flew
+            continue
+        for i, look in enumerate(own):
+            field = finder.find(carried.get(look.sensor), agent, node)
+            if field is not None:
+                own[i] = look._replace(field=field)
+    return looks
 
 
 def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, turn: int) -> dict[str, Any]:
@@ -311,6 +354,91 @@ def restore_data(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:
     if look.kind in _OF_AGENTS_IN_SPACE:
         return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in look.other.items()}
     return look.other
+
+
+_Moment = tuple[int, Any]
+"""The number of turns of the game, and the agents with their places."""
+
+
+class _Observation(NamedTuple):
+    """The reports in the state from which an agent decides, the moment, and this state and the one before."""
+
+    reports: Sequence[Report]
+    moment: _Moment
+    states: tuple[object, object]
+
+    def is_last(self, state: Any) -> bool:
+        """Return whether an agent with a state has not observed again."""
+        return any(state is one for one in self.states) or state.get("turn") == self.moment[0]
+
+
+class LiveReports:
+    """The last reports of the sensors of a context, as its agents got them; no sensor is asked.
+
+    The reports are noted when agents observe, as soon as there is a game. Others are taken from the states of agents:
+    they count as early, and have no fields whose directions matter.
+
+    Args:
+        ctx: the context.
+    """
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx = ctx
+        self._observed: dict[str, _Observation] = {}
+        self._is_following = False
+        self._follow()
+
+    def _follow(self) -> None:
+        game = self._ctx.current_game
+        if game is not None and not self._is_following:
+            self._is_following = True
+            game.internals.after_observing.append(self.note)
+            game.internals.after_reset.append(self._observed.clear)
+
+    def note(self, agents: Sequence[Any], states: Sequence[Mapping[str, Any]]) -> None:
+        """Note the reports in the states from which agents decide now."""
+        moment = self._find_moment()
+        reports = self._take(agents, states)
+        for agent, state, own in zip(agents, states, reports, strict=True):
+            self._observed[agent.name] = _Observation(own, moment, (state, agent.state))
+
+    def read(self) -> Reports:
+        """Return the last report of each sensor of living agents."""
+        self._follow()
+        now = self._find_moment()
+        found = {}
+        for agent in self._ctx.agent.create_iter():
+            if agent.alive:
+                for report in self._list_last(agent, now):
+                    found[agent.name, report.look.sensor] = report
+        return found
+
+    def _list_last(self, agent: IAgent, now: _Moment) -> Sequence[Report]:
+        """Return the last reports of the sensors of an agent."""
+        state: Any = agent.state
+        known = self._observed.get(agent.name)
+        if known is not None and known.is_last(state):
+            is_early = known.moment != now
+            return [report._replace(is_early=is_early) for report in known.reports]
+        if "sensor" not in state:  # it has not observed yet
+            return []
+        (reports,) = self._take([agent], [state], is_early=True)
+        return reports
+
+    def _take(
+        self, agents: Sequence[Any], states: Sequence[Mapping[str, Any]], *, is_early: bool = False
+    ) -> list[list[Report]]:
+        """Return the reports in states, for each agent."""
+        names = dict(enumerate(self._ctx.agent.block.names))
+        numbers = {name: number for number, name in names.items()}
+        finder = FieldFinder(self._ctx)
+        looks = take_observed_looks(self._ctx, finder, agents, states, numbers, is_early=is_early)
+        return [[Report(look, names, is_early) for look in own] for _, own in looks]
+
+    def _find_moment(self) -> _Moment:
+        game = self._ctx.current_game
+        names, places = self._ctx.agent.positions.noted()
+        return 0 if game is None else game.turn, (list(names), list(places))
 
 
 def list_seen(look: Look) -> tuple[list[int], list[int]]:

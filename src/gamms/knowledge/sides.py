@@ -122,7 +122,8 @@ def find_seen(report: Report, sensor: ISensor | None, now: Mapping[str, int], ma
         now: agent -> the row of its actual node, or of the node below it.
         map_now: the map.
     """
-    look, names = report
+    look = report.look
+    names = report.names
     if has_errors(sensor):
         look = as_reported(look, make_nearest(map_now.columns), names)
     nodes, edges, agents, other = list_parts(look)
@@ -135,8 +136,15 @@ def find_seen(report: Report, sensor: ISensor | None, now: Mapping[str, int], ma
     return SeenParts(node_rows[node_rows >= 0], edge_rows[edge_rows >= 0], seen, other)
 
 
-def as_side_look(agent: str, sensor: ISensor | None, seen: SeenParts, field: IntArray) -> SideLook:
-    """Return the part of a report that tells a side what it sees: from sensors with errors, only what is true."""
+def as_side_look(
+    agent: str, sensor: ISensor | None, seen: SeenParts, field: IntArray, *, is_early: bool = False
+) -> SideLook:
+    """Return the part of a report that tells a side what it sees: from sensors with errors, only what is true.
+
+    An early report tells which nodes were seen, but not which agents are on them now.
+    """
+    if is_early:
+        return SideLook(agent, seen.nodes[:0], np.concatenate([seen.nodes, field]), reports_all=False, agents=())
     found = [name for name, row in seen.agents if row < 0 or not has_errors(sensor)]
     return SideLook(agent, seen.nodes, field, reports_all(sensor), found)
 
@@ -207,7 +215,7 @@ def find_sighted(reports: Iterable[Report], others: Container[str], nearest: Nea
         nearest: function from a place (x, y) to the nearest node.
     """
     found = {}
-    for look, names in reports:
+    for look, names, _ in reports:
         for agent, sighting in sightings(look, nearest):
             name = names.get(agent) if isinstance(agent, int) else agent
             if name is not None and name in others:

@@ -27,7 +27,7 @@ from gamms.ir.journal import Journal, MutedJournal
 from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.knowledge import looks as sensed
 from gamms.knowledge.fields import FieldTable, find_first_turn
-from gamms.knowledge.looks import Look, Report
+from gamms.knowledge.looks import Look, Report, Reports
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps
 from gamms.recorder.errors import UNFIT, Damaged, RecordingError, reporting_damage
@@ -136,8 +136,8 @@ class LiveState(State):
         if drawing is not None:
             drawing.sides = sides
 
-    def show_reports(self, read: Callable[[], Mapping[tuple[str, str], Report]]) -> None:
-        """Let pictures read the reports of sensors in the shown state, by agent and name of the sensor."""
+    def show_reports(self, read: Callable[[], Reports | None]) -> None:
+        """Let pictures read the reports of sensors; the function returns None if no state of the recording is shown."""
         drawing = getattr(self._ctx.visual, "drawing", None)
         if drawing is not None:
             drawing.carriers.read_reports = read
@@ -406,7 +406,7 @@ class _LegacyAgents(LiveAgents):
 
 
 class ReportReader:
-    """Reads the sensor reports that follow the turns of a recording: those from which agents decide next.
+    """Reads the sensor reports that follow the turns of a recording, from which agents decide next.
 
     Args:
         reader: reader of the recording.
@@ -416,19 +416,25 @@ class ReportReader:
         self._reader = reader
         self._fields = FieldTable()
         self._following = 0  # turn to be read next
-        self._latest: tuple[int, list[tuple[int, Look]]] = (-1, [])
+        self._latest: tuple[int, bool, list[tuple[int, Look]]] = (-1, False, [])
 
-    def read(self, turn: int) -> list[tuple[int, Look]]:
-        """Return the reports after a number of turns, by numbers of agents; empty if there are none.
+    def read(self, turn: int) -> tuple[bool, list[tuple[int, Look]]]:
+        """Return the reports after a number of turns, by numbers of agents, and before them whether these are early.
+
+        If none follow, such as after the last turn, they are those of the turn itself, before its moves.
 
         Raises:
             RecordingError: they are damaged.
         """
         if turn != self._latest[0]:
-            self._latest = turn, self._read(turn) if turn < self._reader.turns else []
-        return self._latest[1]
+            following = self._read(turn)
+            is_early = not following and turn > 0
+            self._latest = turn, is_early, self._read(turn - 1) if is_early else following
+        return self._latest[1:]
 
     def _read(self, turn: int) -> list[tuple[int, Look]]:
+        if turn >= self._reader.turns:
+            return []
         first = find_first_turn(turn)
         if self._following <= turn:
             first = max(first, self._following)
@@ -518,15 +524,17 @@ class Replayer:
         for _ in self._replay_turn(self.turn - 1, log):
             pass
 
-    def _reports_now(self, reports: ReportReader) -> dict[tuple[str, str], Report]:
-        """Return the reports that follow the turn that is shown; empty once the program plays on by itself."""
+    def _reports_now(self, reports: ReportReader) -> Reports | None:
+        """Return the reports for the turn that is shown; None once the program plays on by itself."""
         if self.state.game.turn != self.state.shown_turn:
-            return {}
+            return None
         names = self.state.agents.names
+        is_early, looks = reports.read(self.turn)
         found: dict[tuple[str, str], Report] = {}
-        for number, look in reports.read(self.turn):
+        nearest_last = looks if is_early else looks[::-1]  # an agent may report several times in a turn
+        for number, look in nearest_last:
             if number in names:
-                found.setdefault((names[number], look.sensor), Report(look, names))
+                found[names[number], look.sensor] = Report(look, names, is_early)
         return found
 
     def play_until_sensed(self, log: kinds.Log, agent: str) -> Any:

@@ -404,18 +404,8 @@ class RecordingSession:
         """Record the sensor data from which agents will decide, after all earlier changes."""
         self._note_changes()
         journal = self._journal
-        columns = self.ctx.agent.block
-        numbers = dict(zip(columns.names, journal.ids, strict=False))
-        nodes = dict(zip(columns.names, columns.ids_of(columns.node), strict=True))
-        results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
-        looks = list(sensed.take_looks(results, numbers, nodes))
-        self._finder.note_places()
-        for agent, (_, own) in zip(agents, looks, strict=True):
-            carried = agent.sensors
-            for i, look in enumerate(own):
-                field = self._finder.find(carried.get(look.sensor), agent)
-                if field is not None:
-                    own[i] = look._replace(field=field)
+        numbers = dict(zip(self.ctx.agent.block.names, journal.ids, strict=False))
+        looks = sensed.take_observed_looks(self.ctx, self._finder, agents, states, numbers)
         if self._following is not None and self._following.edits is None:
             self._begin_with_followers()
         journal.log.append((kinds.SENSED, sensed.columns_of(looks, self._fields, self.turn)))

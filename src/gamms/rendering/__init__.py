@@ -19,7 +19,7 @@ from gamms.ir.events import DECISIONS
 from gamms.ir.graph import FloatArray
 from gamms.recorder import Recording
 from gamms.recorder.states import State
-from gamms.recordings.conversion import make_context_with_map, open_as_version_3
+from gamms.recordings.conversion import make_context_with_map, open_as_version_3, with_sensed
 from gamms.text import as_text, shown
 from gamms.typing import PictureOptions
 from gamms.typing.recorder import IPlayback, pages
@@ -135,7 +135,8 @@ def render(
         if suffix == _PAGE:
             return _save_page(recording, out, options)
         with make_context_with_map(map) as ctx:
-            renderer = _Renderer(ctx, recording, options, show)
+            shown_recording = recording if options.fog is None else with_sensed(recording)
+            renderer = _Renderer(ctx, shown_recording, options, show)
             return renderer.film(out) if suffix in FILMS else renderer.picture(out)
 
 

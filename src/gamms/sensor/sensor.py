@@ -181,16 +181,6 @@ class Sensor(ContextPart, ISensor):
             return SensorView()
 
     @refuse_while_deciding
-    def preview(self, place: object, owner: str | None) -> tuple[Any, SensorView]:
-        """Return the `data` that an agent would get now, and its view for drawing; the look is not counted.
-
-        Raises:
-            UnknownName (KeyError): the node does not exist.
-        """
-        looking = self._looking_from(place, owner)
-        return looking._data_for_owner(), looking.last_view()
-
-    @refuse_while_deciding
     def view_of(self, data: object, place: int | tuple[float, ...], owner: str | None) -> SensorView:
         """Return the view of a report, for drawing, without a look.
 

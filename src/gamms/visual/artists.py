@@ -230,7 +230,8 @@ class Artists(ContextPart):
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to draw")
         self._warn_of_unknown_agents()
-        artists = self._make_default_artists(scene, sensors=sensors) | self.declared
+        self._drawing.motion.reported = {} if self.fog is None else self.fog.reported
+        artists = self._make_default_artists(scene, sensors=sensors and self.fog is None) | self.declared
         artists = _make_artists_below_agents(self._ctx, artists) | artists
         self._drawing.has_default_look = not self.is_graph_declared
         if self.fog is not None:
@@ -240,7 +241,7 @@ class Artists(ContextPart):
                 name: one for name, one in artists.items() if name not in ("rings", "sights") and name[:7] != "sensor_"
             }
         if trails:
-            artists |= _make_trail_artists(self._ctx, artists, trails)
+            artists |= _make_trail_artists(self._ctx, artists, trails, self.fog)
         return self._make_elimination_artist(artists) | artists
 
     def signs(self) -> dict[str, IArtist]:
@@ -605,10 +606,13 @@ def _make_artists_below_agents(ctx: IContext, artists: Mapping[str, IArtist]) ->
     return found
 
 
-def _make_trail_artists(ctx: IContext, artists: Mapping[str, IArtist], turns: int) -> dict[str, IArtist]:
-    """Return artists of the trails of the agents that artists show."""
+def _make_trail_artists(
+    ctx: IContext, artists: Mapping[str, IArtist], turns: int, fog: "Fog | None"
+) -> dict[str, IArtist]:
+    """Return artists of the trails of the agents that artists show; in fog, of the team's own agents."""
     hidden = get_drawing(ctx).hidden_agents()
-    colors = {look.name: look.color for look in list_looks(artists) if look.name not in hidden}
+    looks = [look for look in list_looks(artists) if look.name not in hidden]
+    colors = {look.name: look.color for look in looks if fog is None or fog.is_own(look.name)}
     trails: dict[str, IArtist] = {}
     for name, drawer in (("past trails", render_past_trails), ("trails", render_trails)):
         artist = Artist(ctx, drawer, Layer.TRAILS)

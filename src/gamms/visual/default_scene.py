@@ -269,8 +269,10 @@ def reach_of_views(ctx: IContext, artists: Mapping[str, IArtist]) -> float:
         for _, view in get_data(artist).get("sights", ()):
             corners = np.zeros((0, 2)) if view is None else np.concatenate([view.outline, view.dashed])
             if len(corners) and view.carrier in ctx.agent.agents:
-                away = corners - get_drawing(ctx).position_of(view.carrier, 1.0)
-                far = max(far, float(np.abs(away).max()))
+                center = get_drawing(ctx).position_of(view.carrier, 1.0)
+                if view.is_early:
+                    center = tuple((corners.min(axis=0) + corners.max(axis=0)) / 2)
+                far = max(far, float(np.abs(corners - center).max()))
     return min(far, _MOST_ROOM * measure_longer_side(ctx.graph.columns()))
 
 

@@ -1,4 +1,9 @@
-"""Fog of war: hides what a team cannot see, and dims what it has seen before."""
+"""Fog of war: shows what the sensors of a team reported, and dims the nodes that they have seen before.
+
+Reports are read from the recording that is shown, or are those that agents of a live game got; no sensor is asked.
+Between two turns these are the reports of the last turn, from before its moves. They show other agents where they were
+reported, and so do reports of sensors with errors.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, cast
@@ -10,11 +15,19 @@ from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.fields import find_field
-from gamms.knowledge.looks import Report, take_looks
-from gamms.knowledge.sides import AgentPlaces, SideLook, as_side_look, find_known, find_seen, name_side
+from gamms.knowledge.looks import Report, Sighting, make_nearest
+from gamms.knowledge.sides import (
+    AgentPlaces,
+    SideLook,
+    as_side_look,
+    find_known,
+    find_seen,
+    find_sighted,
+    has_errors,
+    name_side,
+)
 from gamms.text import shown
-from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
-from gamms.typing.sensor_engine import IN_AIR
+from gamms.typing import AgentType, IAgent, IArtist, IContext, ISensor, SensorType
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData
 from gamms.visual.artist import Artist, get_data
@@ -41,7 +54,9 @@ _NONE = np.zeros(0, np.int64)
 
 
 class Fog:
-    """The map knowledge of a team, which filters the shown artists from the first `look` on.
+    """The knowledge of a team, which filters the shown artists from the first `look` on.
+
+    Before the first report of a sensor, the team sees the nodes of its agents.
 
     Args:
         ctx: the context, whose `visual.artists` have this fog from now on.
@@ -53,6 +68,8 @@ class Fog:
 
     Attributes:
         hidden: the names of the agents that it does not see.
+        reported: agent -> its position, for agents that are shown where sensors report them.
+        sights: the last views of the sensors of its living agents.
     """
 
     def __init__(self, ctx: IContext, team: str) -> None:
@@ -65,6 +82,10 @@ class Fog:
         self._seen: dict[int, int] = {}  # node -> since which turn
         self._now: set[int] = set()
         self.hidden: set[str] = set()
+        self.reported: dict[str, tuple[float, float]] = {}
+        self.sights: list[ShownView] = []
+        self._carriers = get_drawing(ctx).carriers
+        self._carriers.follow()
         self._sights: dict[str, Artist] = {}  # of sensors
         self._streets_artist = Artist(ctx, _TurnDrawer(self._draw_streets), Layer.GRAPH)
         self._tags = Artist(ctx, _TurnDrawer(self._draw_tags), Layer.TAGS)
@@ -74,6 +95,11 @@ class Fog:
 
     def _list_own_names(self) -> set[str]:
         return {agent.name for agent in self._list_own_agents()}
+
+    def is_own(self, name: str) -> bool:
+        """Return whether an agent is of the team."""
+        agent = self._ctx.agent.agents.get(name)
+        return agent is not None and _find_side(agent) == self.team
 
     def filtered(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return the artists that the team may see, and artists of its knowledge instead of the others."""
@@ -116,45 +142,64 @@ class Fog:
     # -- knowledge ---------------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Take the reports of the team's sensors in the present state, and hide the agents that they do not show."""
+        """Show what the team knows in the present state: the last reports of its sensors."""
         columns = self._ctx.graph.columns()
-        carriers = get_drawing(self._ctx).carriers
         places = self._find_places(columns)
-        sights = list[ShownView]()
-        looks = list[SideLook]()
-        for agent in self._list_own_agents():
-            for sensor in _list_sensors(agent) if agent.alive else ():
-                sight = carriers.sight(sensor, agent)
-                sights.append(sight)
-                looks.append(self._as_look(sight, agent, places))
-        self._show_sights([sight for sight in sights if sight.sensor.type is not SensorType.NEIGHBOR])
+        others = {name for name, side in zip(places.names, places.sides, strict=True) if side != self.team}
+        found = list(self._list_own_reports())
+        at = dict(zip(places.names, places.rows.tolist(), strict=True))
+        looks = [self._as_look(agent, sensor, report, at) for agent, sensor, report in found]
         known = find_known([self.team], looks, places, len(columns.node_ids))[self.team]
+        rough = [report for _, sensor, report in found if report.is_early or has_errors(sensor)]
+        sighted = find_sighted(rough, others.difference(known.agents), make_nearest(self._ctx.graph.columns))
+        self.reported = dict(self._locate(sighted))
+        self.hidden = others.difference(known.agents, self.reported)
         self._now = set(columns.node_ids[known.nodes].tolist())
-        game = self._ctx.current_game
-        turn = 0 if game is None else game.turn
+        turn = self._get_turn()
         before = {node: since for node, since in self._seen.items() if since <= turn}  # a replay may go back
         self._seen = dict.fromkeys(self._now, turn) | before
-        others = {name for name, side in zip(places.names, places.sides, strict=True) if side != self.team}
-        self.hidden = others.difference(known.agents)
+        self.sights = [self._carriers.show_report(sensor, agent, report) for agent, sensor, report in found]
+        self._show_sights([sight for sight in self.sights if sight.sensor.type is not SensorType.NEIGHBOR])
         cast("Any", self._ctx.visual).artists.fog = self
 
-    def _as_look(self, sight: ShownView, agent: IAgent, places: AgentPlaces) -> SideLook:
-        """Return what a sensor shows to the team, and the nodes on which it would show agents."""
-        ctx = self._ctx
-        view = sight.view or SensorView()
-        report = sight.report or self._as_report(sight, places)
-        field = _NONE
-        if len(view.nodes) == 0 and (len(view.outline) or sight.sensor.type in IN_AIR):
-            field = find_field(report.look.field, sight.sensor, agent, get_drawing(ctx).motion.on_edges(), ctx.graph)
-        at = dict(zip(places.names, places.rows.tolist(), strict=True))
-        return as_side_look(agent.name, sight.sensor, find_seen(report, sight.sensor, at, ctx.graph), field)
+    def _list_own_reports(self) -> Iterator[tuple[IAgent, ISensor, Report]]:
+        """Yield the last reports of the sensors of living agents of the team."""
+        reports = self._carriers.list_reports()
+        for agent in self._list_own_agents():
+            for name, sensor in getattr(agent, "sensors", {}).items():
+                if agent.alive and (agent.name, name) in reports:
+                    yield agent, sensor, reports[agent.name, name]
 
-    def _as_report(self, sight: ShownView, places: AgentPlaces) -> Report:
-        """Return what a sensor would report now, with the rows of agents as their numbers."""
-        numbers = {name: row for row, name in enumerate(places.names)}
-        nodes = dict(zip(places.names, self._ctx.agent.positions.nodes, strict=True))
-        ((_, looks),) = take_looks([(0, {"": (sight.sensor.type, sight.data)})], numbers, nodes)
-        return Report(looks[0], dict(enumerate(places.names)))
+    def _as_look(self, agent: IAgent, sensor: ISensor, report: Report, at: Mapping[str, int]) -> SideLook:
+        """Return what a report says about the present state, without agents that may be elsewhere.
+
+        Args:
+            agent: the agent that carries the sensor.
+            sensor: the sensor.
+            report: its report.
+            at: agent -> the row of its node.
+        """
+        ctx = self._ctx
+        field = _NONE
+        if report.look.field is not None or not report.is_early:
+            field = find_field(report.look.field, sensor, agent, get_drawing(ctx).motion.on_edges(), ctx.graph)
+        seen = find_seen(report, sensor, at, ctx.graph)
+        look = as_side_look(agent.name, sensor, seen, field, is_early=report.is_early)
+        return look._replace(agents=()) if has_errors(sensor) else look
+
+    def _locate(self, sighted: Mapping[str, Sighting]) -> Iterator[tuple[str, tuple[float, float]]]:
+        """Yield agents with their reported positions, without those on nodes that are gone."""
+        graph = self._ctx.graph.graph
+        for name, sighting in sighted.items():
+            if sighting.position is not None:
+                yield name, (sighting.position[0], sighting.position[1])
+            elif graph.has_node(sighting.node):
+                node = graph.get_node(sighting.node)
+                yield name, (node.x, node.y)
+
+    def _get_turn(self) -> int:
+        game = self._ctx.current_game
+        return 0 if game is None else game.turn
 
     def _find_places(self, columns: GraphColumns) -> AgentPlaces:
         agents = list(self._ctx.agent.create_iter())

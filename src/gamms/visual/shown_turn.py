@@ -15,10 +15,12 @@ from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, Unkno
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Progress, find_steps_along
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.looks import Report, restore_data
+from gamms.knowledge.fields import find_pose
+from gamms.knowledge.looks import LiveReports, Report, Reports, restore_data
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType
+from gamms.typing.context import HostContext
 from gamms.typing.on_edges import cut_line, locate
 from gamms.typing.recorder import Step
 from gamms.typing.sensor_engine import find_place_of_look
@@ -196,12 +198,14 @@ class LastMoves:
 
     Attributes:
         moves: in the turn that is shown.
+        reported: agent -> its position, for agents that are shown where sensors report them instead of where they are.
     """
 
     def __init__(self, ctx: IContext, turns: PastTurns) -> None:
         self._ctx = ctx
         self._turns = turns
         self.moves = _NO_MOVES
+        self.reported: Mapping[str, _Point] = {}
         self._now: tuple[float, FloatArray] | None = None  # where all that moved are after a share
         self._paths: tuple[Sequence[str], MovedAgents, IntArray] | None = None  # of the agents that were asked for last
         self._shown: _Turn | None = None  # the turn that is shown
@@ -301,7 +305,10 @@ class LastMoves:
         Raises:
             UnknownName (KeyError): the agent does not exist, or its node was removed.
         """
-        row = self.moves.rows.get(as_key(name, "The name of an agent")) if share < 1.0 else None
+        name = as_key(name, "The name of an agent")
+        if name in self.reported:
+            return self.reported[name]
+        row = self.moves.rows.get(name) if share < 1.0 else None
         if row is not None:
             x, y = self._compute_positions(share)[row].tolist()
             return x, y
@@ -327,6 +334,8 @@ class LastMoves:
         if share < 1.0 and self.moves.rows:
             rows = self.paths_of(names)
             positions[rows >= 0] = self._compute_positions(share)[rows[rows >= 0]]
+        for row, name in enumerate(names) if self.reported else ():
+            positions[row] = self.reported.get(name, positions[row])
         return positions
 
     def paths_of(self, names: Sequence[str]) -> IntArray:
@@ -434,19 +443,12 @@ class TurnEvents:
         return {name: has_arrived for name, has_arrived in self._ends.items() if name in missing}
 
 
-Reports = Mapping[tuple[str, str], Report]
-"""(agent, name of the sensor for it) -> report."""
-_NO_REPORTS: Reports = {}
-
-
 class ShownView(NamedTuple):
     """The view of a sensor from the agent that carries it; without a carrier, its last view."""
 
     sensor: ISensor
     carrier: str | None
     view: SensorView | None  # None: it has none; drawing it will show the error
-    report: Report | None = None  # that was recorded; None: there is none
-    data: Any = None  # that it would report now, if nothing was recorded
 
 
 class SensorCarriers:
@@ -457,8 +459,7 @@ class SensorCarriers:
         places: returns the positions of agents between nodes.
 
     Attributes:
-        read_reports: returns the reports that sensors made in the shown state, read from a recording; without a report,
-            a built-in sensor says what it would report now.
+        read_reports: returns the reports of a recording for the shown state; None: no recording is shown.
     """
 
     def __init__(self, ctx: IContext, places: Callable[[], Mapping[str, _Point]]) -> None:
@@ -466,7 +467,19 @@ class SensorCarriers:
         self._places = places
         self._key: Any = None
         self._of: dict[int, list[Any]] = {}
-        self.read_reports: Callable[[], Reports] = lambda: _NO_REPORTS
+        self.read_reports: Callable[[], Reports | None] = lambda: None
+        self._live: LiveReports | None = None
+
+    def follow(self) -> LiveReports:
+        """Return the reports of the context itself, which are noted from the first call on."""
+        if self._live is None:
+            self._live = LiveReports(cast("HostContext", self._ctx))
+        return self._live
+
+    def list_reports(self) -> Reports:
+        """Return the last report of each sensor: of the shown recording, or of the context itself."""
+        recorded = self.read_reports()
+        return self.follow().read() if recorded is None else recorded
 
     def of(self, sensor: ISensor) -> list[Any]:
         """Return the agents that carry a sensor, dead ones too, in the order of their creation."""
@@ -503,42 +516,57 @@ class SensorCarriers:
     def sight(self, sensor: ISensor, agent: IAgent | None) -> ShownView:
         """Return the view of a sensor for an agent, without the agent's own team; None: its last view.
 
+        If a recording is shown, it is the view that was reported in the shown state, else the present view.
+
         Raises:
             RecordingError (ValueError): the recording of which reports are read is damaged.
         """
-        reports = self.read_reports()
-        try:
-            if agent is None:
-                return self._shown(sensor, agent, get_view(sensor))
-            return self._look(sensor, agent, reports)
-        except NotOffered:
-            view: SensorView | None = SensorView()
-        except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
-            view = None
-        return ShownView(sensor, None if agent is None else agent.name, view)
-
-    def _look(self, sensor: ISensor, agent: IAgent, reports: Reports) -> ShownView:
-        """Return what a sensor has reported to an agent, or would report now; other than built-in ones do not say."""
-        place: Any = find_place_of_look(sensor, agent.current_node_id, self._places().get(agent.name))
+        if agent is None:
+            return self._show(sensor, None, lambda: get_view(sensor))
+        recorded = self.read_reports() or {}
         key = next((name for name, one in agent.sensors.items() if one is sensor), "")
-        report = reports.get((agent.name, key))
-        preview = getattr(sensor, "preview", None)
-        if preview is None or not sensor.sees_world_only:
-            look = getattr(sensor, "view_from", None)  # classes that do not inherit from ISensor have none
-            view = get_view(sensor) if look is None else look(place, agent.name)
-            return self._shown(sensor, agent, view, report, getattr(sensor, "data", None))
-        if report is None:
-            data, view = preview(place, agent.name)
-            return self._shown(sensor, agent, view, None, data)
-        seen = restore_data(report.look, self._ctx.graph.graph, report.names)
-        return self._shown(sensor, agent, sensor.view_of(seen, place, agent.name), report)
+        report = recorded.get((agent.name, key))
+        if report is not None and not report.is_early:
+            return self.show_report(sensor, agent, report)
+        look = getattr(sensor, "view_from", None)  # classes that do not inherit from ISensor have none
+        if look is None:
+            return self._show(sensor, agent, lambda: get_view(sensor))
+        return self._show(sensor, agent, lambda: look(self._find_place(sensor, agent), agent.name))
 
-    def _shown(
-        self, sensor: ISensor, agent: IAgent | None, view: object, report: Report | None = None, data: object = None
-    ) -> ShownView:
-        name = None if agent is None else agent.name
-        shown_view = self._exclude_own_team(view, sensor, agent) if isinstance(view, SensorView) else None
-        return ShownView(sensor, name, shown_view, report, data)
+    def show_report(self, sensor: ISensor, agent: IAgent, report: Report) -> ShownView:
+        """Return the view of a report without a look; for sensors that are not built-in, the last view.
+
+        The view of an early report stays where it was made. It has no field of view if its direction is not known.
+        """
+        found = self._show(sensor, agent, lambda: self._view_report(sensor, agent, report))
+        if found.view is None or not report.is_early:
+            return found
+        view = replace(found.view, names=(), is_early=True)
+        if report.look.field is None or find_pose(sensor, agent)[1] is not None:
+            view = replace(view, outline=view.outline[:0], reach=view.reach[:0])
+        return found._replace(view=view)
+
+    def _view_report(self, sensor: ISensor, agent: IAgent, report: Report) -> SensorView:
+        if not getattr(sensor, "sees_world_only", False):
+            return get_view(sensor)
+        field = report.look.field
+        place = field.place if report.is_early and field is not None else self._find_place(sensor, agent)
+        return sensor.view_of(
+            restore_data(report.look, self._ctx.graph.graph, report.names), cast("int", place), agent.name
+        )
+
+    def _find_place(self, sensor: ISensor, agent: IAgent) -> Any:
+        return find_place_of_look(sensor, agent.current_node_id, self._places().get(agent.name))
+
+    def _show(self, sensor: ISensor, agent: IAgent | None, make_view: Callable[[], object]) -> ShownView:
+        try:
+            made = make_view()
+        except NotOffered:
+            made = SensorView()
+        except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
+            made = None
+        view = self._exclude_own_team(made, sensor, agent) if isinstance(made, SensorView) else None
+        return ShownView(sensor, None if agent is None else agent.name, view)
 
     def _exclude_own_team(self, view: SensorView, sensor: ISensor, agent: IAgent | None) -> SensorView:
         """Return a view without the carrier's own team, whose field moves with the carrier if nothing blocks it."""

@@ -348,3 +348,23 @@ def test_the_view_of_a_team_can_be_shown_all_the_time(hunt):
     ctx.visual.update()
     assert "far" not in ctx.visual.overlay.shown
     assert ctx.visual.drawing.theme is ctx.visual.overlay.hud.theme
+
+
+def test_in_fog_the_panel_tells_of_others_no_more_than_their_names(hunt, person):
+    ctx = hunt()
+    overlay = ctx.visual.overlay
+    told = {}
+
+    def note():
+        for name in ("anna", "near"):
+            overlay._pinned = name
+            told[name] = overlay.pointed_at()[0]
+            told[name, "views"] = list(overlay.hints())
+        person.press("0")
+        return []
+
+    act(ctx, list, note)
+    ask(ctx)
+    assert told["near"] == ["near · team hunters"]
+    assert told["anna"][:2] == ["anna · team hunted", "at node 5, from 5"]
+    assert told["near", "views"] == []

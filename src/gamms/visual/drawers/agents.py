@@ -192,7 +192,7 @@ def _compute_shifts(ctx: IContext, agents: _GroundAgents, share: float) -> Float
         visual.has_stacks = False
         return np.zeros((len(agents.names), 2))
     moves = visual.motion.moves
-    between = visual.motion.on_edges()
+    between = visual.motion.on_edges().keys() | visual.motion.reported.keys()
     on = agents.nodes
     previous = agents.previous
     if between:  # each is alone on its node

@@ -127,7 +127,7 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
 def _move_with_carrier(ctx: IContext, view: SensorView, corners: FloatArray, data: dict[str, Any]) -> FloatArray:
     """Return the corners of a field of view, around its carrier as it is shown while it moves."""
     share = data.get("_alpha", 1.0)
-    if view.carrier is None or share >= 1.0 or view.carrier not in ctx.agent.agents:
+    if view.carrier is None or view.is_early or share >= 1.0 or view.carrier not in ctx.agent.agents:
         return corners
     position_of = get_drawing(ctx).position_of
     moved: FloatArray = corners + np.subtract(position_of(view.carrier, share), position_of(view.carrier, 1.0))

@@ -15,7 +15,7 @@ from gamms.deciding import lift_decide_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
-from gamms.typing import ArtistType, IContext, ISensor
+from gamms.typing import ArtistType, IAgent, IContext, ISensor
 from gamms.typing.recorder import IPlayback, Step
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, IVisualizationEngine, SensorVisual
 from gamms.visual.appearance import Color, GraphData, get_color_group
@@ -285,8 +285,7 @@ class WindowEngine(WindowNames, PictureEngine):
         asked = question(self.ctx, agent_name, state)
         self.question = asked
         self._show_options(asked)
-        if self._fog is True:
-            self._see_as(str(get_color_group(self.ctx.agent.get_agent(agent_name))))
+        self._begin_fog_of_question(self.ctx.agent.get_agent(agent_name), state)
         if isinstance(asked, NodeChoice):
             self._framing.see_choices(asked.places)
         self._is_fresh = True
@@ -333,6 +332,15 @@ class WindowEngine(WindowNames, PictureEngine):
         return game is not None and game.turn > 0 and game.turn == game.last_turn
 
     # -- fog and visibility -------------------------------------------------------------------------------
+
+    def _begin_fog_of_question(self, agent: IAgent, state: dict[str, Any]) -> None:
+        """Show the knowledge from which an agent decides, to the person who decides for it."""
+        if self._fog and "sensor" in state:
+            self.drawing.carriers.follow().note([agent], [state])
+        if self._fog is True:
+            self._see_as(str(get_color_group(agent)))
+        elif self._fog:
+            self._renew_fog()
 
     def _see_as(self, team: str) -> None:
         """Restrict the display to the knowledge of a team, unless the graph was declared, or the team has no sensor."""

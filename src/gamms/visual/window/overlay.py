@@ -172,7 +172,11 @@ class Overlay(Guarded):
     def _make_hints(self, name: str) -> dict[str, IArtist]:
         agent: Any = self._ctx.agent.get_agent(name)
         look = next((look for look in list_looks(self.shown) if look.name == name), AgentData(name))
-        sights = [self._drawing.carriers.sight(sensor, agent) for sensor in getattr(agent, "sensors", {}).values()]
+        fog = self._artists.fog
+        if fog is None:
+            sights = [self._drawing.carriers.sight(sensor, agent) for sensor in getattr(agent, "sensors", {}).values()]
+        else:
+            sights = [one for one in fog.sights if one.carrier == name]
         unseen = [one for one in sights if one.view is not None and f"sensor_{one.sensor.sensor_id}" not in self.shown]
         colored = {one.sensor.sensor_id: [(rgba(look.color)[:3], one.view)] for one in unseen}
         hints: dict[str, IArtist] = {**make_sight_artists(self._ctx, colored, look.size, self._artists.declared)}
@@ -199,7 +203,10 @@ class Overlay(Guarded):
         row = names.index(name)
         dots = convert_dots(columns[row : row + 1], self._camera.camera())
         x, y = dots.centers[0].tolist()
-        return list_facts_about(self._ctx, name), (x, y), float(dots.radii[0]) + _BESIDE_PX
+        fog = self._artists.fog
+        facts = list_facts_about(self._ctx, name)
+        known = facts if fog is None or fog.is_own(name) else facts[:1]
+        return known, (x, y), float(dots.radii[0]) + _BESIDE_PX
 
     def _find_pointed_name(self) -> str | None:
         pointer = self.pointer()
