@@ -1,4 +1,4 @@
-"""Fog shows what the sensors of a team reported: in a live game, and in its recording."""
+"""Fog shows what the sensors of a team reported: in a live game, in its recording, and as in the team's cut."""
 
 import io
 
@@ -11,9 +11,11 @@ from gamms import recorder, scenario
 from gamms.agent import AgentType
 from gamms.ir.packing import to_bytes
 from gamms.rendering import Fog
-from gamms.rules import tag
+from gamms.rules import capture_flag, tag
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
+from gamms.visual.artist import ArtistGroup
+from gamms.web.painter import Painter
 
 QUIET = {"level": "CRITICAL"}
 
@@ -21,6 +23,13 @@ QUIET = {"level": "CRITICAL"}
 def draw(ctx):
     """Return all that a picture shows, as bytes."""
     return to_bytes(ctx.visual.draw_commands().to_plain(), "a picture")
+
+
+def draw_artists(ctx, *names):
+    """Return the kinds and the points of what artists draw."""
+    shown = ctx.visual.artists.shown()
+    plain = ArtistGroup(ctx, {name: shown[name] for name in names if name in shown}).commands().to_plain()
+    return plain["kind"].tolist(), plain["points"].round(6).tolist()
 
 
 def watch_live(ctx, team, turns):
@@ -41,7 +50,7 @@ def watch_live(ctx, team, turns):
     return [*(pictures[turn] for turn in range(turns)), draw(ctx)]
 
 
-def watch_recording(recording, team):
+def watch_recording(recording, team, show=draw):
     """Return what the fog of a team shows of the recording, from the start to the last turn."""
     pictures = []
     with gamms.create_context(seed=99, logger_config=QUIET) as ctx:
@@ -53,7 +62,7 @@ def watch_recording(recording, team):
         for turn in range(recording.turns + 1):
             playbacks[0].seek(turn)
             fog.look()
-            pictures.append(draw(ctx))
+            pictures.append(show(ctx))
         playbacks[0].close()
     return pictures
 
@@ -193,3 +202,73 @@ def test_a_new_game_begins_without_reports_of_the_last(street):
     street.game.reset()
     fog.look()
     assert fog.hidden == {"blue"}
+
+
+@pytest.fixture(scope="module")
+def raid():
+    """A recording of red agents that look, and blue ones that fetch their flag and are tagged on the way."""
+    stream = io.BytesIO()
+    with gamms.create_context(seed=4, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 6))
+        ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=15.0)
+        ctx.agent.create_team("red", [0, 9], strategy=random_walk, sensors=["eyes"])
+        ctx.agent.create_team("blue", [6, 15, 23], strategy=random_walk)
+        ctx.agent.create_team("green", [3, 20], strategy=random_walk)
+        ctx.game.add(capture_flag({"red": 7, "blue": 23}, goal=None))
+        ctx.game.add(tag("blue", "green"))
+        ctx.game.add(tag("blue", "red"))
+        ctx.record.start(stream)
+        ctx.game.run(max_turns=20)
+        ctx.record.stop()
+    with open_recording(stream) as recording:
+        yield recording
+
+
+def test_fog_shows_the_flags_and_tags_of_the_cut(raid):
+    names = ("flags", "flags beneath", "tags")
+    stream = io.BytesIO()
+    raid.cut(stream, "red")
+    fog = watch_recording(raid, "red", lambda ctx: draw_artists(ctx, *names))
+    with open_recording(stream) as cut, gamms.create_context(seed=99, logger_config=QUIET) as ctx:
+        playbacks = []
+        ctx.visual.show_playback = playbacks.append
+        records = ctx.record.replay(cut)
+        next(records, None)
+        known = []
+        for turn in range(cut.turns + 1):
+            playbacks[0].seek(turn)
+            known.append(draw_artists(ctx, *names))
+    assert fog == known
+    assert len({str(one) for one in known}) > 5
+
+
+def test_in_fog_a_flag_is_at_home_if_it_is(raid):
+    def draw_whole(ctx):
+        ctx.visual.artists.fog = None
+        return draw_artists(ctx, "flags beneath")
+
+    homes = watch_recording(raid, "red", lambda ctx: draw_artists(ctx, "flags beneath"))
+    assert homes == watch_recording(raid, "red", draw_whole)
+    assert len({len(kinds) for kinds, _ in homes}) > 1
+
+
+def test_fog_and_pages_know_that_a_side_knows_of_the_events_of_its_cut(raid):
+    stream = io.BytesIO()
+    raid.cut(stream, "red")
+
+    def list_known(ctx):
+        events = ctx.visual.drawing.events
+        return [event for event in events.of_turn() if "red" in events.find_witnesses(event)]
+
+    in_fog = watch_recording(raid, "red", list_known)[1:]
+    header = {**raid.header, "world": raid.graph.packed}
+    in_page = []
+    with Painter(header, raid.detached(0).keyframe(0)) as painter:
+        for log in raid.logs(1, raid.turns + 1):
+            painter.add(log)
+            in_page.append(list_known(painter._ctx))
+    with open_recording(stream) as cut:
+        in_cut = [[*cut.events(turn, turn + 1)] for turn in range(1, cut.turns + 1)]
+    assert in_fog == in_cut
+    assert in_page == in_cut
+    assert 0 < sum(map(len, in_cut)) < len([*raid.events()])

@@ -111,11 +111,15 @@ def test_what_is_too_much_for_the_lines_is_counted(duel):
     assert [line.words for line in Captions(duel, duel.visual.drawing).now().lines] == ["one", "two, and 2 more"]
 
 
-def test_what_happens_among_hidden_agents_is_left_out(duel):
+def test_a_side_gets_captions_of_its_agents_and_of_those_that_it_saw_in_the_turn(duel):
     duel.game.add(emits([("storm", {"agent": "red_0"}), ("tag", {"agent": "red_1", "other": "blue_1", "node": 0})]))
     duel.game.step()
-    told = Captions(duel, duel.visual.drawing).now({"red_0", "red_1"})
-    assert [line.words for line in told.lines] == ["blue_1 is tagged by red_1"]
+    views = duel.visual.drawing.events.views
+    told = []
+    for turn in (0, 2, 1):
+        views.note(turn, "blue", ["red_0"])
+        told.append([line.words for line in Captions(duel, duel.visual.drawing).now("blue").lines])
+    assert told == [["blue_1 is tagged by red_1"]] * 2 + [["red_0: storm", "blue_1 is tagged by red_1"]]
 
 
 def test_the_paper_s_loop_is_counted(duel):

@@ -35,6 +35,8 @@ from gamms.text import as_text
 from gamms.typing import IAgent, IGraph, IGraphEngine, ISensor
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
+HIDDEN = ""  # in place of the name of an agent that is not in view
+
 
 def name_side(name: str, team: object) -> str:
     """Return the name of the side of an agent: its team as text, or its own name if it has no team."""
@@ -223,6 +225,25 @@ def find_sighted(reports: Iterable[Report], others: Container[str], nearest: Nea
     return found
 
 
+def find_known_flags(data: Mapping[Any, Any], is_in_view: Callable[[str], bool]) -> dict[Any, dict[str, Any]]:
+    """Return the flags in the data of rules as a side knows them: their homes, and by which agent each is carried.
+
+    Everybody knows the homes, and which flags are not there. The name of a carrier that is not in view is "".
+
+    Args:
+        data: the data of the rules of a game, by key.
+        is_in_view: whether an agent is of the side, or seen by it.
+    """
+    found = {}
+    for key, kept in data.items():
+        if isinstance(kept, Mapping) and all(isinstance(kept.get(part), Mapping) for part in ("bases", "carriers")):
+            carriers = {
+                team: name if name is None or is_in_view(name) else HIDDEN for team, name in kept["carriers"].items()
+            }
+            found[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
+    return found
+
+
 # -- certain --------------------------------------------------------------------------------------------------------
 
 
@@ -278,6 +299,8 @@ def list_certain(
 
 # -- witnessed ------------------------------------------------------------------------------------------------------
 
+_TURNS = 10  # for which views are remembered
+
 
 class KnownAgents(NamedTuple):
     """The agents that a side knows at a moment.
@@ -316,16 +339,42 @@ def is_witnessed(kind: int, data: Mapping[str, Any], agents: KnownAgents) -> boo
     return not named or any(map(agents.is_in_view, named))
 
 
-def find_known_flags(data: Mapping[Any, Any], agents: KnownAgents) -> dict[Any, Any]:
-    """Return the flags in the data of rules: their bases, and that they are carried, but not by which unseen agent."""
-    found = {}
-    for key, kept in data.items():
-        if isinstance(kept, dict) and all(isinstance(kept.get(part), dict) for part in ("bases", "carriers")):
-            carriers = {
-                team: name if name is None or agents.is_in_view(name) else "" for team, name in kept["carriers"].items()
-            }
-            found[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
-    return found
+class PastViews:
+    """Which agents sides saw in the last turns, to tell which of them know of an event."""
+
+    def __init__(self) -> None:
+        self._seen: dict[int, dict[str, frozenset[str]]] = {}  # turn -> side -> names of agents
+
+    def note(self, turn: int, side: str, names: Iterable[str], *, is_early: bool = False) -> None:
+        """Note the agents of other sides that a side sees when a turn begins.
+
+        Args:
+            turn: the number of the turn.
+            side: the side.
+            names: the names of the agents.
+            is_early: whether this was read after the turn; then it does not replace what is known.
+        """
+        seen = self._seen.setdefault(turn, {})
+        if not is_early or side not in seen:
+            seen[side] = frozenset(names)
+        for old in [one for one in self._seen if one <= turn - _TURNS]:
+            del self._seen[old]
+
+    def find_witnesses(self, event: Mapping[str, Any], side_of: Mapping[str, str]) -> set[str]:
+        """Return the sides that know of an event of the game.
+
+        Args:
+            event: an entry of the log of events.
+            side_of: agent -> its side.
+        """
+        return {side for side in set(side_of.values()) if self._is_witness(side, event, side_of)}
+
+    def _is_witness(self, side: str, event: Mapping[str, Any], side_of: Mapping[str, str]) -> bool:
+        seen = self._seen.get(event["turn"], {}).get(side, frozenset())
+        deleted = {event[key] for key in ("agent", "other") if isinstance(event.get(key), str)}
+
+        own = {name: side for name, its_side in side_of.items() if its_side == side}
+        return is_witnessed(GAME_EVENT, event, KnownAgents(own, seen, deleted | side_of.keys(), {}))
 
 
 def select_own(entries: Iterable[Mapping[str, Any]], names: Container[str]) -> Iterator[dict[str, Any]]:

@@ -228,7 +228,7 @@ class KnowledgeFilter:
         return game
 
     def _find_known_flags(self) -> dict[Any, Any]:
-        return find_known_flags(self._all.game.data, self._agents)
+        return find_known_flags(self._all.game.data, self._agents.is_in_view)
 
     def _note_new_flags(self, now: dict[Any, Any]) -> Iterator[_Event]:
         before = self._flags

@@ -1,12 +1,11 @@
 """Captions: sentences for events and for the end of a game, shared by films, windows and commands."""
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from gamms.ir.events import DECISIONS, GAME_EVENT
+from gamms.ir.events import DECISIONS
 from gamms.ir.game_state import ALL_PLAYED, describe_reason
-from gamms.knowledge.sides import KnownAgents, is_witnessed
 from gamms.text import as_digits, as_text
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, get_color_group
@@ -168,11 +167,11 @@ class Captions:
         self.turns = 1
         self._lines: list[CaptionLine] = []
 
-    def now(self, hidden: Collection[str] = ()) -> CaptionBar:
+    def now(self, side: str | None = None) -> CaptionBar:
         """Return the captions of this turn; call it once per turn.
 
         Args:
-            hidden: the names of hidden agents; events only among hidden agents are omitted.
+            side: only events of which this side knows have captions; None: all.
         """
         game = self._ctx.current_game
         colors = self._drawing.group_colors()
@@ -181,8 +180,9 @@ class Captions:
         if game is not None and game.over is not None:
             color = colors.get(str(game.over.get("winner")))
             new.append(CaptionLine(": ".join(ending(game.over)), color, self.turns))
-        events = (one for one in self._drawing.events.of_turn() if self._is_open(one, hidden))
-        for words, name in write_captions(events):
+        events = self._drawing.events
+        known = (one for one in events.of_turn() if side is None or side in events.find_witnesses(one))
+        for words, name in write_captions(known):
             color = colors.get(str(get_color_group(agents[name])) if name in agents else str(name))
             new.append(CaptionLine(words, color, self.turns))
         if len(new) > MOST_LINES:
@@ -192,12 +192,6 @@ class Captions:
         self._lines = [*new, *older][:MOST_LINES]
         turn = (0 if game is None else game.turn) or self._drawing.turns.count
         return CaptionBar(turn, score_line(find_scores(self._ctx)), tuple(self._lines))
-
-    def _is_open(self, event: Mapping[str, Any], hidden: Collection[str]) -> bool:
-        """Return whether those who do not see hidden agents know of an event; where none is hidden, all are known."""
-        names = self._ctx.agent.agents.keys()
-        # without own agents, because decisions have no captions
-        return not hidden or is_witnessed(GAME_EVENT, event, KnownAgents({}, names - hidden, {*names, *hidden}, {}))
 
 
 def draw_caption_bar(

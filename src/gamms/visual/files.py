@@ -2,7 +2,7 @@
 
 import os
 from base64 import b64encode
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -120,7 +120,7 @@ def paint_picture(source: "FrameSource", sheet: PictureTarget, style: PageStyle)
     camera = page.looking(viewpoint)
     if camera is None:
         camera, corner = page.fit(*box)
-    bar = Captions(source.ctx, source.drawing).now(source.hidden)
+    bar = Captions(source.ctx, source.drawing).now(source.side)
     around = page.drawing(camera, corner, source.ctx, artists, Labels(), bar)
     commands = magnify(join_drawings(commands, around), fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
@@ -201,9 +201,9 @@ class FrameSource(NamedTuple):
     artists: Artists
 
     @property
-    def hidden(self) -> Collection[str]:
-        """The agents that fog hides."""
-        return () if self.artists.fog is None else self.artists.fog.hidden
+    def side(self) -> str | None:
+        """The side whose knowledge is shown; None: everything is shown."""
+        return None if self.artists.fog is None else self.artists.fog.team
 
     def drawn(self, style: PageStyle) -> tuple[dict[str, IArtist], DrawCommands, tuple[Block, ...]]:
         """Return the artists that a page shows, their drawings, and the blocks of its legend."""
@@ -281,7 +281,7 @@ class Frames:
             self._page = Page(self.width, self.height, blocks, style, spill=self._page.spill)
         if style.has_captions:
             with self._apply_theme():
-                self._caption_bar = self.captions.now(self._source.hidden)
+                self._caption_bar = self.captions.now(self._source.side)
                 self._card = end_card(self.ctx, self._caption_bar.turn)
 
     def at(self, share: float) -> Canvas:

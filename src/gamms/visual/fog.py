@@ -5,7 +5,7 @@ Between two turns these are the reports of the last turn, from before its moves.
 reported, and so do reports of sensors with errors.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -150,6 +150,7 @@ class Fog:
         at = dict(zip(places.names, places.rows.tolist(), strict=True))
         looks = [self._as_look(agent, sensor, report, at) for agent, sensor, report in found]
         known = find_known([self.team], looks, places, len(columns.node_ids))[self.team]
+        self._note_views([report for _, _, report in found], others)
         rough = [report for _, sensor, report in found if report.is_early or has_errors(sensor)]
         sighted = find_sighted(rough, others.difference(known.agents), make_nearest(self._ctx.graph.columns))
         self.reported = dict(self._locate(sighted))
@@ -186,6 +187,15 @@ class Fog:
         seen = find_seen(report, sensor, at, ctx.graph)
         look = as_side_look(agent.name, sensor, seen, field, is_early=report.is_early)
         return look._replace(agents=()) if has_errors(sensor) else look
+
+    def _note_views(self, reports: Sequence[Report], others: Container[str]) -> None:
+        """Note which agents the sensors report, to know later who has witnessed the events of the turn."""
+        if not reports:
+            return
+        is_early = any(report.is_early for report in reports)
+        turn = self._get_turn() + (not is_early)
+        seen = find_sighted(reports, others, make_nearest(self._ctx.graph.columns))
+        get_drawing(self._ctx).events.views.note(turn, self.team, seen, is_early=is_early)
 
     def _locate(self, sighted: Mapping[str, Sighting]) -> Iterator[tuple[str, tuple[float, float]]]:
         """Yield agents with their reported positions, without those on nodes that are gone."""
@@ -242,16 +252,19 @@ class Fog:
             visual.render_circles(columns.xy[shades == shade], _DOT * unit, color)
 
     def _draw_flags(self, ctx: IContext, data: dict[str, Any]) -> None:
-        render_flags(ctx, data | {"hidden": self.hidden})
+        render_flags(ctx, data | {"is_in_view": self._is_in_view})
 
     def _draw_homes(self, ctx: IContext, data: dict[str, Any]) -> None:
-        render_homes(ctx, data | {"hidden": self.hidden})
+        render_homes(ctx, data | {"is_in_view": self._is_in_view})
+
+    def _is_in_view(self, name: str) -> bool:
+        return name not in self.hidden
 
     def _draw_messages(self, ctx: IContext, data: dict[str, Any]) -> None:
         render_messages(ctx, data | {"of": self._list_own_names(), "hidden": self.hidden})
 
     def _draw_tags(self, ctx: IContext, data: dict[str, Any]) -> None:
-        data["of"] = self._list_own_names()
+        data.update(side=self.team, hidden=self.hidden)
         render_tags(ctx, data)
 
 

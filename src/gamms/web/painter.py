@@ -184,6 +184,8 @@ class Painter:
             self._edited_at = self._at
         if any(kind in (kinds.WORLD, kinds.SENSORS, kinds.SNAPSHOT) for kind, _ in events):
             self._sights.forget()
+        if sensed is not None:
+            self._note_views(sensed)
         facts = list(self._facts.changes(log, self._get_game_turn()))
         ways = self._find_ways(events)
         named = self._find_named_edges(events)
@@ -212,6 +214,17 @@ class Painter:
         self._turns = []
         self._is_whole = False
         return frame(found)
+
+    def _note_views(self, sensed: SensedTurn) -> None:
+        """Note which agents each side saw when the turn began, to tell which sides know of its events."""
+        columns = self._state.agents.columns
+        side_of = dict(zip(columns["names"], list_side_names(columns), strict=True))
+        seen: dict[str, set[str]] = {}
+        for look in sensed.looks:
+            if look.agent in side_of:
+                seen.setdefault(side_of[look.agent], set()).update(name for name, _ in look.seen.agents)
+        for side, names in seen.items():
+            self._ctx.visual.drawing.events.views.note(self._get_game_turn(), side, names)
 
     def _get_game_turn(self) -> int:
         game = self._ctx.current_game

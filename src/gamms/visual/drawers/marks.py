@@ -55,8 +55,8 @@ class _AgentMark(NamedTuple):
 def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     """Mark the nodes of the `tag` events of the last turns, as `gamms.rules.tag` emits them.
 
-    `data` may have `colors` by team; the `size` of agents; names of agents as `of`, so that tags without any of these
-    are left out; and the agents that `render_eliminated` marks as `out`, for which no tag is marked.
+    `data` may have `colors` by team; the `size` of agents; a `side`, so that only the tags are marked of which it
+    knows; names of agents as `hidden`, and those that `render_eliminated` marks as `out`: for these no tag is marked.
     """
     visual = get_drawing(ctx)
     marks = list[_AgentMark]()
@@ -64,31 +64,31 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     colors = visual.group_colors() | data.get("colors", {})
     new = visual.events.of_turns("tag", 1)
     taken = Counter(visual.position_of(name) for name in out)
-    for node, tags in _find_latest_tags(ctx, data.get("of"), out).items():
+    left_out = {*out, *data.get("hidden", ())}
+    for node, tags in _find_latest_tags(ctx, data.get("side"), left_out).items():
         at = ctx.graph.graph.get_node(node)
         for number, (name, tag) in enumerate(sorted(tags.items()), taken[at.x, at.y]):
-            agents = ctx.agent.agents
             side = get_color_group(ctx.agent.agents[name])
             color = _fade_color(colors.get(side, colors[str(side)]), is_new=tag in new)
-            witnesses = {str(get_color_group(agents[one])) for one in (name, tag.get("agent")) if one in agents}
-            owner = Owner(sides=tuple(sorted(witnesses)))
+            owner = Owner(sides=tuple(sorted(visual.events.find_witnesses(tag))))
             signs = _RING, 0.6 * _CROSS
             marks.append(_AgentMark(name, color, (at.x, at.y), number, signs, owner, int(tag.get("turn", 0))))
     _draw(ctx, marks, data)
 
 
 def _find_latest_tags(
-    ctx: IContext, of: Collection[str] | None, out: Collection[str]
+    ctx: IContext, side: str | None, left_out: Collection[str]
 ) -> dict[int, dict[str, dict[str, Any]]]:
     """Return node -> agent -> its latest tag there, for marked tags."""
     graph = ctx.graph.graph
     agents = ctx.agent.agents
     found = dict[int, dict[str, dict[str, Any]]]()
-    for tag in get_drawing(ctx).events.of_turns("tag", TAG_TURNS):
+    events = get_drawing(ctx).events
+    for tag in events.of_turns("tag", TAG_TURNS):
         node = tag.get("node", -1)
         name = tag.get("other", "")
-        is_open = of is None or tag.get("agent") in of or name in of
-        if is_open and name in agents and name not in out and graph.has_node(node):
+        is_known = side is None or side in events.find_witnesses(tag)
+        if is_known and name in agents and name not in left_out and graph.has_node(node):
             found.setdefault(node, {}).setdefault(name, tag)
     return found
 

@@ -1,7 +1,8 @@
 """Drawers of rule data: flags, territories and goals.
 
 They read only `ctx.game.data`, because replays have no rules. Flags are `{"bases": team -> node,
-"carriers": team -> name or None}`; territories are in `data["territories"]`, as `as_text` made them.
+"carriers": team -> name or None}`; in a cut, the name of a carrier out of view is empty. Territories are in
+`data["territories"]`, as `as_text` made them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,6 +13,7 @@ import numpy as np
 
 from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.knowledge.sides import HIDDEN, find_known_flags
 from gamms.text import as_text as text_of
 from gamms.text import shown
 from gamms.typing import IContext
@@ -104,7 +106,8 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
 def render_homes(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the homes of the flags that a rule stores under `data["key"]`, and the flags that are there.
 
-    `data` may have `colors` by team, and names of agents as `hidden`: flags that hidden agents carry are not shown.
+    `data` may have `colors` by team, and a function `is_in_view` of the name of an agent: flags that other agents carry
+    are not shown.
     """
     visual = get_drawing(ctx)
     graph = ctx.graph.graph
@@ -113,18 +116,19 @@ def render_homes(ctx: IContext, data: dict[str, Any]) -> None:
             continue
         home = graph.get_node(base)
         visual.render_symbols([(home.x, home.y)], _BASE_PX * _BASE, color, _BASE_LINE_PX)
-        if carrier not in ctx.agent.agents:
+        if carrier != HIDDEN and carrier not in ctx.agent.agents:
             visual.render_symbols([(home.x, home.y)], _AT_HOME_PX * _BASE, color)
             _draw_pennant(ctx, home.x, home.y, color)
 
 
 def _list_flags(ctx: IContext, data: dict[str, Any]) -> Iterator[tuple[AnyColor, Any, Any]]:
-    """Yield the color, the home and the carrier of the shown flags."""
-    kept = find_flags(ctx).get(data["key"], {"bases": {}, "carriers": {}})
+    """Yield the color, the home and the carrier of each flag."""
+    flags = find_flags(ctx)
+    if "is_in_view" in data:
+        flags = find_known_flags(flags, data["is_in_view"])
+    kept = flags.get(data["key"], {"bases": {}, "carriers": {}})
     for team, color in find_team_colors(ctx, kept["bases"], data.get("colors")).items():
-        carrier = kept["carriers"].get(team)
-        if carrier not in data.get("hidden", ()):
-            yield color, kept["bases"][team], carrier
+        yield color, kept["bases"][team], kept["carriers"].get(team)
 
 
 class KeyedDrawer:

@@ -366,8 +366,8 @@ class WindowEngine(WindowNames, PictureEngine):
             self.artists.fog.look()
 
     def _set_caption(self, *, after_jump: bool = False) -> None:
-        hidden = () if self.artists.fog is None else self.artists.fog.hidden
-        self.overlay.caption(hidden, self.turn_seconds, after_jump=after_jump)
+        side = None if self.artists.fog is None else self.artists.fog.team
+        self.overlay.caption(side, self.turn_seconds, after_jump=after_jump)
 
     # -- turns of a recording --------------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 """The overlay of a window: trails, hints, names and facts; `panels.py` paints the text."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from math import floor, log
 from typing import Any
 
@@ -123,11 +123,11 @@ class Overlay(Guarded):
         agent = self._ctx.agent.agents.get(name)
         return None if agent is None else str(get_color_group(agent))
 
-    def caption(self, hidden: Collection[str], turn_seconds: float, *, after_jump: bool = False) -> None:
+    def caption(self, side: str | None, turn_seconds: float, *, after_jump: bool = False) -> None:
         """Show captions of the present turn, and for some seconds of earlier turns.
 
         Args:
-            hidden: agents that are not shown.
+            side: the side whose knowledge is shown; None: everything is shown.
             turn_seconds: how long a turn is shown.
             after_jump: whether the turns before it were not shown.
         """
@@ -137,7 +137,7 @@ class Overlay(Guarded):
             self._captions = Captions(self._ctx, self._drawing)
         shown_seconds = turn_seconds / self._pace.speed
         self._captions.turns = max(1, round(CAPTION_SECONDS / shown_seconds)) if shown_seconds else 1
-        self.captions = self._captions.now(hidden).lines if self.has_captions else ()
+        self.captions = self._captions.now(side).lines if self.has_captions else ()
 
     def keep_trails(self, turns: int) -> None:
         """Set the number of turns of trails; 0 hides trails until they are switched on."""
