@@ -331,12 +331,14 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
     on_edge = None if state.get("edge") is None else state.get("xy")
     found: dict[str, Any] = dict(_find_respawned_agents(ctx, state, share=share))
     looks = []
+    agents = ctx.agent.agents
     graph = ctx.graph.graph
     for report in list_certain(agent, state["sensor"], on_edge, graph, may_be_between=is_by_metres(ctx)):
-        others = {one: node for one, node in report.places.items() if _is_other(ctx, state, one)}
-        found |= {one: _as_found(ctx, state, node) for one, node in others.items()}
-        known = report.unclear & ctx.agent.agents.keys()  # without agents that were deleted since a late look
-        looks.append(_write_look(ctx, report.coverage, sorted(one for one in known if _is_other(ctx, state, one))))
+        places = report.places.items()
+        found |= {one: _as_found(ctx, state, node) for one, node in places if _is_other(ctx, state, one)}
+        # without agents that were deleted since a late look
+        unclear = sorted(one for one in report.unclear if one in agents and _is_other(ctx, state, one))
+        looks.append(_write_look(ctx, report.coverage, unclear))
     if state.get("time", 0.0):  # beliefs are about the beginning of the turn, when agents were elsewhere
         looks = []
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
