@@ -151,12 +151,15 @@ def come_and_go(ctx: Context) -> None:
 
 
 def obey(state: dict[str, Any]) -> None:
-    """Walk at random; carry out, once, the order in the file that the facts name."""
+    """Walk at random; carry out, once, the order in the file that the facts name, after some games without it."""
     orders = Path(state["facts"]["orders"])
-    if orders.exists() and state["turn"] == 2:
-        order = orders.read_text()
-        orders.unlink()
-        ORDERS[order]()
+    if state["turn"] == 2 and state["name"] == "red_0" and orders.exists():
+        order, games = orders.read_text().split()
+        if games == "0":
+            orders.unlink()
+            ORDERS[order]()
+        else:
+            orders.write_text(f"{order} {int(games) - 1}")
     gamms.strategies.random_walk(state)
 
 

@@ -617,9 +617,9 @@ def watch_slowly(run: Run, _: Draws) -> Told | None:
     return []
 
 
-def kill_worker(run: Run, _: Draws) -> Told | None:
+def kill_worker(run: Run, draw: Draws) -> Told | None:
     """Kill the process that plays a game of an experiment: another one plays it."""
-    (run.folder / "orders").write_text("die")
+    (run.folder / "orders").write_text(f"die {draw.randrange(GAMES)}")
     run.play_rows(workers=1)
     (run.folder / "orders").unlink(missing_ok=True)
     return []
@@ -651,9 +651,12 @@ def fill_disk(run: Run, draw: Draws) -> Told | None:
 def fill_disk_of_rows(run: Run, draw: Draws) -> Told | None:
     """Let the disk be full while an experiment writes rows, which goes on later."""
     run.ctx.record.stop()  # or its disk would be full, too
-    with limited(resource.RLIMIT_FSIZE, draw.randrange(100, 300)):
+    with limited(resource.RLIMIT_FSIZE, draw.randrange(100, 1500)):
         told = error_of(run.play_rows, OSError)
     run.record()
+    if not told:
+        check_rows(run)  # they were written before, or are small
+        return None
     return told
 
 
@@ -733,9 +736,9 @@ def fail_once(run: Run, draw: Draws, fail: Callable[[], None], kind: type[BaseEx
     return told
 
 
-def interrupt_rows(run: Run, _: Draws) -> Told | None:
+def interrupt_rows(run: Run, draw: Draws) -> Told | None:
     """Press Ctrl-C in an experiment, which goes on later."""
-    (run.folder / "orders").write_text("interrupt")
+    (run.folder / "orders").write_text(f"interrupt {draw.randrange(GAMES)}")
     told = error_of(run.play_rows, KeyboardInterrupt)
     is_left = (run.folder / "orders").exists()
     (run.folder / "orders").unlink(missing_ok=True)
