@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -101,6 +102,13 @@ def test_a_line_that_is_no_row_is_named(tmp_path):
     (tmp_path / "journal.jsonl").write_text('{"id": "a"}\nnonsense\n')
     with pytest.raises(BadFile, match=r"line 1, is not a row: .* `scenario`.* Delete the line"):
         experiment.run(HUNT, [1], out=tmp_path)
+
+
+def test_a_row_without_a_winner_counts_in_no_rate_of_wins(whole, tmp_path):
+    shutil.copytree(whole, tmp_path / "altered")
+    journal = tmp_path / "altered" / "journal.jsonl"
+    journal.write_text(journal.read_text().replace('"winner":', '"wimner":', 1))
+    assert sorted(experiment.load(tmp_path / "altered").summary(metrics=["wins.red"])["seeds"].tolist()) == [3, 4]
 
 
 def test_shards_are_merged_into_the_files_of_one_run(whole, tmp_path):

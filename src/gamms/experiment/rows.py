@@ -485,8 +485,10 @@ class Rows(Sequence[Row]):
 
 
 def read_metric(name: str, row: Row) -> float:
-    """Return the value of a metric in a row, NaN if the row has no such number."""
+    """Return the value of a metric in a row, NaN if the row has no such number, or no winner."""
     if name.startswith(_WINS):
+        if "winner" not in row:
+            return np.nan
         return float(row["winner"] is not None and str(row["winner"]) == name.removeprefix(_WINS))
     value = row.get(name)
     return float(value) if isinstance(value, (int, float)) else np.nan
