@@ -44,9 +44,8 @@ def pytest_collection_modifyitems(items):
     Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1. Try half as many
     where GAMMS_BRIEF is 1: the second run of `make test`, interpreted, only has to find what differs from the first.
     """
-    items.sort(
-        key=lambda item: not any(map(item.path.match, SLOWEST))
-    )  # or a process would be left alone with one of them
+    slowest = {path for path in {item.path for item in items} if any(map(path.match, SLOWEST))}
+    items.sort(key=lambda item: item.path not in slowest)  # or a process would be left alone with one of them
     laws = [item for item in items if is_hypothesis_test(getattr(item, "function", None))]
     for item in laws:
         item.add_marker(pytest.mark.law)

@@ -17,12 +17,16 @@ SRC = Path(gamms.__file__).parent
 
 def changed(folder, *changes):
     """Copy the source, compiled as it is, and change it: (file, text that stands there once, text in its place)."""
+    whole = folder.parent / "whole"  # a copy for all tests, to whose files each links
+    if not whole.exists():
+        shutil.copytree(SRC, whole)
     copy = folder / "src" / "gamms"
-    shutil.copytree(SRC, copy)
+    shutil.copytree(whole, copy, copy_function=os.link)
     for file, before, after in changes:
         path = copy / file
         text = path.read_text()
         assert text.count(before) == 1, f"{file}: {before!r}"
+        path.unlink()
         path.write_text(text.replace(before, after))
     return copy.parent
 

@@ -158,7 +158,7 @@ def test_an_entry_that_cannot_play_is_named_before_the_first_game(folder, caplog
         "stay": "stay.py:stay",
         "weights": "weights/entry.py:make",
     }
-    table = run(grid(), entries=given, seeds=[1], out="out")
+    table = run(grid(), entries=given, seeds=[1], out="out", rounds=1)
     assert set(table.not_ready) == {"late", "missing", "shim", "weights"}
     assert re.fullmatch(r"exit: it ended with the exit code 126 \(.*Permission denied\)", table.not_ready["shim"])
     assert table.not_ready["missing"] == "exit: it ended with the exit code 2 (Error: no module)"
