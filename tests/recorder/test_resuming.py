@@ -346,3 +346,26 @@ def test_a_context_is_as_it_was_when_a_damaged_recording_cannot_be_resumed():
         assert [agent.current_node_id for agent in ctx.game.agents] == [
             one.current_node_id for one in other.game.agents
         ]
+
+
+@pytest.mark.parametrize("is_built", [False, True])
+def test_an_agent_that_was_deleted_is_in_the_result_where_it_was_last(is_built):
+    def build():
+        ctx = context()
+        add_team(ctx, "red", [0, 9, 20], random_walk)
+        return ctx
+
+    def thin_out(ctx):
+        if ctx.game.turn == 3:
+            ctx.agent.delete_agent("red_1")
+
+    stream = io.BytesIO()
+    with build() as ctx:
+        ctx.game.add(thin_out)
+        ctx.record.start(stream)
+        ends = {name: one["node"] for name, one in ctx.game.run(8).agents.items()}
+        ctx.record.stop()
+    strategies = None if is_built else {"red": random_walk}
+    with opened(stream).resume(5, strategies, ctx=build() if is_built else None) as again:
+        assert {name: one["node"] for name, one in again.game.run(3).agents.items()} == ends
+        assert len(ends) == 3

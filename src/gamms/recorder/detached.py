@@ -171,9 +171,11 @@ class DetachedAgents(AgentsState):
         columns: `LISTS` and `ARRAYS` of `keyframes`, one row per agent.
         following: number of the next new agent.
         version: changes whenever agents are added or removed, or a list changes.
+        departed: removed agent -> its team and its last node.
     """
 
     def __init__(self, columns: dict[str, Any], following: int) -> None:
+        self.departed: dict[str, tuple[Any, int]] = {}
         self.columns = columns
         self.following = following
         self.version = 0
@@ -224,6 +226,7 @@ class DetachedAgents(AgentsState):
     def remove(self, name: str) -> None:
         """Remove an agent (KeyError)."""
         row = self.row(name)
+        self.departed[name] = self.columns["teams"][row], int(self.columns["node"][row])
         del self._row_of_name[name], self._row_of[int(self.columns["numbers"][row])]
         self._gone.append(row)
         self.version += 1

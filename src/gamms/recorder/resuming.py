@@ -147,8 +147,10 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
         if ctx.seed != find_seed(reader, turn):
             snapshot["chance"] = None
         delete_others(ctx, snapshot["names"])
+        ctx.game.internals.parts.turns.note_departed()  # here, where the game has not begun, so they are not of it
         replayer.state.sensor_ids = find_sensor_ids(reader, past, turn)
         replayer.state.restore(snapshot)
+        ctx.game.internals.state.departed = find_departed(reader, past, turn)
     for name, agent in ctx.agent.agents.items():
         agent.decide_by(strategies.get(name))
     looks = [data for *_, data in past.events(turn, (kinds.VISUALS,))]
@@ -295,6 +297,19 @@ def delete_others(ctx: HostContext, names: list[str]) -> None:
     first = next((i for i, name in enumerate(now) if name != names[i]), len(now))
     for name in now[first:]:
         ctx.agent.delete_agent(name)
+
+
+def find_departed(reader: "Reader", past: "EventHistory", turn: int) -> dict[str, tuple[Any, int]]:
+    """Return the agents that were deleted until a turn; see `GameState.departed`.
+
+    In the knowledge of a team, agents are deleted that it does not see any more: then there are none.
+    """
+    found = reader.keyframe(0)
+    if found is None or "audience" in reader.header or not past.events(turn, (kinds.AGENT_DELETE,)):
+        return {}
+    state = DetachedState(deepcopy(found[1]), found[0])
+    state.advance(reader, found[0], turn)
+    return state.agents.departed
 
 
 def find_sensor_ids(reader: "Reader", past: "EventHistory", turn: int) -> set[str]:
