@@ -273,3 +273,32 @@ def test_a_game_that_is_over_is_shown_where_games_are_played_one_after_the_other
                 alone.game.run()
                 assert seen_in(games.context(number)) == seen_in(alone)
             assert (first.seed, first.game.turn) == (4, 5)
+
+
+def test_the_context_of_a_game_of_a_batch_is_played_by_the_batch_alone():
+    with scene(max_turns=None).batch(2, seed=1) as games:
+        shown = games.context(1)
+        for verb in (shown.game.step, lambda: shown.game.run(3)):
+            with pytest.raises(BadValue, match="shows game 1 of a batch"):
+                verb()
+        assert copy.deepcopy(shown).game.step()
+        games.run(3)
+        assert shown.game.turn == 3
+        assert shown.game.result().reason == games.result(1).reason == "max_turns"
+        assert games.context(0).game.result().reason == "max_turns"
+
+
+def test_functions_of_a_batch_see_the_last_turn_of_the_run_as_alone():
+    def note(ctx):
+        ctx.game.emit("last", until=ctx.game.last_turn)
+        if ctx.game.turn == 1 and ctx.seed == 1:
+            ctx.game.legal = "any"  # its game leaves
+
+    with scene(max_turns=9).build(seed=1) as ctx:
+        ctx.game.add(note, phase="before")
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            games.run(3, warn=False)
+            assert [*games.detached] == [0]
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert alone.game.run(3).events == games.result(number).events

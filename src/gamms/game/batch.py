@@ -462,7 +462,7 @@ class Batch(Surface, Immutable, NotPickled):
         with self._lock_for_playing(), progress_line() as line:
             show = line if is_shown else None
             self._ran_from = self._engine.turns()
-            self._engine.stop_at = None if turns is None else self._ran_from + turns
+            self._engine.stop_after(turns)
             limits = [turns, game.settings()["max_turns"], *(rule.spec.last_turn for rule in game.rules)]
             self._warns_of_no_end = not any(isinstance(limit, int) for limit in limits)
             try:
@@ -830,6 +830,7 @@ class Batch(Surface, Immutable, NotPickled):
             given: the number of turns played before -> the actions from outside, team by team.
         """
         turns = int(self._engine.turns()[number])
+        game.internals.state.last_turn = self._engine.state_in(number).run_until(number)
         is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
         acting = OutsideActor(game, self._roster)
         try:
@@ -847,18 +848,22 @@ class Batch(Surface, Immutable, NotPickled):
         """Let a game play in a separate context."""
         before = self._alone
         self._alone = _SingleGame(number, game)
+        shown_as = game.internals.shown_as
+        game.internals.shown_as = None
         try:
             yield
         finally:
             self._alone = before
+            game.internals.shown_as = shown_as
 
     @explain_call_errors
     def context(self, game: int) -> Any:
         """Return a context that shows a game; it is updated after each turn.
 
         It begins as a copy of the game as it is now, and plays each later turn as the batch does, which takes as long
-        as a turn of the game alone. It is terminated when another game is shown, and when the game is reset; with
-        `vis_engine=`, it has a window. A game that has left the batch is shown in the context where it is played.
+        as a turn of the game alone; its own `step` and `run` are refused. It is terminated when another game is shown,
+        and when the game is reset; with `vis_engine=`, it has a window. A game that has left the batch is shown in the
+        context where it is played.
 
         Raises:
             BadValue: another thread plays the batch.
@@ -866,11 +871,14 @@ class Batch(Surface, Immutable, NotPickled):
         number = self._as_game(game)
         with self._lock_for_playing():
             if number in self._separate and self._sources[self._source_of[number]].show is None:
-                return self._separate.show(number)
-            if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
-                self._hide()
-                self._shown = _SingleGame(number, self._show(number))
-            return self._shown.game.ctx
+                ctx = self._separate.show(number)
+            else:
+                if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
+                    self._hide()
+                    self._shown = _SingleGame(number, self._show(number))
+                ctx = self._shown.game.ctx
+            ctx.game.internals.shown_as = number
+            return ctx
 
     def _show(self, number: int) -> PlayedGame:
         """Return a game as it is now, in a context of its own, which may have a window."""

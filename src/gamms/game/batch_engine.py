@@ -40,7 +40,7 @@ from gamms.game.block.columns import (
 from gamms.game.block.in_core import CoreColumns, CoreGames, is_function, list_called_rules, memory_of, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, make_movement
 from gamms.game.block.sensing import list_sensors_called_each_turn, look, note_sensors, turns_with_agent
-from gamms.game.block.state import GameArrays, LeavingGame
+from gamms.game.block.state import NO_STOP, GameArrays, LeavingGame
 from gamms.game.conflicts import flat, refuse_unranked, unranked
 from gamms.game.cursor.called_functions import (
     CalledFunctions,
@@ -748,7 +748,6 @@ class BatchEngine(TurnDriver):
         num_streets: the number of different maps; map i has the streets of map i modulo this number.
 
     Attributes:
-        stop_at: (games,) the turn at which the last run stopped each game; None: it had no limit.
         maps_in_use: the numbers of the maps that games are on.
         newest: the numbers of the maps on which games begin from now on: those that were put last.
         plays_apart: whether games are played in contexts of their own, because agents by metres obey turn restrictions.
@@ -794,7 +793,6 @@ class BatchEngine(TurnDriver):
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
         self._last: int | None = settings["max_turns"]
-        self.stop_at: IntArray | None = None
         self._seconds = np.inf  # that the last turn took
         self._can_stop = False
         self._is_strict = settings["on_illegal"] == "raise"
@@ -945,8 +943,7 @@ class BatchEngine(TurnDriver):
             if self.maps_in_use != [number for number, on_map in enumerate(self._on) if len(on_map)]:
                 self._find_phases()
         self._state.is_apart[games] = False
-        if self.stop_at is not None:
-            self.stop_at[games] = np.iinfo(np.int64).max
+        self._state.stop_at[games] = NO_STOP
         for number in np.unique(maps).tolist():
             those = games[maps == number]
             self._maps[number].note_begun(those, self.starts.seeds_of(self.starts.now[those]))
@@ -966,16 +963,17 @@ class BatchEngine(TurnDriver):
 
     def last_turn(self, game: int) -> int | None:
         """Return the turn at which a game stops in any case: that of the settings, or of the last run."""
-        stops = [self._last] if self._last is not None else []
-        stops += [int(self.stop_at[game])] if self.stop_at is not None else []
-        return min(stops, default=None)
+        stops = [self._last, self._state.run_until(game)]
+        return min((turn for turn in stops if turn is not None), default=None)
+
+    def stop_after(self, turns: int | None) -> None:
+        """Let a run that begins now stop each game after a number of turns; None: it has no limit."""
+        self._state.stop_at[:] = NO_STOP if turns is None else self._state.turn + turns
 
     def turns_left(self) -> int:
         """Return the largest number of turns that a game which is not over has left in a run."""
         playing = self.playing
-        if self.stop_at is None:
-            return _MOST_AT_ONCE if playing.any() else 0
-        left = (self.stop_at - self._state.turn)[playing]
+        left = (self._state.stop_at - self._state.turn)[playing]
         return int(np.clip(left, 0, _MOST_AT_ONCE).max(initial=0))
 
     # -- playing ------------------------------------------------------------------------------------------------
@@ -1531,7 +1529,7 @@ class BatchEngine(TurnDriver):
         """Return the reason, winner and truncation of a game's end; None: it goes on."""
         known = self._state.over[game]
         turn = self._state.turn[game]
-        has_stopped = self.stop_at is not None and turn == self.stop_at[game]  # a step may have gone on from there
+        has_stopped = turn == self._state.stop_at[game]  # a step may have gone on from there
         is_late = has_stopped or (self._last is not None and turn >= self._last)
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 

@@ -227,6 +227,8 @@ class Game(Surface, RuleVerbs):
         if phase.agent is not None or phase.player is not None:
             phase.refuse_look("call ctx.game.step")
             self._refuse_in_turn("step")
+        if self._internals.shown_as is not None:
+            self._refuse_shown("step")
         return self._take_turn()
 
     def _refuse_in_turn(self, verb: str) -> None:
@@ -235,6 +237,15 @@ class Game(Surface, RuleVerbs):
             raise IllegalMutation(
                 f"ctx.game.{verb} was called in the middle of a turn, for example by a rule. Play and reset a game "
                 "between two turns. A rule ends it with ctx.game.end(…), and looks ahead in ctx.game.fork(seed)."
+            )
+
+    def _refuse_shown(self, verb: str) -> None:
+        """Raise an error if a batch plays this game, and the context shows it."""
+        number = self._internals.shown_as
+        if number is not None:
+            raise BadValue(
+                f"This context shows game {number} of a batch, which plays it: ctx.game.{verb} would play it twice. "
+                f"Call games.{verb}(), or play a copy: copy.deepcopy(ctx)."
             )
 
     def _begin_turn(self) -> bool:
@@ -343,6 +354,7 @@ class Game(Surface, RuleVerbs):
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         self._refuse_in_turn("run")
+        self._refuse_shown("run")
         turns = None if max_turns is None else as_count(max_turns, "max_turns", 0)
         if sensed is not None and as_bool(sensed, "sensed") and record is None:
             raise BadValue("Sensor reports are part of a recording: give record=, too, or leave sensed= out.")

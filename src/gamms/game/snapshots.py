@@ -571,6 +571,7 @@ class GameInternals(ContextPart):
         checks_start: whether the next turn begins with `refuse_misfits`: rules and strategies may be added after a
             recording was resumed.
         left_as: the number of the game in the batch from which it was made under way; None: it knows its start.
+        shown_as: the number of the game in the batch that plays it, and shows it here; None: it is played here.
         run_began: the turn in which the run of a batch began with which the next `run` goes on; None: it begins a run.
         unchecked_arrays: keys of the arrays of array functions that came from a recording; see `GameArrays.unchecked`.
     """
@@ -593,6 +594,7 @@ class GameInternals(ContextPart):
         self.named_idle = set[Hashable]()
         self.checks_start = False
         self.left_as: int | None = None
+        self.shown_as: int | None = None
         self.run_began: int | None = None
         self.unchecked_arrays = set[Hashable]()
 

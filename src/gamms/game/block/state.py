@@ -432,6 +432,9 @@ _NO_AGENTS = np.zeros(0, np.int64)
 _OF_SOME = ("flyer", "walker", "driver", "traveler")  # axes that are empty in most batches
 
 
+NO_STOP = np.iinfo(np.int64).max
+
+
 class BatchColumns:
     """The columns that the games on all maps of a batch share.
 
@@ -458,6 +461,7 @@ class BatchColumns:
         deed_log: the deeds of all games.
         radio: the channels and their messages; None: the games have no channels.
         is_apart: (games,) whether each game is played in a context of its own.
+        stop_at: (games,) the turn at which the last run stopped each game; `NO_STOP`: it had no limit.
         stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
         leaving: the games that are going to be played in contexts of their own after the current turn of the others.
         flyers: (flying agents,) their numbers in the roster, ascending.
@@ -542,6 +546,7 @@ class BatchColumns:
         self.events = EventLog(games, roster.names)
         self.failures: list[tuple[Failure, int]] = []
         self.is_apart = np.zeros(games, np.bool_)
+        self.stop_at = np.full(games, NO_STOP)
         self.stop = np.zeros(1, np.int64)
         self.leaving: dict[int, LeavingGame] = {}
         self.radio: MessageTraffic | None = None
@@ -556,6 +561,11 @@ class BatchColumns:
             one.view(np.uint8 if one.dtype == np.bool_ else one.dtype).reshape(-1).data for one in columns
         ]
         return TurnFlights(self.flyers.astype(np.int64).data, *memory)
+
+    def run_until(self, game: int) -> int | None:
+        """Return the turn at which the last run stops a game; None: it had no limit."""
+        turn = int(self.stop_at[game])
+        return None if turn == NO_STOP else turn
 
     def values_of_all_maps(self) -> dict[str, Any]:
         """Return the attributes that the state of the games on another map has, too, by name."""

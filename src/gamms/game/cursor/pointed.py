@@ -200,6 +200,12 @@ class PointedState(GameState):
         number: int = self.start.pointed.number
         return number
 
+    @property
+    def last_turn(self) -> int | None:  # type: ignore[override] # it is not set here
+        """The turn after which the present `run` stops; None: no limit."""
+        turn: int | None = self.start.pointed.run_until()
+        return turn
+
 
 def _read_field(name: str, state: GameState) -> Any:
     return state.start.read(name)
@@ -524,6 +530,10 @@ class PointedContext:
                     row.take_back(values or RowValues(self.at_start, self.at_start.undone).turn_values())
 
         return take_back
+
+    def run_until(self) -> int | None:
+        """Return the turn at which the last run stops the game that is shown; None: it had no limit."""
+        return None if self.number < 0 else self._state.run_until(self.number)
 
     def population_of(self, number: int) -> Population | None:
         """Return the agents of a game; None: those of the start."""

@@ -287,7 +287,6 @@ class ShownGame(GamesInContext):
         )
         values.deed_log = self._state.deed_log
         values.has_begun = True
-        values.last_turn = self._game.settings()["max_turns"]
         values.blocked = BlockedAgents()
         pointed.reads_rows = True
         pointed.number = -1
@@ -403,7 +402,6 @@ class ShownGame(GamesInContext):
         state = parts.state
         state.start = GameStart(self._pointed.at_rest, None, (ctx.seed, None))  # what planners know of other agents
         state.has_begun = True
-        state.last_turn = None
         state.under_way = None
         state.parts_played = None
         for name in self._read["memories"]:
