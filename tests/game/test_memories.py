@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from gamms.core.copies import copied
 from gamms.game.team_memory import merge_memory as merged
+from gamms.scenario import Scenario
 
 
 def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):
@@ -167,3 +168,40 @@ def test_an_object_with_the_context_in_a_teams_memory_is_an_error_of_its_writer_
     assert [(one["agent"], one["kind"]) for one in played.errors] == [("planner", "error")]
     assert ctx.game.team_memories == {"red": {"turn": 0}}
     assert [ctx.agent.get_agent(name).current_node_id for name in ("planner", "number")] == [1, 1]
+
+
+def test_a_rule_before_the_first_turn_sees_the_same_memories_in_a_new_game_and_after_a_reset():
+    def note(ctx):
+        ctx.game.emit("known", memories={name: dict(one) for name, one in ctx.game.memories.items()})
+
+    with Scenario(map={"grid": {"rows": 3, "columns": 3}}, teams={"red": {"count": 2}}).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = lambda state: state["memory"].update(turn=state["turn"]) or state.update(action=0)
+        ctx.game.add(note, phase="before")
+        ctx.game.on_illegal = "stay"
+        new = ctx.game.run(2).events
+        ctx.game.reset(seed=2)
+        assert ctx.game.run(2).events == new
+
+
+def test_an_agent_that_is_created_again_under_its_name_remembers_alone_and_in_a_batch():
+    def again(ctx):
+        if ctx.game.turn == 2:
+            ctx.agent.delete_agent("red_0")
+        if ctx.game.turn == 4:
+            ctx.agent.create_agent("red_0", team="red", start_node_id=0, strategy=ctx.agent.get_agent("red_1").strategy)
+
+    def count(state):
+        state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
+        state["action"] = state["legal"][state["memory"]["turns"] % len(state["legal"])]
+
+    game = Scenario(map={"grid": {"rows": 3, "columns": 3}}, teams={"red": {"count": 2}}, max_turns=6)
+    with game.build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = count
+        ctx.game.add(again)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            alone.game.reset(seed=0)
+            assert games.result(0).agents == alone.game.run().agents
+            assert alone.game.memories["red_0"] == {"turns": 4}

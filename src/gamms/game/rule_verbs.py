@@ -264,14 +264,22 @@ class RuleVerbs(Settings):
 
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
-        """Agent -> its memory. While agents decide, each sees only its own."""
+        """Agent -> its memory, also of deleted agents that remember something.
+
+        While agents decide, each sees only its own.
+        """
         phase = self._phase
         phase.read_moves()
         self._turns.read_memories()
         phase.are_memories_known = True
         memories = self._state.memories
-        own = {name: memories.get(name, {}) for name in phase.names()} if phase.is_deciding else None
-        return memories if own is None else freeze(own)
+        if phase.is_deciding:
+            own: Mapping[str, dict[Any, Any]] = freeze({name: memories.get(name, {}) for name in phase.names()})
+            return own
+        names = self.ctx.agent.agents
+        known: dict[str, dict[Any, Any]] = {name: memories.get(name) or self._state.memory_of(name) for name in names}
+        known |= {name: memories[name] for name in sorted(memories) if memories[name] and name not in names}
+        return known
 
     @property
     def is_deciding(self) -> bool:

@@ -164,11 +164,12 @@ class Model:
         self.sample(0)
         for name, state in self.states.items():
             self.policies[name](state)
-        if any(self.game.memories.get(name, {}) != state["memory"] for name, state in self.states.items()):
+        memories = self.game.memories
+        if any(memories.get(name, {}) != state["memory"] for name, state in self.states.items()):
             self.game.restore(self._now)
             for name, state in self.states.items():
-                self.game.memories[name].clear()
-                self.game.memories[name].update(copied(state["memory"]))
+                memories[name].clear()
+                memories[name].update(copied(state["memory"]))
             self._now = self.game.snapshot()
             self.sample(0)
         return {name: state.get("action") for name, state in self.states.items()}
