@@ -703,10 +703,7 @@ def raise_error(run: Run, draw: Draws) -> Told | None:
 
 
 def fail_once(run: Run, draw: Draws, fail: Callable[[], None], kind: type[BaseException]) -> Told | None:
-    """Let a decision fail: the turn is not counted. It begins again, or a snapshot is restored that was taken before.
-
-    In an order of play, the teams that have moved before the error stay where they went, until a snapshot is restored.
-    """
+    """Let a decision fail: the turn is taken back. It begins again, or a snapshot is restored that was taken before."""
 
     def decide(state: dict[str, Any]) -> None:
         """Begin to decide, and fail."""
@@ -722,7 +719,7 @@ def fail_once(run: Run, draw: Draws, fail: Callable[[], None], kind: type[BaseEx
     if agent is None:
         return None
     game = run.ctx.game
-    is_restored = game.order is not None or draw.random() < 0.5
+    is_restored = draw.random() < 0.5
     if is_restored:
         run.ctx.record.stop()  # a game that is recorded cannot be restored
     before = game.snapshot()

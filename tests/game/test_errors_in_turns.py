@@ -1,4 +1,4 @@
-"""After an error in any function that a turn calls, the turn is left as it always was, and the game goes on.
+"""After an error in any function that a turn calls, the turn is taken back unless all had moved, and the game goes on.
 
 To write the golden file again: `python tests/game/test_errors_in_turns.py`.
 """
@@ -178,7 +178,7 @@ def golden():
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.__name__)
-def test_an_error_leaves_the_turn_as_it_always_did(entry, way):
+def test_an_error_takes_the_turn_back_unless_all_agents_have_moved(entry, way):
     known = json.loads(GOLDEN.read_text())
     assert json.loads(json.dumps(told(entry, way))) == known[f"{entry.__name__}, {way}"]
 

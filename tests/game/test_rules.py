@@ -155,7 +155,7 @@ def test_a_turn_before_which_a_rule_fails_is_neither_played_nor_recorded(ctx, pl
     ctx.record.stop()
     recording = opened(tmp_path)
     assert (result.turns, recording.turns, agent.current_node_id) == (3, 3, 3)
-    assert [dict(recording.state(turn).scores).get("gate", 0) for turn in range(4)] == [0, 1, 3, 4]
+    assert [dict(recording.state(turn).scores).get("gate", 0) for turn in range(4)] == [0, 1, 2, 3]
 
 
 def test_a_collector_that_fails_leaves_the_turn_played_and_recorded(ctx, play, tmp_path):

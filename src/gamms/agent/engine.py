@@ -584,25 +584,27 @@ class AgentStorage(Guarded):
             [(agent, agent._block) for agent in engine._deleted or () if agent._block is not block],
         )
 
-    def restore(self, before: AgentsSnapshot) -> None:
-        """Restore all agents: delete agents created since, bring back agents deleted since."""
+    def restore(self, before: AgentsSnapshot, *, keeps_attributes: bool = False) -> None:
+        """Restore all agents: delete agents created since, bring back agents deleted since.
+
+        Args:
+            before: the agents.
+            keeps_attributes: whether their custom attributes stay as they are now.
+        """
         roster = before.roster
         is_same = roster.is_of(self._engine.block)
         if not is_same:
             self._restore_agents(before)
         block = self._engine.block
         block.restore(before.columns, None if is_same else roster.columns)
-        for members, columns in zip(roster.teams, before.of_teams, strict=True):
-            members.columns = columns.copy()
-            for name, one in members.made.items():
-                if roster.stored.get(name) is members:  # it was made since
-                    one._last[0] = {}
-                    _renew(one, copied_values(members.attributes(name)))
-                    _equip_as(one, members.strategy, {})
-        for agent, attributes, state in zip(roster.agents, before.attributes, before.states, strict=True):
+        for members in roster.teams:
+            for one in _list_made(members, roster):
+                one._last[0] = {}
+                _equip_as(one, members.strategy, {})
+        for agent, state in zip(roster.agents, before.states, strict=True):
             agent._last[0] = state
-            if attributes or agent.__dict__:
-                _renew(agent, copied_values(attributes))
+        if not keeps_attributes:
+            _restore_attributes(before)
         if not is_same:
             for agent, strategy, sensors in zip(roster.agents, roster.strategies, roster.sensors, strict=True):
                 _equip_as(agent, strategy, sensors)
@@ -687,6 +689,23 @@ def _explain_routes(columns: GraphColumns, name: str) -> str:
         f"mode={name!r} says which edges the agent may use, and ctx.game.weight = {name!r} by which costs agents with "
         "speeds in metres choose their ways."
     )
+
+
+def _list_made(members: UncreatedMembers, roster: Roster) -> list[BaseAgent]:
+    """Return the members of a team whose objects were created since a roster was made."""
+    return [one for name, one in members.made.items() if roster.stored.get(name) is members]
+
+
+def _restore_attributes(before: AgentsSnapshot) -> None:
+    """Set the custom attributes of all agents to their values in a snapshot."""
+    roster = before.roster
+    for members, columns in zip(roster.teams, before.of_teams, strict=True):
+        members.columns = columns.copy()
+        for one in _list_made(members, roster):
+            _renew(one, copied_values(members.attributes(one.name)))
+    for agent, attributes in zip(roster.agents, before.attributes, strict=True):
+        if attributes or agent.__dict__:
+            _renew(agent, copied_values(attributes))
 
 
 def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:

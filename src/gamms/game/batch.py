@@ -376,7 +376,7 @@ class Batch(Surface, Immutable, NotPickled):
                 separate.step([*going, *leaving], given)
 
         is_single = np.count_nonzero(~engine.is_over) == 1
-        with nullcontext() if is_single else separate.undoing_after_error():
+        with separate.undoing_after_error(is_single=is_single):
             engine.step(given, threads, play_others=play_others)
 
     def _let_given_leave(self, given: Mapping[Hashable, OutsideActions]) -> None:

@@ -268,11 +268,17 @@ class GamesOnOneMap:
         """Return a function that undoes all later changes."""
         return self.state.checkpoint(self.core.moves) if self.cursor is None else self.cursor.checkpoint()
 
-    def needs_checkpoint(self, *, is_given: bool) -> bool:
-        """Return whether functions may raise after rules or moves; `is_given`: actions come from outside."""
+    def needs_checkpoint(self, *, is_given: bool, is_single: bool) -> bool:
+        """Return whether functions may raise after something has changed.
+
+        Args:
+            is_given: whether actions come from outside.
+            is_single: whether one game plays: it is taken back only if the turn is not counted.
+        """
         may_raise = len(self._groups) > 0 or self.state.radio is not None
         may_raise_later = (may_raise and self.core.num_parts > 1) or self.asks_at_arrivals(is_given=is_given)
-        return self.cursor is not None or may_raise_later or self.leaves_out
+        calls = self.cursor is not None and (not is_single or self.game.internals.parts.turns.needs_checkpoint)
+        return calls or may_raise_later or self.leaves_out
 
     def asks_at_arrivals(self, *, is_given: bool) -> bool:
         """Return whether functions, or actions from outside, decide for agents on arrival."""
@@ -1034,7 +1040,7 @@ class BatchEngine(TurnDriver):
         """Play some turns of the games that are not over, at most `most`; see `_play`."""
         begin_turns(self._turns, most)
         put_scores(self._state, self._block.score)
-        with self._undo_on_error(is_given=False, is_single=True):  # no function can raise
+        with self._undo_on_error([], is_single=False):  # no function can raise
             self._run_core(takes, threads, None, writer)
             if self._block.illegal and self._is_strict:
                 self._raise_illegal()
@@ -1064,8 +1070,9 @@ class BatchEngine(TurnDriver):
         playing = ~(is_over | self._state.is_apart)
         leaving = self._state.leaving
         is_single = len(is_over) - np.count_nonzero(is_over) == 1
+        needing = [one for one in self._in_use if one.needs_checkpoint(is_given=len(given) > 0, is_single=is_single)]
         try:
-            with self._undo_on_error(is_given=len(given) > 0, is_single=is_single):
+            with self._undo_on_error(needing, is_single=is_single):
                 self._begin_turn(playing, given, threads)
                 self.play_turn()
                 if play_others is not None:
@@ -1082,16 +1089,20 @@ class BatchEngine(TurnDriver):
         self._state.stop[0] = self._can_stop
 
     @contextmanager
-    def _undo_on_error(self, *, is_given: bool, is_single: bool) -> Iterator[None]:
-        """Take back the turns of the block if it raises; in a single game, only if Ctrl-C has interrupted it.
+    def _undo_on_error(self, needing: Sequence["GamesOnOneMap"], *, is_single: bool) -> Iterator[None]:
+        """Take back the turns of the block if it raises; that of a single game only until the turn is counted.
 
         Turns that take long can be interrupted; before the first turn, the time is not known.
+
+        Args:
+            needing: the games in which a function may raise after something has changed.
+            is_single: whether one game plays.
 
         Raises:
             TurnInterrupted: Ctrl-C was pressed.
         """
         is_long = self._seconds > _LONG_S
-        needing = [] if is_single else [one for one in self._in_use if one.needs_checkpoint(is_given=is_given)]
+        turns = self._state.turn.copy() if is_single else self._state.turn
         undoing = [one.checkpoint() for one in needing]
         undoing_interrupted = undoing
         if is_long and not undoing:
@@ -1105,7 +1116,8 @@ class BatchEngine(TurnDriver):
                 undo()
             raise
         except BaseException:
-            for undo in undoing:
+            is_counted = is_single and (self._state.turn != turns).any()
+            for undo in () if is_counted else undoing:
                 undo()
             raise
         finally:

@@ -214,10 +214,10 @@ class Game(Surface, RuleVerbs):
     def step(self) -> bool:
         """Play one turn; return whether the game goes on. After the end of the game, do nothing.
 
-        If a rule of the phase "before" ends the game, no moves are made. If an error is raised before the agents have
-        moved, the turn is not counted, and the next call starts it again; if a rule raises an error after the moves,
-        the turn is counted, and later rules are skipped. Unlike `run`, `step` does not seed `random` and
-        `numpy.random`.
+        If a rule of the phase "before" ends the game, no moves are made. If an error is raised before all agents have
+        moved, the turn is taken back, but for what functions have written into memories, data, facts and attributes,
+        and the next call starts it again. If a rule raises an error after the moves, the turn is counted, and later
+        rules are skipped. Unlike `run`, `step` does not seed `random` and `numpy.random`.
 
         Raises:
             IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
@@ -279,12 +279,21 @@ class Game(Surface, RuleVerbs):
         goes_on = not is_ready and self._turns.begun is not None
         if not (is_ready or goes_on or self._begin_turn()):
             return False
+        take_back = None
+        if not goes_on and self._turns.needs_checkpoint:
+            take_back = self._snapshots.checkpoint()
+        turn = state.turn
         phase.player = get_ident()
         try:
             if goes_on:
                 self._turns.finish_turn()
             else:
                 self._turns.play_turn()
+        except BaseException:
+            phase.player = None
+            if take_back is not None and state.turn == turn:
+                take_back()
+            raise
         finally:
             phase.player = None
         return state.over is None

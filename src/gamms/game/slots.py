@@ -376,7 +376,11 @@ class Slots(Sequence[AgentSlot]):
 
     def counts_of(self, i: int) -> dict[str, int]:
         """Return the counts of an agent; see `COUNTED`."""
-        return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))
+        counts = self._counts.get(self.names[i])
+        if counts is None:
+            counts = dict.fromkeys(COUNTED, 0)
+            self._counts[self.names[i]] = counts
+        return counts
 
     def add_counts(self, indices: list[int]) -> None:
         """Add `moved` and `blocked` of some agents to their counts."""
@@ -385,6 +389,19 @@ class Slots(Sequence[AgentSlot]):
             counts = self.counts_of(i)
             counts["moves"] += moved
             counts["blocked"] += blocked
+
+    def keep_counts(self) -> Callable[[], None]:
+        """Return a function that adds the present `moved` and `blocked` to the counts of agents, and sets both to 0."""
+        moved = self.moved.copy()
+        blocked = self.blocked.copy()
+
+        def add() -> None:
+            self.moved[:] = moved
+            self.blocked[:] = blocked
+            self.add_counts(np.flatnonzero(moved | blocked).tolist())
+            self.restart_counts()
+
+        return add
 
     def restart_counts(self) -> None:
         """Set `moved` and `blocked` to 0."""

@@ -23,6 +23,7 @@ from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
 from gamms.ir.schema import Memo
 from gamms.knowledge.sides import select_by_name, select_heard, select_own
 from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
+from gamms.progress import uninterrupted
 from gamms.readonly import NotPickled
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
@@ -140,12 +141,24 @@ class SnapshotTaker(NamedTuple):
         self,
         copy_state: Callable[[GameState], list[Any]] = GameState.copies,
         copy_attributes: Callable[[dict[str, Any]], dict[str, Any]] = copied_values,
+        *,
+        has_counts: bool = True,
     ) -> Snapshot:
-        """Return a snapshot with the values of the game, and the attributes of the agents, copied as told."""
+        """Return a snapshot.
+
+        Args:
+            copy_state: copies the values of the game.
+            copy_attributes: copies the attributes of an agent.
+            has_counts: whether the counts of the agents are brought up to date; see `Slots.keep_counts`.
+        """
         ctx = self.ctx
         state = self.state
+        if has_counts:
+            self.turns.update_counts()
+        else:
+            self.turns.note_departed()
         parts = {
-            "turns": self.turns.snapshot(),  # first: it brings the counts up to date
+            "turns": self.turns.snapshot(),
             "agents": ctx.agent.storage.snapshot(copy_attributes),
             "agent_engine": ctx.agent,
             "world": ctx.graph.storage.snapshot(),
@@ -164,14 +177,20 @@ class SnapshotTaker(NamedTuple):
         """Return whether a snapshot belongs to this game."""
         return snapshot._of is self.state
 
-    def restore(self, snapshot: Snapshot, *, forget: bool = False) -> None:
-        """Restore everything except random streams; with `forget`, sensors drop their last data."""
+    def restore(self, snapshot: Snapshot, *, forget: bool = False, keeps_written: bool = False) -> None:
+        """Restore everything except random streams.
+
+        Args:
+            snapshot: the snapshot.
+            forget: whether sensors drop their last data.
+            keeps_written: whether what functions have written stays: attributes of agents, and `WRITTEN` fields.
+        """
         ctx = self.ctx
         state = self.state
         parts = snapshot._parts
         ctx.graph.storage.restore(parts["world"])
         ctx.sensor.storage.restore_keywords(parts["sensors"])
-        ctx.agent.storage.restore(parts["agents"])
+        ctx.agent.storage.restore(parts["agents"], keeps_attributes=keeps_written)
         ctx.sensor.storage.restore(parts["sensors"], forget=forget)
         settings = self.settings.settings_now()
         if settings is not parts["settings"] and settings != parts["settings"]:
@@ -180,7 +199,10 @@ class SnapshotTaker(NamedTuple):
             self.rules.put(parts["rules"])
         self.collectors.restore(parts["collectors"])
         were_blocked = bool(state.blocked)
-        state.restore(snapshot._values)
+        if keeps_written:
+            state.take_back(snapshot._values)
+        else:
+            state.restore(snapshot._values)
         state.go_to(parts["logs"])
         self.turns.restore(parts["turns"], shows_blocked=were_blocked or bool(state.blocked))
         if self.turns.prepared != parts["prepared"]:
@@ -193,6 +215,47 @@ class SnapshotTaker(NamedTuple):
         parts = snapshot._parts
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes a turn back, but for what functions have written; see `restore`."""
+        leave_unread = _keep_unread(self.turns)
+        snapshot = self.take(GameState.turn_copies, dict, has_counts=False)
+        adding = [order.slots.keep_counts() for order in self.turns.orders]
+        undoing = [checkpoint() for checkpoint in self.ctx.game.internals.checkpoints]
+
+        def take_back() -> None:
+            if self.ctx.is_terminated():
+                return
+            with uninterrupted():
+                self.restore_streams(snapshot)
+                self.restore(snapshot, keeps_written=True)
+                leave_unread()
+                for add_counts in adding:
+                    add_counts()
+                for undo in undoing:
+                    undo()
+
+        return take_back
+
+
+def _keep_unread(turns: TurnEngine) -> Callable[[], None]:
+    """Return a function after which the states of the last turn are made when they are read, if this is so now.
+
+    Other ends of turns are made now, and states of agents for which the core remembers.
+    """
+    phase = turns.phase
+    phase.read_moves()
+    unread = turns.unread
+    if unread is None or unread.shipped.remembers or phase.read_turn is not turns.reader:
+        phase.read_last_turn()
+        unread = None
+
+    def leave() -> None:
+        turns.unread = unread
+        turns.are_memories_in_core = False
+        phase.leave_unread(None if unread is None else turns.reader)
+
+    return leave
 
 
 # -- forks ------------------------------------------------------------------------------------------------------
@@ -562,6 +625,7 @@ class GameInternals(ContextPart):
         draw_start: called by `reset` with another seed, to draw the random parts of the start; None: there are none.
         after_reset: called after each reset, in order.
         after_observing: called in every turn with the agents and their states before any agent decides, in order.
+        checkpoints: called before a turn that may be taken back; each returns a function that takes it back elsewhere.
         scenario: the scenario of the game as plain values, for the recorder; None: a program built the game.
         digests: returns the SHA-256 of each part of the scenario, for strategies that fit one map; None: no scenario.
         map_number, map_spec: the number of the map among those of a batch, 0 if there is one; and its entry in `maps`,
@@ -586,6 +650,7 @@ class GameInternals(ContextPart):
         self.draw_start: Callable[[], None] | None = None
         self.after_reset: list[Callable[[], None]] = []
         self.after_observing: list[Observer] = parts.turns.observers
+        self.checkpoints: list[Callable[[], Callable[[], None]]] = []
         self.scenario: dict[str, Any] | None = None
         self.digests: Callable[[], dict[str, str]] | None = None
         self.map_number = 0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from gamms.core.turn import PHASES_OF_PART, GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.errors import IllegalMutation
-from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
+from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts, ranked
 from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.deeds import list_lasting, performed_deeds
 from gamms.game.facts import PrivateForks
@@ -115,6 +115,8 @@ class TurnEngine(GameTurn):
         self.find_shipped: Callable[[TurnOrder], tuple[ShippedDecisions | None, int]] | None = None
         self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
         self._epoch = -1  # of the order
+        self._checked_epoch = -1  # of `_changes_early`
+        self._changes_early = False  # see `_may_change_early`
         self._earlier = list[TurnOrder]()  # those of the present turn that others have replaced
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self.departed_teams = Counter[Any]()
@@ -208,6 +210,22 @@ class TurnEngine(GameTurn):
         slots = [order.slots[i] for i in known if block.alive[order.selection.rows[i]]]
         return {slot.name: self.legality.reachable(slot, block.node_of(slot.row)) for slot in slots}
 
+    @property
+    def needs_checkpoint(self) -> bool:
+        """Whether the next turn may change the game, or a recording, before a function raises in it."""
+        if self._checked_epoch != self.phase.epoch:
+            self._changes_early = self._may_change_early()
+            self._checked_epoch = self.phase.epoch
+        return self._changes_early or len(self.observers) > 0
+
+    def _may_change_early(self) -> bool:
+        """Return whether functions are called in a turn after something has changed, or sensors count their looks."""
+        settings = self._settings
+        acts = "before" in self.rules.now.phases or self.rules.now.may_act_before_moves
+        has_parts = settings.decide == "arrival" or len(settings.order or ()) > 1
+        resolves = settings.conflicts is not None and ranked(settings.conflicts) is None
+        return acts or has_parts or resolves or self._host.sensor.storage.have_memories
+
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
         found = {}
@@ -241,11 +259,12 @@ class TurnEngine(GameTurn):
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents, and note deleted agents."""
         self.note_departed()
-        for order in self._list_orders():
+        for order in self.orders:
             order.update_counts()
 
-    def _list_orders(self) -> list[TurnOrder]:
-        """Return the orders that may have moves that are not in the counts of agents yet."""
+    @property
+    def orders(self) -> list[TurnOrder]:
+        """The orders that may have moves that are not in the counts of agents yet."""
         return self._earlier if self.order_now is None else [*self._earlier, self.order_now]
 
     def note_departed(self) -> None:
@@ -268,7 +287,7 @@ class TurnEngine(GameTurn):
 
     def restart_counts(self) -> None:
         """Drop the moves that are not in the counts of the agents yet."""
-        for order in self._list_orders():
+        for order in self.orders:
             order.slots.restart_counts()
 
     def show_blocked(self) -> None:
@@ -280,12 +299,11 @@ class TurnEngine(GameTurn):
         """Add conflicts, and agents that have none yet, to the counts."""
         if self.order_now is None and self.state.counts:  # the core has played all turns
             self.order()
-        for order in self._list_orders():
+        for order in self.orders:
             order.list_counts()
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return the positions of random streams that were used in this turn, for `restore`."""
-        self.update_counts()
         if self.order_now is None or self.order_now.slots.table.turn != self.state.turn:
             return {}
         each = {slot.name: slot.marks() for slot in self.order_now.slots.made()}

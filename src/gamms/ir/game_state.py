@@ -530,6 +530,14 @@ class GameState:
         """Set the fields to copies of the values from `copies`."""
         restore_fields(self, values, _SHARED, _REPLACED, _REFILLED)
 
+    def turn_copies(self) -> list[Any]:
+        """Return the values for `take_back`, of the fields `SAVED` in order; those of `WRITTEN` may change later."""
+        return copied_fields(self.values(), _COPIED_IN_TURN)
+
+    def take_back(self, values: list[Any]) -> None:
+        """Set the fields to copies of the values from `turn_copies`, but for the fields `WRITTEN`."""
+        restore_fields(self, values, *_TAKEN_BACK)
+
     def marks(self) -> LogMarks:
         """Return markers of the present logs, for `go_to`."""
         logs = _logs_of(self)
@@ -610,6 +618,9 @@ COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not
 SAVED = [*COPY_OF]
 """The fields in snapshots, except for the logs."""
 
+WRITTEN = frozenset({"agent_facts", "data", "facts", "memories", "team_facts", "team_memories"})
+"""The fields that functions write: they stay as they are when a turn is taken back."""
+
 _saved_of = attrgetter(*SAVED)
 _logs_of = attrgetter(*LOGS)
 _MAKERS: dict[str, Any] = {one.name: one.default_factory for one in fields(GameState)}
@@ -621,6 +632,15 @@ _REFILLED = [  # filling a dict of dicts copies them
     for i, copy in _COPIED
     if (fill := FIELDS[SAVED[i]].refill) is not None
 ]
+
+
+def _leave_written(entries: list[Any]) -> list[Any]:
+    """Return the entries of such a table without those of the fields `WRITTEN`."""
+    return [one for one in entries if SAVED[one[0]] not in WRITTEN]
+
+
+_COPIED_IN_TURN = _leave_written(_COPIED)
+_TAKEN_BACK = _leave_written(_SHARED), _leave_written(_REPLACED), _leave_written(_REFILLED)
 
 
 ALL_PLAYED = "all turns are played"

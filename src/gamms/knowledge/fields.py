@@ -5,6 +5,7 @@ takes a few bytes on any map, and a reader finds the same nodes without the sens
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from itertools import islice
 from math import inf, isfinite
 from typing import Any, NamedTuple
@@ -240,6 +241,12 @@ class FieldTable:
         self._known: dict[int, SensorField] = {}  # by number, of those that were read
         self._numbers: dict[SensorField, int] = {}  # of those that were written
         self._span = -1
+
+    def copy(self) -> "FieldTable":
+        """Return a copy that later calls of `write` leave as it is."""
+        twin = copy(self)
+        twin._numbers = self._numbers.copy()
+        return twin
 
     def write(self, fields: Sequence[SensorField | None], turn: int) -> dict[str, Any]:
         """Return the columns of an event with the fields of its looks; empty if no look has a field.

@@ -1,10 +1,11 @@
 """Changes of a game since they were last recorded, as events."""
 
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from functools import partial
 from marshal import dumps
 from operator import attrgetter, is_not
-from typing import Any
+from typing import Any, Self
 
 from gamms.deciding import get_phase
 from gamms.ir import events as kinds
@@ -39,6 +40,12 @@ class PlainCopy:
     def __init__(self, now: Mapping[Any, Any]) -> None:
         self.values = select_plain(now)
         self._marks = {key: _mark(value) for key, value in now.items()}
+
+    def copy(self) -> "PlainCopy":
+        """Return a copy that later calls of `changes` leave as it is."""
+        twin = copy(self)
+        twin.values = {**self.values}
+        return twin
 
     def changes(self, now: Mapping[Any, Any]) -> Changes | None:
         """Return the changes since the last call; None if there are none."""
@@ -114,6 +121,15 @@ class _Detector:
         self.known = self._make_plain(value)
         return [] if is_same(before, self.known) else [self.known or {}]
 
+    def copy(self) -> Self:
+        """Return a copy that later calls of `detect` leave as it is."""
+        twin = copy(self)
+        twin.known = self._copy_known()
+        return twin
+
+    def _copy_known(self) -> Any:
+        return self.known
+
     def _make_plain(self, value: Any) -> Any:
         return to_plain(value)
 
@@ -158,6 +174,10 @@ class _Items(_Detector):
     def detect(self, value: Mapping[Any, Any]) -> list[Any]:
         found = self.known.changes(value)
         return [] if found is None else [found]
+
+    def _copy_known(self) -> "PlainCopy":
+        known: PlainCopy = self.known
+        return known.copy()
 
     def _make_plain(self, value: Mapping[Any, Any]) -> "PlainCopy":
         return PlainCopy(value)
@@ -218,6 +238,9 @@ class _ItemsOfEach(_Detector):
             found[key] = {"removed": list(known.pop(key).values)}
         return [self._data_of(found)] if found else []
 
+    def _copy_known(self) -> "dict[Any, PlainCopy]":
+        return {key: one.copy() for key, one in self.known.items()}
+
     def _make_plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, PlainCopy]":
         return {name: PlainCopy(memory) for name, memory in value.items() if memory}
 
@@ -270,6 +293,12 @@ class GameChanges:
         self._turn = self._state.turn
         self.pace = 0
         self._places = list_places(ctx)
+
+    def copy(self) -> "GameChanges":
+        """Return a copy that later calls of `detect` leave as it is."""
+        twin = copy(self)
+        twin._detectors = [(name, kind, detector.copy()) for name, kind, detector in self._detectors]
+        return twin
 
     def accept(self, kind: int, data: Plain) -> None:
         """Accept the change of a replayed event as known."""
@@ -406,6 +435,14 @@ class ContextChanges:
         self.game = GameChanges(ctx)
         self.strategies = StrategyChanges(ctx)
         self.sensors = SensorChanges(ctx, check)
+
+    def copy(self) -> "ContextChanges":
+        """Return a copy that later calls of `detect` leave as it is."""
+        twin = copy(self)
+        twin.game = self.game.copy()
+        twin.strategies = copy(self.strategies)
+        twin.sensors = copy(self.sensors)
+        return twin
 
 
 class DrawingChanges:

@@ -1,6 +1,7 @@
 """The journal of a context during a recording, and warnings about values that cannot be written."""
 
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from typing import Any
 
 from gamms.ir import events as kinds
@@ -11,6 +12,7 @@ from gamms.typing.agent_engine import SensorsOfAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import find_strategy_name
 
+_NOTED = ("ids", "in_arrays", "living", "log", "names", "progressed", "weight")
 _OF_FLIGHT = 7  # weight of a flight, in addition to its entry
 
 
@@ -97,6 +99,18 @@ class SessionJournal(Journal):
         self.living = dict.fromkeys(names)
         self.weight = 0
         self.last_set: Any = None
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that drops all later events."""
+        before = {name: copy(getattr(self, name)) for name in _NOTED}
+        self.last_set = None
+
+        def drop() -> None:
+            self.last_set = None
+            for name, value in before.items():
+                setattr(self, name, value)
+
+        return drop
 
     def note(self, kind: int, data: Plain) -> None:
         """Record an event other than a move, as plain values."""

@@ -29,6 +29,7 @@ from gamms.recorder.maps import is_map_of
 from gamms.recorder.turn_writer import Encoder, TurnWriter
 from gamms.typing.context import HostContext
 
+_OF_TURN = ("_declarations", "_front", "visuals", "world")  # attributes that events of a turn change
 _OTHER_AGENT = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
@@ -63,12 +64,15 @@ class EventFollowers:
 
     Attributes:
         edits: edit count of the drawings when the followers started; None: not started.
+        heard: the number of entries of this turn's log that they have received.
+        has_failed: whether one has raised an error when it received the last ones.
     """
 
     def __init__(self, followers: tuple[Follower, ...], header: Callable[[], dict[str, Any]]) -> None:
         self._followers = followers
         self._header = header
-        self._heard = 0  # entries of this turn's log already sent
+        self.heard = 0
+        self.has_failed = False
         self.edits: int | None = None
 
     def begin(self, looks: dict[str, Any], state: Keyframe, edits: int, heard: int) -> None:
@@ -81,17 +85,19 @@ class EventFollowers:
             heard: number of entries of this turn's log that the state includes.
         """
         self.edits = edits
-        self._heard = heard
+        self.heard = heard
         header = self._header() | looks
         for follower in self._followers:
             follower.begin(header, state)
 
     def tell(self, log: Log, *, is_over: bool) -> None:
         """Send the new part of this turn's log to the followers."""
-        news = log[self._heard :]
-        self._heard = 0 if is_over else len(log)
+        news = log[self.heard :]
+        self.heard = 0 if is_over else len(log)
+        self.has_failed = True
         for follower in self._followers:
             follower.hear(news, is_over=is_over)
+        self.has_failed = False
 
 
 class RecordingSession:
@@ -189,6 +195,33 @@ class RecordingSession:
         journal.in_arrays = 0
         journal.weight = 0
         self._tell_followers(log, is_over=True)
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that drops what is recorded from now on, when the turn has been taken back."""
+        journal = self._journal
+        drop_events = journal.checkpoint()
+        changes = self._changes.copy()
+        fields = self._fields.copy()
+        before = {name: getattr(self, name) for name in _OF_TURN}
+        is_map_known = self._revised == _REVISIONS(self._graph)
+        following = self._following
+        heard = None if following is None else (following.edits, following.heard)
+
+        def drop() -> None:
+            if self._journal is not journal:  # a function has paused it
+                return
+            drop_events()
+            self._changes = changes
+            self._fields = fields
+            for name, value in before.items():
+                setattr(self, name, value)
+            self._versions = ()
+            if is_map_known:
+                self._revised = _REVISIONS(self._graph)
+            if following is not None and not following.has_failed and (following.edits, following.heard) != heard:
+                self._begin_with_followers()
+
+        return drop
 
     def follow(self, followers: tuple[Follower, ...], header: "Callable[[RecordingSession], dict[str, Any]]") -> None:
         """Send all further events to these followers only, with sensor data unless these are left out.
@@ -392,6 +425,7 @@ class RecordingSession:
         """Return (list of callbacks of the context, callback) pairs."""
         internals = self.ctx.game.internals
         found: list[Any] = [(self.ctx.visual.after_turn, self.end_turn), (internals.after_reset, self.restart)]
+        found.append((internals.checkpoints, self.checkpoint))
         return [*found, (internals.after_observing, self._note_sensed)] if self._with_sensed else found
 
     def _note_sensors(self) -> None:

@@ -288,6 +288,11 @@ class SensorStorage(Guarded):
         shown = [one for sensor in settings.simple for one in sensor._last]
         return SensorsSnapshot(settings, shown, [sensed() for sensed, _ in settings.memories])
 
+    @property
+    def have_memories(self) -> bool:
+        """Whether any sensor has more state than the data that it has shown, such as a count of its looks."""
+        return len(self._get_settings().memories) > 0
+
     def restore_keywords(self, before: SensorsSnapshot) -> None:
         """Restore the settings of sensors before agents carry them again: settings decide which agents may."""
         if self._get_settings() is not before.settings:

@@ -188,14 +188,22 @@ class SeparateGames:
                 actor.end()
 
     @contextmanager
-    def undoing_after_error(self) -> Iterator[None]:
-        """Restore all games, and the engines that play them, if the block raises."""
+    def undoing_after_error(self, *, is_single: bool) -> Iterator[None]:
+        """Restore all games, and the engines that play them, if the block raises.
+
+        Args:
+            is_single: whether one game plays: it takes its turn back itself, unless the turn is counted.
+        """
         known = {*self.reasons}
         had_contexts = {*self._games}
-        snapshots = {number: self._games[number].snapshot() for number in self.going if number in self._games}
+        going = [] if is_single else self.going
+        snapshots = {number: self._games[number].snapshot() for number in going if number in self._games}
+        turns = self._engine.turns()
         try:
             yield
         except BaseException:
+            if is_single and (self._engine.turns() != turns).any():
+                raise
             for number in [*self._games]:
                 if number in snapshots:
                     self._games[number].restore(snapshots[number])

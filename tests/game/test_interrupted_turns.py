@@ -1,0 +1,252 @@
+"""A turn that an error or Ctrl-C ends before it is counted leaves the game, and its recording, as they were before."""
+
+import io
+from contextlib import suppress
+from copy import deepcopy
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.recorder.detached import DetachedState
+from gamms.rules import Conflicts
+from gamms.scenario import Scenario
+
+TURNS = 5
+ERRORS = (ZeroDivisionError, KeyboardInterrupt)
+EYES = [
+    {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.7},
+    {"type": "AGENT_RANGE", "sensor_range": 35.0, "delay_turns": 2, "position_noise_m": 9.0},
+    {"type": "AGENT", "false_alarm_rate": 0.4},
+]
+SETTINGS = [
+    {},
+    {"speed_unit": "edges"},
+    {"speed_unit": "metres"},
+    {"speed_unit": "metres", "decide": "arrival"},
+]
+CHANNELS = {"radio": {"range_m": 30.0, "delay_turns": 1}}
+
+
+def ring_bell():
+    """Yield the error that is due, None: none; after an error and the number of calls until then were sent."""
+    error, calls = None, 0
+    while True:
+        sent = yield error if calls == 1 else None
+        error, calls = sent or (error, calls - 1)
+
+
+BELL = ring_bell()  # generators are not inspected as other variables that functions change are
+next(BELL)
+
+
+def call():
+    """Raise the error that is due."""
+    error = BELL.send(None)
+    if error is not None:
+        raise error
+
+
+def wander(state):
+    """Walk and talk, as follows from what the agent knows."""
+    seen = [place for _, look in state["sensor"].values() for place in look.values()]
+    lot = state["draw"].below(1000) + sum(seen) + len(state.get("inbox", ()))
+    lot += int(state["rng"].integers(9))
+    node = state["legal"][lot % len(state["legal"])]
+    state["action"] = {"node_id": node, "do": {"mark": None}}
+    if "outbox" in state:
+        state["outbox"].append({"channel": "radio", "to": None, "body": lot % 9})
+    call()
+
+
+def come_and_go(ctx):
+    """Let an agent come and another one go before the moves, and count the rest."""
+    ctx.game.scores["red"] += len(ctx.game.agents)
+    ctx.game.emit("counted", number=int(ctx.rng.integers(99)))
+    if ctx.game.turn == 1:
+        ctx.agent.create_agent("newcomer", team="blue", start_node_id=7, strategy=wander)
+    if ctx.game.turn == 3 and "red_1" in ctx.agent.agents:
+        ctx.agent.delete_agent("red_1")
+    call()
+
+
+def pay(ctx):
+    """Let teams pay for what their agents do."""
+    for deed in ctx.game.performed("mark"):
+        ctx.game.scores[deed.team] -= 1
+    call()
+
+
+def refuse_some(ctx):
+    """Refuse the move of an agent."""
+    agent = ctx.game.agents[ctx.game.turn % len(ctx.game.agents)]
+    ctx.game.refuse(agent, "it is tired")
+    call()
+
+
+def watch(ctx):
+    """Do nothing after the moves; the check refuses moves."""
+
+
+def resolve(contest, ctx):
+    """Let the first agents win."""
+    call()
+    return [mover.agent for mover in contest.movers][: contest.places]
+
+
+watch.check = refuse_some
+
+
+def build(parts, seed):
+    """Return a context with a game of some parts."""
+    team = {"count": 2, "speed": parts["speed"], "sensors": ["eyes"] if parts["eyes"] else []}
+    game = Scenario(
+        map={"grid": {"width": 4, "height": 4, "spacing": 10.0}},
+        teams={"red": team, "blue": team},
+        sensors={"eyes": parts["eyes"]} if parts["eyes"] else {},
+        channels=CHANNELS if parts["talks"] else {},
+        settings={"deeds": {"mark": {}}, **parts["settings"]},
+        max_turns=TURNS,
+    )
+    ctx = game.build(seed=seed, strategies={"red": wander, "blue": wander})
+    if parts["order"]:
+        ctx.game.order = [["red"], ["blue"]]
+    if parts["acts"]:
+        ctx.game.add(come_and_go, phase="before")
+        ctx.game.add(pay, phase="deeds")
+        ctx.game.add(watch)
+    if parts["conflicts"]:
+        ctx.game.conflicts = Conflicts(1, resolve=resolve)
+    return ctx
+
+
+PARTS = st.fixed_dictionaries(
+    {
+        "eyes": st.none() | st.sampled_from(EYES),
+        "settings": st.sampled_from(SETTINGS),
+        "speed": st.sampled_from([1.0, 12.0]),
+        "order": st.booleans(),
+        "talks": st.booleans(),
+        "acts": st.booleans(),
+        "conflicts": st.booleans(),
+    }
+)
+
+
+def plain(result):
+    values = result.to_dict()
+    del values["timings"], values["provenance"]
+    return values
+
+
+def play(parts, seed, error=None, calls=0):
+    """Play a game in which a function raises at one of its calls; return the result and the recording."""
+    file = io.BytesIO()
+    BELL.send((error, calls))
+    with build(parts, seed) as ctx:
+        ctx.record.start(file, sensed=True)
+        while ctx.game.turn < TURNS:
+            with suppress(*ERRORS):
+                ctx.game.step()
+        ctx.record.stop()
+        return plain(ctx.game.result()), file.getvalue()
+
+
+def play_batch(parts, seeds, error=None, calls=0):
+    BELL.send((error, calls))
+    with build(parts, 3) as ctx, ctx.game.batch(seeds=seeds) as games:
+        while (games.turn < TURNS).any():
+            with suppress(*ERRORS):
+                games.step()
+        return [plain(games.result(number)) for number in range(len(seeds))]
+
+
+@settings(deadline=None, max_examples=15)
+@given(PARTS, st.sampled_from(ERRORS), st.integers(1, 60), st.sampled_from([[3], [3, 4]]))
+def test_a_game_goes_on_after_an_interrupted_turn_as_if_it_had_not_been(parts, error, calls, seeds):
+    assert play(parts, 3, error, calls) == play(parts, 3)
+    assert play_batch(parts, seeds, error, calls) == play_batch(parts, seeds)
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_a_late_sensor_looks_as_often_as_in_a_game_without_the_interrupted_turn(error):
+    parts = {"eyes": EYES[1], "settings": {}, "speed": 1.0, "order": False, "talks": False, "acts": False}
+    parts["conflicts"] = False
+    assert play(parts, 3, error, 7) == play(parts, 3)
+
+
+def test_teams_that_have_moved_go_back_when_a_later_team_raises():
+    def fail(state):
+        state["action"] = state["legal"][-1]
+        if state["turn"] == 1 and not state["memory"].setdefault("failed", []):
+            state["memory"]["failed"].append(1)
+            raise ZeroDivisionError
+
+    def go(state):
+        state["action"] = state["legal"][-1]
+
+    with gamms.create_context(seed=1, game={"order": [["red"], ["blue"]]}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 9))
+        red = ctx.agent.create_agent("a", start_node_id=0, team="red", strategy=go)
+        ctx.agent.create_agent("b", start_node_id=4, team="blue", strategy=fail)
+        ctx.game.step()
+        before = plain(ctx.game.result()), red.current_node_id, red.prev_node_id, ctx.game.moves
+        with pytest.raises(ZeroDivisionError):
+            ctx.game.step()
+        assert (plain(ctx.game.result()), red.current_node_id, red.prev_node_id, ctx.game.moves) == before
+        ctx.game.step()
+        assert (ctx.game.turn, red.current_node_id) == (2, 2)
+
+
+def test_a_turn_in_which_a_rule_raises_after_the_moves_is_counted_alone_and_in_a_batch_of_one():
+    def fall(ctx):
+        if ctx.game.turn == 2:
+            raise ZeroDivisionError
+
+    def walk(state):
+        state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
+
+    game = Scenario(map={"grid": {"rows": 3, "columns": 3}}, teams={"red": {"count": 1}}, max_turns=3)
+    with game.build(seed=1, strategies={"red": walk}) as ctx:
+        ctx.game.add(fall)
+        with ctx.game.batch(1) as games, ctx.game.fork(0).ctx as alone:
+            alone.game.reset(seed=0)
+            for play_on in (games.run, alone.game.run):
+                with pytest.raises(ZeroDivisionError):
+                    play_on()
+            assert (games.turn.tolist(), alone.game.turn) == ([2], 2)
+            games.run()
+            assert plain(games.result(0)) == plain(alone.game.run())
+
+
+class Follower:
+    """Follows a game that is recorded."""
+
+    begun = 0
+
+    def begin(self, header, state):
+        self.begun += 1
+        self.state = DetachedState(deepcopy(state))
+
+    def hear(self, log, *, is_over):
+        self.state.apply(log)
+
+
+def test_who_follows_a_game_begins_again_before_the_interrupted_turn():
+    parts = {"eyes": EYES[0], "settings": {}, "speed": 1.0, "order": True, "talks": False, "acts": True}
+    parts["conflicts"] = False
+    follower = Follower()
+    BELL.send((ZeroDivisionError, 23))
+    with build(parts, 3) as ctx:
+        ctx.record.start(io.BytesIO(), sensed=True)
+        ctx.record.follow(follower)
+        with pytest.raises(ZeroDivisionError):
+            ctx.game.run()
+        assert follower.begun == 2
+        ctx.game.run()
+        nodes = {agent.name: agent.current_node_id for agent in ctx.agent.create_iter()}
+        keyframe = follower.state.keyframe(ctx.game.turn)
+        assert dict(zip(keyframe["names"], keyframe["node"].tolist(), strict=True)) == nodes
+        assert follower.state.game.scores == ctx.game.scores
+        ctx.record.unfollow(follower)
