@@ -155,7 +155,11 @@ class OccludedViewCache(ViewCache):
         """Return the ids of the nodes of `look_past` (nodes,), in insertion order; read-only."""
         self._renew()
         key = place, radius, fov, heading, height, tunnel
-        known = self._ids.get(key)
+        try:
+            known = self._ids.get(key)
+        except TypeError:  # not hashable
+            place = as_node_id(place, "The id of a node", self._ctx.graph)
+            return self.list_nodes(place, radius, fov, heading, height, tunnel)
         if known is None:
             known = self._find_ids_in_sight(place, radius, fov, heading, height, tunnel)
             known.setflags(write=False)
