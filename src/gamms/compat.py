@@ -168,7 +168,7 @@ class Surface:
     """Mix-in for objects that users read: lists current names, and answers unknown names with similar ones."""
 
     _called: ClassVar[str]
-    _items: ClassVar[str] = ""  # what is called for items of such an object, as a sentence
+    _items: ClassVar[str] = ""  # the call that returns items of such an object, as a sentence
     _elsewhere: ClassVar[Callable[[str], str] | None] = None  # returns the hint of where else there is such a name
 
     def __dir__(self) -> list[str]:

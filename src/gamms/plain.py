@@ -304,7 +304,7 @@ def optional(shape: Shape) -> Shape:
 
 
 def either(*shapes: Shape) -> Shape:
-    """Return the shape of values that fit one of several shapes; the first one describes what is wanted."""
+    """Return the shape of values that fit one of several shapes; errors describe the first one."""
 
     def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
         misfits = [shape(value, nodes) for shape in shapes]

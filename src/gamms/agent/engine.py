@@ -130,7 +130,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         """A number that changes when agents, or their alive flags, teams, speeds, sensors or strategies change."""
         return self._block.structure.version
 
-    @overload  # type: ignore[override] # narrower: what is created is of the class that its type says
+    @overload  # type: ignore[override] # narrower: the type decides the class of the agent
     def create_agent(
         self,
         name: str,

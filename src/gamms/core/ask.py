@@ -399,7 +399,7 @@ class GamesInContext:
         why: why the game leaves the batch that is shown; "": it does not.
         read_of_core: what functions have read or replaced in this game that only the core has, in words; "": nothing.
         raised: what the function has raised that was called last; None: nothing.
-        row: what Python holds of it, as a `RowValues`; None: as at the start.
+        row: its Python values, as a `RowValues`; None: as at the start.
         facts_shown: its facts before the function that is called.
         core_facts: the key of each fact that the core knows, and its values in the games that are shown.
         journal: records changes of agents.
@@ -459,7 +459,7 @@ class GamesInContext:
         raise NotImplementedError
 
     def own_row(self) -> Any:
-        """Return what Python holds of the game that is shown; it is made if there is none."""
+        """Return the Python values of the game that is shown; make them if there are none."""
         raise NotImplementedError
 
     def show(self, games: GamePointer, at: int) -> bool:

@@ -1,7 +1,7 @@
 """Messages of a turn: which agents hear the messages of a channel, when, and which do not.
 
 Messages spread after all agents have moved. First the sender of a message transmits it. On a channel with relays, the
-agents that hear it and may relay transmit it next, until nobody hears it for the first time. Columns have a row for
+agents that hear it and may relay transmit it next, until no agent hears it for the first time. Columns have a row for
 each agent of each game: the row of agent `i` is `game * agents + i`.
 
 The reach of a channel may depend on the number of edges between agents, or on line of sight. Then each transmitter

@@ -100,7 +100,7 @@ class OneEdgeMovers:
         moves, blocks: (rows,) the total numbers of moves to another node, and of moves stopped by conflicts.
         blocked: (rows,) 1: a conflict stopped the agent's last move.
         wanted: (rows,) the place where this move would have ended, as in `conflicts`.
-        held: (rows,) 1: a function keeps the agent from what it has decided; `settle` puts that into effect.
+        held: (rows,) 1: a function cancels the decision of the agent; `settle` puts that into effect.
     """
 
     def __init__(

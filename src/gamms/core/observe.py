@@ -84,7 +84,7 @@ class Observers:
         first_node: (all games,) the first node of the map of each game, among the nodes of several maps; `choice` and
             the positions of nodes are numbered by these.
         first_road: (all games,) the place of the first node of the roads of each game, see `routes.NearbyDistances`.
-        mode_first: (agents,) what is added to `first_road` for the roads that each observer may use.
+        mode_first: (agents,) the offset from `first_road` to the roads that each observer may use.
         turn: (all games,) the number of turns played.
         seen: the visible agents.
     """

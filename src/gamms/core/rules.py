@@ -90,7 +90,7 @@ class GameColumns:
         plays: (games * teams,) 1: the team has, or had, an agent in the game.
         first_node: (games,) the place of the first node of the game's map in tables for several maps, which differ in
             the open roads; 0 if there is one map.
-        mode_first: (agents,) what is added to `first_node` for the edges that each agent may use; see `first_place`.
+        mode_first: (agents,) the offset from `first_node` to the edges that each agent may use; see `first_place`.
             Empty in games without modes.
         edge, share: (games * rows,) in games by metres, the edge of an agent, -1 on a node, and the share of the edge
             behind it; see also `by_edges`. Empty in games along one edge per turn.
@@ -578,7 +578,7 @@ class Territory:
     """The owners of nodes: teams, or roles of some agents of a team.
 
     Args:
-        owners: (nodes,) the number of a team, -1: nobody's, or -2 - number of a role. Empty: there is no territory.
+        owners: (nodes,) the number of a team, -1: no owner, or -2 - number of a role. Empty: there is no territory.
         holders: (roles * agents,) whether each agent has each role.
         agents: the number of agents for which `holders` has room.
     """

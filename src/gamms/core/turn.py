@@ -469,7 +469,7 @@ class TurnDriver:
         raise NotImplementedError
 
     def lose_moves(self, error: BaseException) -> None:
-        """Undo what a turn has begun that an error has ended."""
+        """Undo the begun moves of a turn after an error."""
         raise NotImplementedError
 
     def end_moves(self) -> int:
@@ -1466,7 +1466,7 @@ class RuleOfGame:
         return [] if self.events.count == 0 else self.tell(ctx)
 
     def tell(self, ctx: Any) -> list[Any]:
-        """Do in the context what the core has done; return as `play`."""
+        """Report the events of the core to the context; return the same as `play`."""
         raise NotImplementedError
 
 

@@ -539,7 +539,7 @@ def _compare(
 
 
 def _find_ends_of_t(means: Sequence[float], confidence: float) -> dict[str, float]:
-    """Return the columns of Student's interval of the mean over seeds; NaN if there are enough for the bootstrap."""
+    """Return the columns of Student's interval of the mean over seeds; NaN for as many seeds as the bootstrap needs."""
     ends = t_interval(means, confidence) if len(means) < FEW_SEEDS else (np.nan, np.nan)
     return dict(zip(_ENDS_OF_T, ends, strict=True))
 

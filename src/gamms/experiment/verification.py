@@ -1,8 +1,8 @@
 """Check the folder of an experiment: its root, the files that follow from its rows, and games that are played again.
 
-The root is one SHA-256 of what cannot be made again without playing: the plan and the rows without versions, what the
-collectors of games have collected, and the recordings in the folder. Everything else that a run writes follows from
-these, and is compared with what is made again.
+The root is one SHA-256 of everything that cannot be made again without playing: the plan and the rows without
+versions, the collected values of games, and the recordings in the folder. Everything else that a run writes follows
+from these, and is compared with new copies.
 """
 
 import hashlib

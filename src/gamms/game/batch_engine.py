@@ -207,7 +207,7 @@ class GamesOnOneMap:
             if form is None or not decides_in_arrays(decider, settings):
                 continue
             is_named = any(not verbs.isdisjoint(names) for names in find_names([form]))
-            if asks_all or is_named or (at_arrivals and is_erring(agent)):
+            if asks_all or is_named or (at_arrivals and has_counted_looks(agent)):
                 call_each(decider)
 
     def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], has_arrays: bool) -> Cursor:
@@ -1636,7 +1636,7 @@ def decides_at_arrivals(movement: Movement) -> bool:
     return movement.by_metres and movement.terms.decides_at_arrivals
 
 
-def is_erring(agent: IAgent) -> bool:
+def has_counted_looks(agent: IAgent) -> bool:
     """Return whether an agent has a sensor that counts its looks in a turn."""
     looks = [one.in_arrays() for one in sensors_of(agent).values() if hasattr(one, "in_arrays")]
     return any(look is not None and not look.is_plain for look in looks)

@@ -38,7 +38,7 @@ _UNLIMITED = (1 << 63) - 1  # bytes
 
 
 class Jammer(NamedTuple):
-    """An agent, a team or a place that jams a channel: within its radius, nobody hears messages."""
+    """An agent, a team or a place that jams a channel: within its radius, no agent hears messages."""
 
     radius_m: float
     agent: str | None = None

@@ -120,8 +120,8 @@ class Conflicts:
 
     The capacity of a node limits the number of agents that stay there or enter. Agents that stay keep their places; if
     more agents want to enter than there is room for, there is a contest, and the losers stay on their nodes. An agent
-    that leaves makes room in the same turn, so a chain of agents can move up, and a full circle can rotate. Nobody can
-    enter a node on which more agents stay than its capacity, until enough of them have left.
+    that leaves makes room in the same turn, so a chain of agents can move up, and a full circle can rotate. A node on
+    which more agents stay than its capacity cannot be entered until enough of them have left.
 
     Args:
         capacity: the capacity of every node; or a mapping from node ids to capacities; or the name of a node attribute,
@@ -281,7 +281,7 @@ class TurnConflicts:
         self._forgotten = 0  # how often the seed has changed
 
     def forget(self) -> None:
-        """Draw by the present seed of the context from now on."""
+        """Forget the order of agents that was drawn by an earlier seed of the context."""
         self._order = None
         self._forgotten += 1
 

@@ -29,7 +29,7 @@ class KnownFacts(ReadOnlyMapping):
         self._agent = agent
 
     @property
-    def _values(self) -> dict[str, Any]:  # type: ignore[override] # what it shows changes
+    def _values(self) -> dict[str, Any]:  # type: ignore[override] # its contents change
         state = self._state
         own = {} if self._agent is None else state.agent_facts.get(self._agent, {})
         return {**state.facts, **state.team_facts.get(self._team, {}), **own}

@@ -71,7 +71,7 @@ def _explain_pair(error: BaseException, indexed: object, states: States) -> str:
 
 
 def _explain_state(error: BaseException, indexed: object, states: States, plan: Mapping[str, Any] | None) -> str:
-    """Return a hint for code that reads or sets what a state lacks, or changes what it may not change."""
+    """Return a hint for code that reads or sets a key that a state lacks, or changes a read-only value."""
     key = error.args[0] if type(error) is KeyError and error.args else None
     if key is not None and plan is not None and indexed is plan:
         return f" Its agents are: {', '.join(map(shown, plan))}."

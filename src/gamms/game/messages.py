@@ -471,7 +471,7 @@ class UnderWay(NamedTuple):
         return len(log) == self.logged and self.begins(log)
 
     def begins(self, log: Sequence[dict[str, Any]]) -> bool:
-        """Return whether a log begins with the one of these messages: logs are only appended to and truncated."""
+        """Return whether these messages are the first entries of a log; logs are only appended to and truncated."""
         return not self.logged or (len(log) >= self.logged and log[self.logged - 1] is self.last)
 
 

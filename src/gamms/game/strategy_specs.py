@@ -65,13 +65,13 @@ def draw_shares(purposes: BitArray, teams: Sequence[Hashable]) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class StrategySpec:
-    """Declaration of how batches play a strategy, or the plan of a team, and of what it stores.
+    """The declaration of how batches play a strategy or the plan of a team, and of its memory.
 
     Attributes:
         array_form: returns the actions of all agents of an `ArrayView`; None: it has none.
         core_steps: the steps that the core tries in order; None: the core does not play the strategy.
         memory: the shapes of `state["memory"]` from which the strategy, and those that it calls, can go on.
-        team_memory: likewise for `state["team_memory"]`; agents without a team store this in `state["memory"]`.
+        team_memory: the same for `state["team_memory"]`; agents without a team store this in `state["memory"]`.
         is_called_each: whether batches call the strategy game by game although it has an array form.
         is_replaced: whether batches replace its decisions by actions from outside, so that it is called in one game.
         pool: the members of which it plays one in each game; None: it is no pool.

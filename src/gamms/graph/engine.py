@@ -241,7 +241,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         """Return what can be reached from a place within limits, as parts of edges and as polygons.
 
         Dijkstra's algorithm finds the cost of the way to each node. On each edge the limit ends at an exact point: a
-        cost is spent evenly along the edge. The polygon of a limit has all places within `width` of what is reached
+        cost is spent evenly along the edge. The polygon of a limit has all places within `width` of the reached edges
         (the line-based network buffer of Oliver, Schuurman and Hall, 2007).
 
         Args:

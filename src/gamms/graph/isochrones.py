@@ -44,7 +44,7 @@ class EdgePart(NamedTuple):
 
 
 class Isochrone(NamedTuple):
-    """What is reached within a limit.
+    """The nodes and parts of edges that can be reached within a limit.
 
     Attributes:
         limit: in the unit of the weight.

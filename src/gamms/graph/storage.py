@@ -73,7 +73,7 @@ class MapStorage(Guarded, IMapStorage):
         self.visibility_rows = Cache(_VISIBILITY_BYTES)
         self._place_stream: Generator | None = None
         self._restored: dict[int, int] = {}  # revision of a snapshot -> equal revision after it was restored
-        self._restored_obstacles: dict[int, int] = {}  # likewise
+        self._restored_obstacles: dict[int, int] = {}  # the same for obstacles
         self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_make_key` and `_list_packed_map`
         self._last_snapshot: tuple[tuple[Any, ...], MapSnapshot] | None = None  # (key of its inputs, snapshot)
 

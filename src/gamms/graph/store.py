@@ -111,7 +111,7 @@ class GraphStore(TableSharing):
 
     @property
     def node_numbers(self) -> NodeNumbers:
-        """Numbers of the nodes, the rows of the map as it was loaded; they stay until another one replaces it."""
+        """The numbers of node ids: the rows of the map as it was loaded, unchanged until another map is loaded."""
         return self._numbers.get("nodes") or self._number_table("nodes")
 
     @property

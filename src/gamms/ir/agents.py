@@ -562,7 +562,7 @@ class AgentBlock(AgentColumns):
         return {name: getattr(self, name).copy() for name in _STRUCTURE}
 
     def values(self) -> dict[str, Any]:
-        """Return copies of the other data for `restore`: positions and all numbers."""
+        """Return copies of the positions and numbers of agents for `restore`; see `structure_values` for the rest."""
         values = {name: getattr(self, name).copy() for name in (*_PLACES, "placed", "team_rows")}
         values["games"] = self.games.copy_game()
         values["numbers"] = self.numbers

@@ -33,7 +33,7 @@ class Audience(Enum):
     ALL = "all; of an agent, those who see it; of values by agents and teams, a team knows its own"
     TEAM = "the team of the agent"
     SENSED = "the team of the agent; others know what their sensors report"
-    WITNESSED = "the team of the agents that the event names, and whoever sees one of them; all if it names none"
+    WITNESSED = "the team of the agents that the event names, and those who see one of them; all if it names none"
     HEARD = "the team of the sender, and those who hear or overhear it"
     HOST = "only the program that runs the game"
 

@@ -93,7 +93,7 @@ class SensorView:
 
     @property
     def dashed(self) -> FloatArray:
-        """The corners (corners, 2) of the reach if the outline of what is in sight is unknown; else empty."""
+        """The corners (corners, 2) of the reach if the outline of the visible part is unknown; else empty."""
         return self.reach[:0] if len(self.outline) else self.reach
 
 

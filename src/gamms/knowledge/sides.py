@@ -141,7 +141,7 @@ def find_seen(report: Report, sensor: ISensor | None, now: Mapping[str, int], ma
 def as_side_look(
     agent: str, sensor: ISensor | None, seen: SeenParts, field: IntArray, *, is_early: bool = False
 ) -> SideLook:
-    """Return the part of a report that tells a side what it sees: from sensors with errors, only what is true.
+    """Return the part of a report that a side sees; of sensors with errors, only the true part.
 
     An early report tells which nodes were seen, but not which agents are on them now.
     """

@@ -114,7 +114,7 @@ class Answer(NamedTuple):
     """An answer that counts.
 
     Attributes:
-        given: the JSON object as the model wrote it, with fields that nobody asked for.
+        given: the JSON object as the model wrote it, with additional fields.
         choice: its content.
     """
 

@@ -437,7 +437,7 @@ def _filter_of(osm_type: OSMType) -> str:
     return '["highway"]' + "".join(f'["{name}"!~"^({"|".join(sorted(values))})$"]' for name, values in closed)
 
 
-# -- what is asked, checked -------------------------------------------------------------------------------------
+# -- checks of queries ------------------------------------------------------------------------------------------
 
 
 def _check_location(location: object) -> None:

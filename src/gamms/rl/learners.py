@@ -835,7 +835,7 @@ class Learners:
 
 
 class EdgeTable:
-    """The edges that agents may take along one edge a turn, and the moves to their ends, by node, with the first roads.
+    """The legal edges of agents that move along one edge per turn, and the moves to their ends, on the first map.
 
     Args:
         views: a view of the games on each map.

@@ -64,7 +64,7 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
         air: whether aerial agents take part; each counts as on its nearest node, except with `euclid`. An agent that
             flew arrives at the end of the turn.
         passing: whether agents also meet on their way; False: only where they are at the end of the turn, or when they
-            pass each other on an edge. An agent that was relocated since meets nobody on its way. With a distance,
+            pass each other on an edge. An agent that was relocated since meets no agent on its way. With a distance,
             agents are compared whenever one of the two reaches a node; an agent between two nodes counts as on the last
             node that it passed.
 

@@ -560,7 +560,7 @@ def made(function: Function, given: Parameters, ctx: Context, path: str, what: s
 
 
 def call_function(function: Function, given: Parameters, first: tuple[object, ...], path: str) -> Any:
-    """Call a function and return what it returns.
+    """Call a function and return its result.
 
     Raises:
         ScenarioError: the parameters do not fit, or the function raises, which is then the cause.

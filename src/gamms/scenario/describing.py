@@ -269,7 +269,7 @@ class OddDocument:
         return self._spec.channels.items()
 
     def _list_draws(self) -> Iterator[tuple[str, str]]:
-        """Yield what is drawn in games of this scenario, and the keys or functions that draw it."""
+        """Yield the random draws in games of this scenario, and the keys or functions that make them."""
         drawn = [name for name, team in self._spec.teams.items() if _is_placed(team)]
         if drawn:
             yield "the nodes on which agents start", ", ".join(f"teams.{name}" for name in drawn)

@@ -340,7 +340,7 @@ class Settings(_Mapping, frozen=True, kw_only=True):
     weight: Name = "length"
     decide: Literal["turn", "arrival"] = "turn"
     time_budget: Annotated[float, Meta(gt=0.0, description="Seconds per decision.")] | None = None
-    deadline_s: Annotated[float, Meta(gt=0.0, description="Seconds per turn for what is awaited.")] | None = None
+    deadline_s: Annotated[float, Meta(gt=0.0, description="Seconds per turn for awaited strategies.")] | None = None
     default_action: Literal["stay"] | NodeId = "stay"
     team_memory: bool = True
     information: Literal["private", "full"] = "private"

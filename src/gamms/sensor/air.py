@@ -144,7 +144,7 @@ class FlyingSensor(Sensor):
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
     def _add_field(self, view: SensorView, corners_of: _Corners) -> SensorView:
-        """Return a view with the outline of the last look, or its reach: what is in sight past walls is no polygon."""
+        """Return a view with the outline of the last look, or its reach if walls hide parts of it."""
         pose: Pose | None = self._last[1]
         if pose is None:
             return view

@@ -329,8 +329,8 @@ class DetectingSensor(Sensor):
             forget_delayed(self.ctx, self.sensor_id)
 
     @property
-    def _remembers_no_more(self) -> bool:
-        """Whether its only state is the data it has shown."""
+    def _is_stateless(self) -> bool:
+        """Whether it has no state except the data of its last look."""
         return self._notice is None
 
     def _take_snapshot(self) -> tuple[Any, ...]:

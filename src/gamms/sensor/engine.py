@@ -426,7 +426,7 @@ def _set(sensor: ISensor, keywords: dict[str, Any]) -> None:
 
 
 def _is_simple(sensor: object) -> TypeGuard[Sensor]:
-    return isinstance(sensor, Sensor) and sensor._remembers_no_more
+    return isinstance(sensor, Sensor) and sensor._is_stateless
 
 
 def _find_memory(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:

@@ -161,8 +161,8 @@ class Sensor(ContextPart, ISensor):
         return self._last if self._is_ours else super().live_result()
 
     @property
-    def _remembers_no_more(self) -> bool:
-        """Whether its only state is the data it has shown."""
+    def _is_stateless(self) -> bool:
+        """Whether it has no state except the data of its last look."""
         return True
 
     @refuse_while_deciding

@@ -290,7 +290,7 @@ def _fits_columns(ctx: Context) -> bool:
     """Return whether a batch can continue a game from any of its states, because its columns hold all of a state.
 
     They hold neither the values of plain functions, nor roads that array rules close, messages under way, and scores or
-    dead agents of the start. Of agents that obey turns they hold more than what is legal next, which would make many
+    dead agents of the start. For agents that obey turns they hold more than the next legal nodes, which would make many
     states of one. Rules before the moves may make actions illegal that were legal before.
     """
     game: Game = ctx.game

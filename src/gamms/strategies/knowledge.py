@@ -366,8 +366,8 @@ def offer_steps(
     Args:
         strategy: a function of the state.
         steps: steps that the core tries, in order; strategies that the strategy calls; None: the core cannot play it.
-        memory: the shape of what it stores in `state["memory"]`; None: nothing.
-        team_memory: the shape of what it stores in `state["team_memory"]`; None: nothing.
+        memory: the shape of its values in `state["memory"]`; None: it stores none.
+        team_memory: the shape of its values in `state["team_memory"]`; None: it stores none.
     """
     called = [StrategySpec(core_steps=(one,)) if isinstance(one, CoreStep) else get_strategy_spec(one) for one in steps]
     several = [one.core_steps for one in called]

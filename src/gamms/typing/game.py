@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 PositionT = TypeVar("PositionT")  # where an agent is
-ActionT = TypeVar("ActionT")  # what it may do
+ActionT = TypeVar("ActionT")  # the type of its actions
 
 NodeId = int | np.integer[Any]
 """Any type accepted as a node id; returned ids are ints."""

@@ -210,7 +210,7 @@ class ArtistGroup:
         """Draw agents together; return False if one of them needs to be drawn alone."""
         try:
             return render_agents(self._ctx, [get_data(artist)["agent_data"] for _, artist in members], share)
-        except Exception:  # noqa: BLE001 - drawn by itself, the agent that is the reason fails likewise
+        except Exception:  # noqa: BLE001 - drawn by itself, the agent that is the reason fails, too
             return False
 
     def _draw_singly(self, members: list[_Item]) -> None:

@@ -597,7 +597,7 @@ def _is_drawn(artist: IArtist, with_custom: bool) -> bool:
 
 
 def _make_artists_below_agents(ctx: IContext, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
-    """Return artists of what belongs to visible artists but lies below agents."""
+    """Return artists for the parts of visible artists that are drawn below agents."""
     found: dict[str, IArtist] = {}
     for name, artist in artists.items():
         drawer = getattr(artist.get_drawer(), "beneath", None)

@@ -614,7 +614,7 @@ class Drawing:
         return found
 
     def map_version(self) -> tuple[int | None, int | None]:
-        """Return a key that changes with the graph and the obstacles; parts that do not count changes give None."""
+        """Return a key that changes with the graph and the obstacles: two revisions, None where none is counted."""
         graph = self._ctx.graph
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
 

@@ -13,7 +13,7 @@ class Key(NamedTuple):
 
     Attributes:
         action: the name of the action, under which windows and pages have its function.
-        words: what it does, for the help; actions with the same words are explained together.
+        words: the description in the help; actions with the same words are explained together.
         keys: the keys in both places, named as browsers name them, in small letters.
         window: further keys in windows.
         page: further keys in pages.

@@ -74,7 +74,7 @@ class FieldOutline(NamedTuple):
 
     Attributes:
         is_carried: whether the corners are relative to the agent, and move with it.
-        is_blocked: whether obstacles can hide what is inside.
+        is_blocked: whether obstacles can hide places inside.
         corners: (2, corners) x and y, in steps of the map.
     """
 

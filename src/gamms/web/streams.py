@@ -100,7 +100,7 @@ class AudienceStream:
         cut = self._cut
         for given in cut.add(log, is_end=is_over):
             self._add_turn(given, cut.looked)
-        if not self._is_seen and (cut.is_shown or is_over):  # no turn contains what is seen before the first turn
+        if not self._is_seen and (cut.is_shown or is_over):  # no turn contains sensor data from before the first turn
             self._painter.restore(cut.keyframe(self._turns - self._begun_at))
             self._painter.look_ahead(cut.looked)
             self._add_keyframe()

@@ -550,7 +550,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
             legal: the legal nodes.
             seen: the search for visible agents, or the pairs of agents.
             first: (all games,) the first node of the map of each game, and of its roads in the tables of distances;
-                (agents,) what is added for the roads that each agent may use.
+                (agents,) the offset of the roads that each agent may use.
         """
         roster = self.roster
         state = self._state
@@ -576,7 +576,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         )
 
     def _find_first_road_of_modes(self) -> IntArray:
-        """Return what is added to the first road of a game for the roads that each agent may use, (agents,)."""
+        """Return the offset from the first road of a game to the roads that each agent may use, (agents,)."""
         movement = self._state.movement
         if not movement.modes:
             return np.zeros(len(self.agents), np.int64)

@@ -354,7 +354,7 @@ def _find_shown_nodes(
     return np.repeat(at, counts), state.streets.rows(found.values)[places]
 
 
-# -- what is noted --------------------------------------------------------------------------------------------------
+# -- notes of looks --------------------------------------------------------------------------------------------------
 
 
 def note_sights(

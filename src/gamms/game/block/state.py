@@ -555,7 +555,7 @@ class BatchColumns:
         self._shared = (*vars(self), "_shared")  # the names of all these
 
     def _make_flights(self) -> TurnFlights:
-        """Return what flies agents in the columns."""
+        """Return the object of the core that moves flying agents in the columns."""
         columns: list[Any] = [getattr(self, one.name) for one in COLUMNS if one.axis == "flyer"]
         memory: list[Any] = [
             one.view(np.uint8 if one.dtype == np.bool_ else one.dtype).reshape(-1).data for one in columns
@@ -604,7 +604,7 @@ class GameRow(NamedTuple):
 
     @classmethod
     def of(cls, state: "GameArrays", game: int) -> "GameRow":
-        """Return a copy of what is remembered of a game."""
+        """Return a copy of the stored state of a game."""
         row = np.s_[game : game + 1]
         kept = {key: {name: one[row].copy() for name, one in several.items()} for key, several in state.kept.items()}
         of_arrays = {key: those for key, those in kept.items() if key not in state.of_core}
@@ -909,7 +909,7 @@ class GameArrays(BatchColumns):
                 raise BadValue(f"The column {name!r} has {value} for agent {agent!r} of game {game}, {why}.")
 
     def _find_contradictions(self, columns: Columns) -> Iterator[tuple[str, BoolArray, Sequence[int], str]]:
-        """Yield the name of a column, a mask of its wrong values, the agents of the mask, and what is wrong."""
+        """Yield the name of a column, a mask of its wrong values, the agents of the mask, and the reason."""
         everyone = range(len(self.roster.names))
         is_there = columns["is_there"]
         node = columns["node"]

@@ -450,7 +450,7 @@ class Cursor:
         """Store the decisions of agents of the current game, but for moves to nodes."""
         self._shown.keep_looks()
         if not self._shown.cached.sees_world_only:
-            self._take_what_sensors_change(asked)
+            self._store_changes_by_sensors(asked)
         if self._state.flights is not None:
             self._choose_flights(self._state.flights, decisions, asked)
         if self._core.courses is not None:
@@ -485,7 +485,7 @@ class Cursor:
         )
         return decisions
 
-    def _take_what_sensors_change(self, asked: AskedAgents) -> None:
+    def _store_changes_by_sensors(self, asked: AskedAgents) -> None:
         """Write the changes that custom sensors made before agents decided.
 
         Raises:

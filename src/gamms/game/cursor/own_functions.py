@@ -117,7 +117,7 @@ class _Map(Protocol):
 
 
 class FirstMap(NamedTuple):
-    """The map that a game begins with, which differs from that of the first seed in the open roads.
+    """The first map of a game whose closed roads differ from those of the game with the first seed.
 
     Attributes:
         edge_ids: the ids of the open edges, in order.

@@ -127,7 +127,7 @@ class StartOfGame:
     Args:
         pointed: the context.
         read: returns the value of a field of the game.
-        row: returns what Python holds of the game; see `RowValues`.
+        row: returns the Python values of the game; see `RowValues`.
         end: ends the game; called with the reason, the winner and the truncation.
         replace_data: sets `ctx.game.data`.
         refuse: refuses a verb; called with it, in words.
@@ -489,7 +489,7 @@ class PointedContext:
         self._have_others = False  # whether agents of a game may differ from those of the start
 
     def row_of(self, number: int) -> RowValues:
-        """Return what Python holds of a game; it is made if there is none."""
+        """Return the Python values of a game; make them if there are none."""
         row = self.rows[number]
         if row is None:
             row = RowValues(self.at_start, self.at_start.undone)

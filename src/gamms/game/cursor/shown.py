@@ -330,7 +330,7 @@ class ShownGame(GamesInContext):
         """Refuse what a function has done that a batch notices too late, because its code does not say so.
 
         Args:
-            what: what it has done, in words.
+            what: the forbidden call, in words.
             way_out: how its code says so.
 
         Raises:
@@ -747,7 +747,7 @@ class ShownGame(GamesInContext):
             self._note_epoch()
 
     def _show_row(self) -> None:
-        """Show what Python holds of the game."""
+        """Show the Python values of the game."""
         row = self.row
         if row is None and not self._attributes.are_shared:
             row = self.own_row()
@@ -768,7 +768,7 @@ class ShownGame(GamesInContext):
         return radio.inbox(self._pointed.number, self._values.turn, name)
 
     def own_row(self) -> RowValues:
-        """Return what Python holds of the game that the context is pointed at; it is made if there is none."""
+        """Return the Python values of the game that the context is pointed at; make them if there are none."""
         row: RowValues = self._pointed.row_of(self._pointed.number)
         self.row = row
         return row

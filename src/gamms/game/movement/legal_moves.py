@@ -297,7 +297,7 @@ class Movement:
         return any(split_mode(self.modes[number - 1])[1] for number in self.modes_of(agents).tolist() if number > 0)
 
     def mode_first(self, agent: int, tables: RoadTables) -> int:
-        """Return what is added to `tables.first` for the edges that an agent may use, by its number."""
+        """Return the offset from `tables.first` to the edges that an agent may use, by its number."""
         return int(self.mode_of[agent]) * tables.stride if self.modes else 0
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:

@@ -267,7 +267,7 @@ class Legality:
     def _resolve_move(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return the move toward a node, or along a list of nodes; None: an agent by metres stops."""
         own = self.of(mover)
-        self._keep_driven(mover)
+        self._check_driven(mover)
         if mover.travels and action is None:
             return own.travelled(mover, here, None)
         if isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
@@ -280,7 +280,7 @@ class Legality:
         """Return the move along an edge that an action has named."""
         if self._settings.legal == "any":
             raise refuse_any(edge, mover.name)
-        self._keep_driven(mover)
+        self._check_driven(mover)
         roads = self.travel.roads
         row = roads.on(edge)
         if row is None:
@@ -351,7 +351,7 @@ class Legality:
             has_come = previous != node or any(source == previous for source, *_ in walk)
         return tuple([edge for *_, edge in walk]) if has_come else ()
 
-    def _keep_driven(self, mover: AgentSlot) -> None:
+    def _check_driven(self, mover: AgentSlot) -> None:
         """Forget the edges that an agent has driven if they do not lead to its node any more: it begins there."""
         known = self._state.driven
         if mover.name in known:

@@ -27,10 +27,10 @@ _FAINT = 90
 _BEYOND = 0.25
 _BEYOND_PX = 4.0
 _DISC_PX = 6.0  # the least radius of a disc
-# how the ring grows over the turn around the sender of a message that nobody hears
+# how the ring around the sender of an unheard message grows over the turn
 _WIDER = 0.15
 _WIDER_PX = 6.0
-# alpha of this ring, and what it loses over the turn
+# alpha of this ring, and its loss over the turn
 _UNHEARD_INK = 230
 _FADED = 160
 _BEND = np.linspace(0.0, 1.0, 13)  # where the points of an arc are
@@ -46,7 +46,7 @@ def has_messages(ctx: IContext) -> bool:
 def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the messages that arrive after the moves of this turn, in the colors of the senders.
 
-    A message sent in this turn that nobody hears is a ring around its sender, which grows and fades over the turn.
+    A message sent in this turn that no agent hears is a ring around its sender, which grows and fades over the turn.
     `data` may have `of`, names of agents: only messages that these send, hear or overhear are shown; `hidden`,
     names of agents: a message from a hidden agent is a ring around its receiver; and `size`, the radius of agents in
     world units: rings lie outside their discs.

@@ -22,7 +22,7 @@ _ALPHA = 150
 _NODE_PX = 3.0
 _RING_PX = 10.0
 _EDGE_PX = 4.0
-# of what is drawn of many sensors together
+# of the common drawing of many sensors
 _MANY_ALPHA = 110
 _MANY_PX = 2.5
 _MOST_OPAQUE = 0.4  # fields of view of all colors, one upon the other

@@ -29,7 +29,7 @@ DISCOVERED = "discovered"
 RESOURCES = "resources"
 COOLDOWNS = "cooldowns"
 DOING = "doing"
-_FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
+_FIELDS: dict[str, dict[str, Any]] = {  # types of the entries, by key
     HELD: {"nodes": str, "turns": int, "of": int},
     DISCOVERED: {"nodes": str, "by": dict},
     RESOURCES: {"full": int | float, "amounts": dict},

@@ -49,7 +49,7 @@ _DASHED = 0.6
 
 
 class _Strokes(NamedTuple):
-    """Polylines of one look."""
+    """Polylines of the same width and color."""
 
     points: FloatArray  # (points, 2)
     offsets: IntArray  # (lines + 1,)

@@ -71,11 +71,11 @@ class WindowEngine(WindowNames, PictureEngine):
         kwargs: options of other engines are no error.
 
     Attributes:
-        hud: what is written in the upper left corner: a function of the context that returns lines, or None.
+        hud: a function of the context that returns the lines in the upper left corner, or None.
         camera: what the window shows.
         pace: how time passes in it.
         input: keys and mouse.
-        overlay: what is shown beside the artists.
+        overlay: captions and panels over the map.
         playback: the recording whose turns can be shown, if one is replayed or was.
         question: that a person is asked, if any.
         screen: the surface of the window.

@@ -64,8 +64,8 @@ class Overlay(Guarded):
         shown: the artists of the turn that is shown.
         trails: of how many turns the ways of agents are shown.
         most_trails: of how many, while they are.
-        has_captions: whether it is said what happens.
-        captions: what is said.
+        has_captions: whether captions are shown.
+        captions: the captions of the last turns.
         labels: whose names are shown.
         has_street_names: whether streets have names where the map is shown close by.
         turns: how many were shown.

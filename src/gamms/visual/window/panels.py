@@ -104,7 +104,7 @@ class Hud:
             self.layout.cover(places[row])
 
     def paint_captions(self, canvas: Canvas, captions: Sequence[CaptionLine]) -> None:
-        """Paint the captions in the lower left corner, or above what is there; earlier turns are faint."""
+        """Paint the captions in the lower left corner, above other panels there; earlier turns are faint."""
         room = canvas.width - 2 * (EDGE_PX + _PAD_PX) - INDENT_PX
         width = round(measure_captions_width(captions, room)) + 2 * _PAD_PX
         height = round(LINE_PX * len(captions)) + _PAD_PX
