@@ -12,6 +12,7 @@ import gamms
 from gamms.recorder.detached import DetachedState
 from gamms.rules import Conflicts
 from gamms.scenario import Scenario
+from gamms.strategies import random_walk
 
 TURNS = 5
 ERRORS = (ZeroDivisionError, KeyboardInterrupt)
@@ -26,6 +27,7 @@ SETTINGS = [
     {"speed_unit": "metres"},
     {"speed_unit": "metres", "decide": "arrival"},
 ]
+WALKERS = {"map": {"grid": {"rows": 6, "columns": 6}}, "teams": {"red": {"count": 30}}}
 CHANNELS = {"radio": {"range_m": 30.0, "delay_turns": 1}}
 
 
@@ -218,6 +220,30 @@ def test_a_turn_in_which_a_rule_raises_after_the_moves_is_counted_alone_and_in_a
             assert (games.turn.tolist(), alone.game.turn) == ([2], 2)
             games.run()
             assert plain(games.result(0)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize(("phase", "is_needed"), [("before", True), ("deeds", True), ("after", False)])
+def test_a_checkpoint_is_taken_only_of_games_whose_rules_may_raise_before_the_moves(phase, is_needed):
+    def rule(ctx):
+        """Do nothing."""
+
+    with Scenario(**WALKERS).build(seed=1) as ctx:
+        ctx.game.add(rule, phase=phase)
+        ctx.game.step()
+        turns = ctx.game.internals.parts.turns
+        assert turns.needs_checkpoint == is_needed
+        rule.check = print
+        assert turns.needs_checkpoint
+
+
+def test_no_states_are_made_for_the_checkpoints_of_turns_that_the_core_decides():
+    with Scenario(**WALKERS).build(seed=1, strategies={"red": random_walk}) as ctx:
+        ctx.game.add(lambda ctx: None, phase="before")
+        for _ in range(3):
+            ctx.game.step()
+        turns = ctx.game.internals.parts.turns
+        assert turns.needs_checkpoint
+        assert turns.unread is not None
 
 
 class Follower:

@@ -219,7 +219,8 @@ class SnapshotTaker(NamedTuple):
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that takes a turn back, but for what functions have written; see `restore`."""
         leave_unread = _keep_unread(self.turns)
-        snapshot = self.take(GameState.turn_copies, dict, has_counts=False)
+        with self.turns.phase.suspended(changes_world=False):
+            snapshot = self.take(GameState.turn_copies, dict, has_counts=False)
         adding = [order.slots.keep_counts() for order in self.turns.orders]
         undoing = [checkpoint() for checkpoint in self.ctx.game.internals.checkpoints]
 

@@ -216,15 +216,15 @@ class TurnEngine(GameTurn):
         if self._checked_epoch != self.phase.epoch:
             self._changes_early = self._may_change_early()
             self._checked_epoch = self.phase.epoch
-        return self._changes_early or len(self.observers) > 0
+        return self._changes_early or self.rules.now.act_before_moves or len(self.observers) > 0
 
     def _may_change_early(self) -> bool:
         """Return whether functions are called in a turn after something has changed, or sensors count their looks."""
         settings = self._settings
-        acts = "before" in self.rules.now.phases or self.rules.now.may_act_before_moves
+        begins_with_rules = "before" in self.rules.now.phases
         has_parts = settings.decide == "arrival" or len(settings.order or ()) > 1
         resolves = settings.conflicts is not None and ranked(settings.conflicts) is None
-        return acts or has_parts or resolves or self._host.sensor.storage.have_memories
+        return begins_with_rules or has_parts or resolves or self._host.sensor.storage.have_memories
 
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
