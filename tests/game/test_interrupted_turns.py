@@ -1,6 +1,7 @@
 """A turn that an error or Ctrl-C ends before it is counted leaves the game, and its recording, as they were before."""
 
 import io
+import signal
 from contextlib import suppress
 from copy import deepcopy
 
@@ -220,6 +221,39 @@ def test_a_turn_in_which_a_rule_raises_after_the_moves_is_counted_alone_and_in_a
             assert (games.turn.tolist(), alone.game.turn) == ([2], 2)
             games.run()
             assert plain(games.result(0)) == plain(alone.game.run())
+
+
+class Thing:
+    """A value of a program, during whose description Ctrl-C may be pressed."""
+
+    def __init__(self, *, is_interrupted):
+        self.is_interrupted = is_interrupted
+
+    def __repr__(self):
+        if self.is_interrupted:
+            signal.raise_signal(signal.SIGINT)
+        return "a thing"
+
+
+def record_things(interrupted_turn):
+    """Return the recording of a game whose data have another thing in each turn."""
+
+    def renew(ctx):
+        ctx.game.data["things"] = [Thing(is_interrupted=ctx.game.turn == interrupted_turn)] * ctx.game.turn
+
+    file = io.BytesIO()
+    with Scenario(**WALKERS).build(seed=1, strategies={"red": random_walk}) as ctx:
+        ctx.game.add(renew)
+        ctx.record.start(file)
+        for _ in range(3):
+            with suppress(KeyboardInterrupt):
+                ctx.game.step()
+        ctx.record.stop()
+    return file.getvalue()
+
+
+def test_ctrl_c_waits_until_a_counted_turn_is_recorded():
+    assert record_things(interrupted_turn=2) == record_things(interrupted_turn=None)
 
 
 @pytest.mark.parametrize(("phase", "is_needed"), [("before", True), ("deeds", True), ("after", False)])

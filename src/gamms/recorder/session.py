@@ -19,6 +19,7 @@ from gamms.ir.journal import PLAIN
 from gamms.knowledge import looks as sensed
 from gamms.knowledge.fields import FieldFinder, FieldTable
 from gamms.plain import Plain
+from gamms.progress import uninterrupted
 from gamms.recorder import keyframes
 from gamms.recorder.changes import ContextChanges, DrawingChanges
 from gamms.recorder.detached import DetachedState
@@ -172,7 +173,11 @@ class RecordingSession:
         return self._journal.log
 
     def end_turn(self) -> None:
-        """Write the finished turn."""
+        """Write the finished turn; Ctrl-C waits until it is written."""
+        with uninterrupted():
+            self._write_turn()
+
+    def _write_turn(self) -> None:
         journal = self._journal
         if not self.turn:
             self.seed = self.ctx.seed
