@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms.ir.deeds import DeedLog, PlainDeeds
 from gamms.recorder.detached import DetachedState
 from gamms.rules import Conflicts
 from gamms.scenario import Scenario
@@ -278,6 +279,14 @@ def test_no_states_are_made_for_the_checkpoints_of_turns_that_the_core_decides()
         turns = ctx.game.internals.parts.turns
         assert turns.needs_checkpoint
         assert turns.unread is not None
+
+
+def test_deeds_that_were_wanted_in_an_interrupted_turn_are_not_done_in_the_next_one():
+    log = DeedLog()
+    log.want(PlainDeeds(0, [(0, 0, 0, "red_0", "mark", 1, 4, {})]))
+    log.go_to([])
+    log.do(0, is_first=True)
+    assert log.rows_in_turn(0, 1, is_moving=False) == []
 
 
 class Follower:

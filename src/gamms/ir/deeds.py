@@ -320,7 +320,8 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         target.want(PlainDeeds(part, sorted(there, key=itemgetter(1, 2))))
 
     def go_to(self, last: list[DoneDeeds]) -> None:
-        """Restore the deeds of the last turn, which were `last` at that moment."""
+        """Restore the deeds of the last turn, which were `last` at that moment, and drop those of the present turn."""
+        self.begin_turn()
         self.last = last
         self._now = last
 
