@@ -27,7 +27,7 @@ _COMPARED = (
     ("64 agents with all around them in arrays", "POGEMA, a team in arrays", None),
     ("64 games of 64 agents, in a batch", "POGEMA, in batch", None),
     ("1,024 games of tag, in a batch, observed", "VMAS", _VECTORS),
-    ("the same, beside a compiled loop", "JaxMARL", _VECTORS),
+    ("the same game of tag, beside a compiled loop", "JaxMARL", _VECTORS),
     ("1,000 agents drive by the second", "SUMO", None),
     ("the value of a game of two turns", "OpenSpiel", None),
     ("distances to 90,000 nodes", "SciPy", None),

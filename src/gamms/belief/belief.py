@@ -127,14 +127,15 @@ class Belief:
     # ---------------------------------------------------------------------------------------
 
     def reachable(self, target: str, speed: float | None = None) -> set[int]:
-        """Return the ids of all nodes on which a target can be.
+        """Return the ids of all nodes on which a target of another team can be.
 
         The target has moved at most at its speed along edges that were open at some time since it was last seen, and
         was never on a node on which a sensor would have shown it for certain. In games by metres a node also stands for
         the edges that leave it, so an empty node in view excludes nothing.
 
         Args:
-            target: name of an agent on the ground; the result for a dead agent is empty.
+            target: name of an agent on the ground, of another team than the observer: sensors do not report mates, so
+                the result for a mate is wrong. The result for a dead agent is empty.
             speed: edges or metres per turn; None: the speed of the agent, or one edge if it has none. If the speed
                 changes, give its maximum.
 

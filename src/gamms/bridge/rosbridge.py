@@ -283,7 +283,7 @@ def _skip_invalid(protocol: type[Any], counts: Counter[str]) -> type[Any]:
                 )
 
         def _use(self, payload: bytes) -> str:
-            """Pass a message on, and return why that is impossible; empty if it is not."""
+            """Pass a message on; return "", or the reason if that fails."""
             try:
                 self.on_message(payload)
             except Exception as error:  # noqa: BLE001 - whatever a message from outside makes roslibpy raise

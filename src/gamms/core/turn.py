@@ -457,7 +457,7 @@ class TurnDriver:
         self.part = 0
 
     def plan(self) -> TurnPlan:
-        """Return the phases of a turn; the same until the epoch rises."""
+        """Return the phases of a turn; they stay the same until `epoch` is larger."""
         raise NotImplementedError
 
     def before(self) -> bool:

@@ -351,7 +351,7 @@ def _find_departure_time(moves: TurnMoves, i: int, now: int, part: float) -> flo
 
 
 def _know_own(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
-    """Return what named agents are doing."""
+    """Return the data of the deeds under way, with those of the named agents only."""
     doings: _Doings = data.get(DOING, {})
     own = {
         kind: {"of": kept["of"]}

@@ -883,7 +883,7 @@ class GameMessages(MessageTraffic):
             self._state.under_way = None
 
     def _note(self, turn: int, log: Sequence[dict[str, Any]]) -> None:
-        """Note the messages under way in the state of the game, and the log that they are in."""
+        """Store the messages under way in the state of the game, with the length and the last entry of their log."""
         unlogged = sum(len(one.box.at) for sent in self._pending for one in sent)
         last = log[-1] if log and not unlogged else None
         self._found = UnderWay(turn, len(log) + unlogged, last, self._under_way)

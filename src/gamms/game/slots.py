@@ -223,7 +223,7 @@ class AgentSlot:
         return blocked.get(self.name) if blocked else None
 
     def marks(self) -> tuple[Any, Any]:
-        """Return the positions of its random streams in this turn, for `go_to`."""
+        """Return how far its random streams have been read in this turn, for `go_to`."""
         return self._draws and self._draws.mark(), self._rng and self._rng.mark()
 
     def go_to(self, marks: tuple[Any, Any]) -> None:

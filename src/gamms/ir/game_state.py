@@ -190,7 +190,7 @@ class BlockedAgents(MutableMapping[str, str]):
         self.stopped = left
 
     def copied(self) -> "BlockedAgents":
-        """Return a copy, without writing out conflicts."""
+        """Return a copy, in which reasons that were not yet worked out are left so."""
         twin = BlockedAgents(self.known)
         twin.stopped = [*self.stopped]
         return twin

@@ -30,7 +30,7 @@ Memo = dict[int, Any]  # id() of an object -> its counterpart in a fork; see `co
 class Audience(Enum):
     """The audience of an event while the game is played."""
 
-    ALL = "all; of an agent, those who see it; of values by agents and teams, a team knows its own"
+    ALL = "everyone; an agent's own value: its team and those who see it; values kept per agent or team: that team"
     TEAM = "the team of the agent"
     SENSED = "the team of the agent; others know what their sensors report"
     WITNESSED = "the team of the agents that the event names, and those who see one of them; all if it names none"

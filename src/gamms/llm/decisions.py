@@ -133,7 +133,7 @@ class DecisionFile:
                 self._known[decision.request] = decision
 
     def __str__(self) -> str:
-        """Name the file."""
+        """Return the path of the file, in quotes."""
         return "no file" if self._path is None else repr(str(self._path))
 
     def get(self, request: str) -> Decision | None:

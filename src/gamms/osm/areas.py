@@ -144,7 +144,7 @@ def _find_near_pairs(rim: IntArray, ways: OsmRoads, junctions: IntArray) -> IntA
 
 
 def _find_needed(pairs: IntArray, lengths: FloatArray, apart: FloatArray) -> IntArray:
-    """Return the pairs whose line shortens the way by a twentieth, after all shorter lines are added."""
+    """Return the pairs to connect: from the shortest on, those whose path so far is a twentieth longer than a line."""
     needed = list[int]()
     for row in np.argsort(lengths, kind="stable").tolist():
         a, b = pairs[row].tolist()

@@ -106,7 +106,7 @@ def find_file_format(file: Path) -> str:
 
 
 def find_allowance(file: Path) -> MemoryBudget:
-    """Return the memory allowance for reading a map file; it is released before the next processing step."""
+    """Return the budget of memory for reading a map file, which ends before the next step of processing."""
     return MemoryBudget(file.stat().st_size, repr(str(file)), is_streamed=True)
 
 

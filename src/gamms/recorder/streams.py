@@ -91,7 +91,7 @@ class RecordingTarget:
         if self._path.exists():
             if not overwrite:
                 raise FileExistsError(
-                    f"The file {str(file)!r} already exists; choose another name, or replace it with overwrite=True."
+                    f"The file {str(file)!r} already exists; choose another name, delete it, or pass overwrite=True."
                 )
             self._old = self._path.open("rb")
             if not locks(self._old, alone=True):

@@ -163,7 +163,7 @@ def choose_engine(mode: object) -> Engine | None:
 
 
 def prepare(learners: Learners, mode: RenderMode) -> None:
-    """Make a window show each turn for the time in `render_fps`, instead of the time for spectators."""
+    """Set how long a window shows each turn: one frame of `METADATA["render_fps"]`."""
     if mode == "human":
         learners.games.context(0).visual.turn_seconds = 1.0 / METADATA["render_fps"]
 

@@ -34,7 +34,7 @@ class Rewards(NamedTuple):
 
 
 class StrategyShares(NamedTuple):
-    """The strategies of two teams in some states, as probabilities of their joint actions.
+    """The mixed strategies of two teams in n states, as arrays of probabilities.
 
     Attributes:
         first: (n, actions of the first team, actions of the second), the probabilities of the first team's actions; if

@@ -41,7 +41,7 @@ def check_sensor(sensor: ISensor, node_id: int) -> None:
     """Check every promise of a sensor that senses from a node.
 
     Args:
-        sensor: a sensor without an owner to keep: the check sets and removes its owner.
+        sensor: a sensor; the check sets an owner, and leaves the sensor without one.
         node_id: a node of the sensor's graph; the world must not change meanwhile.
 
     Raises:

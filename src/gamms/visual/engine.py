@@ -6,7 +6,7 @@ The engine with a window is in `window/`.
 
 import atexit
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
 from gamms.arguments import as_float, as_range, explain_misspelled
@@ -258,8 +258,9 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
 class NoEngine(PictureEngine):
     """Accepts all calls of an engine with a window, and shows nothing."""
 
-    def __init__(self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, **kwargs: object) -> None:  # noqa: ARG002 - options of other engines are no error
+    def __init__(self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, **kwargs: object) -> None:
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
+        _warn_of_fog(ctx, kwargs)
 
 
 class OffscreenEngine(PictureEngine):
@@ -304,6 +305,7 @@ class OffscreenEngine(PictureEngine):
         self.pictures.width, self.pictures.height = size(width, height)
         for sentence in explain_misspelled(kwargs, _OFFSCREEN_OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
+        _warn_of_fog(ctx, kwargs)
         if video is not None:
             if simulation_time_constant is not None and frames_per_turn is None:
                 frames_per_turn = max(1, round(self.turn_seconds * as_float(fps, "fps")))
@@ -324,3 +326,11 @@ class OffscreenEngine(PictureEngine):
         right = camera.left + camera.width / camera.scale
         low = camera.top - camera.height / camera.scale
         return camera.left, right, low, camera.top, camera.scale
+
+
+def _warn_of_fog(ctx: IContext, options: Mapping[str, object]) -> None:
+    """Log that pictures show everything, if an option asks for the view of a team, which only windows have."""
+    if isinstance(options.get("fog"), str):
+        ctx.logger.warning(
+            "vis_kwargs: fog= works in windows only. These pictures show everything; gamms render has --fog."
+        )

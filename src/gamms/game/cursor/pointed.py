@@ -106,7 +106,7 @@ class GuardedDict(dict[Any, Any]):
 
 
 def _make_filling_method(name: str, *, is_of_one: bool) -> Callable[..., Any]:
-    """Return a method of `GuardedDict` that reads the value of one key, or all values."""
+    """Return the method of `dict` with this name, which first fills the dict if it may lack the key, or any value."""
     method = getattr(dict, name)
 
     def read(self: GuardedDict, *args: object, **named: object) -> Any:

@@ -120,6 +120,8 @@ class WindowEngine(WindowNames, PictureEngine):
         self.overlay.has_captions = as_bool(captions, "captions")
         self.overlay.has_street_names = as_bool(street_names, "street_names")
         self.playback: IPlayback | None = None
+        if not isinstance(fog, (bool, str)):
+            raise BadType(f"fog is True, False or the name of a team, not {shown(fog)}.")
         self._fog = fog
         self._fogs = dict[str, Fog]()
         self._is_fog_known = False
