@@ -1134,6 +1134,11 @@ def small(items: Sequence[int], width: int = 0) -> msgpack.Ext:
     return numbers(items, width, "uint8")
 
 
+def flags(items: Sequence[int], *shape: int) -> msgpack.Ext:
+    """Return an array of booleans."""
+    return extension(8, "bool", msgpack.Ext(5, bytes(items)), *shape)
+
+
 # Agent 4 has two sensors and agent 0 has four. The looks have the forms 0 to 5.
 LOOKS: dict[str, object] = {
     "agents": small([4, 0]),
@@ -1209,6 +1214,7 @@ def make_looks() -> Iterator[Vector]:
     changed = sensed([one_look(1, 0, (7, 0.0, b""))], [(NEW_MAP, {"world": moved}), at_two_nodes])
     yield "looks_after_a_new_map", changed, {"looks": [covering([7]), covering([9])]}
     yield from _make_bad_looks()
+    yield from _make_discs()
 
 
 def _make_bad_looks() -> Iterator[Vector]:
@@ -1232,7 +1238,7 @@ def _make_bad_looks() -> Iterator[Vector]:
         "looks_sensor_number": ("looks", {"sensors": [(1, "AGENT_RANGE")] * 4}),
         "looks_sensors_tuple": ("looks", {"sensors": (("eyes", "AGENT_RANGE"),) * 4}),
         "looks_forms": ("looks", {"forms": small([0, 1, 2, 3, 4])}),
-        "looks_form_6": ("looks", {"forms": small([6, 1, 2, 3, 4, 5])}),
+        "looks_form_7": ("looks", {"forms": small([7, 1, 2, 3, 4, 5])}),
         "looks_form_negative": ("looks", {"forms": numbers([-1, 1, 2, 3, 4, 5])}),
         "looks_sizes": ("sizes", {"sizes": small([1, 0, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 2)}),
         "looks_sizes_negative": ("sizes", {"sizes": numbers([3, -1, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 2)}),
@@ -1280,6 +1286,86 @@ def _make_bad_looks() -> Iterator[Vector]:
     yield "refused_looks_list", sensed([(SENSED, [])]), refused("looks", None)
     for name, (limit, changes) in bad.items():
         yield f"refused_{name}", sensed([(SENSED, LOOKS | FIELDS | changes)]), refused(limit, None)
+
+
+# Agents 0 and 4 look around: 0 sees those of some teams at any distance, and 4 all within 10.0. Agent 4 also reports
+# agent 3, which is at no node of the map, by a sensor with a field.
+DISCS: dict[str, object] = {
+    "agents": small([0, 4]),
+    "counts": small([1, 2]),
+    "sensors": [("all", "AGENT"), ("eyes", "AGENT_RANGE"), ("late", "AGENT_RANGE")],
+    "which": small([0, 1, 2]),
+    "forms": small([6, 6, 5]),
+    "sizes": small([0, 0, 0, 0, 1, 0], 2),
+    "ids": small([3]),
+    "others": [],
+    "seen": small([4, 0, 2, 3]),
+    "seen_at": numbers([9, 7, -2, 50]),
+    "radii": floats([float("inf"), 10.0, 0.0]),
+    "shown": flags([1, 1, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0], 3, 4),
+    "fields": small([0, 0, 1]),
+    "first_field": 0,
+    "new_fields": [(9, 0.0, b"")],
+}
+
+
+def _make_discs() -> Iterator[Vector]:
+    """Yield recordings with looks at all agents within a radius, and those that readers refuse."""
+    around_0 = (0, "all", "AGENT", 2, [4], [9], None, None)
+    around_4 = (4, "eyes", "AGENT_RANGE", 2, [2], [-2], None)
+    late = (4, "late", "AGENT_RANGE", 2, [3], [50], None, [9])
+    yield "looks_in_discs", sensed([(SENSED, DISCS)]), {"looks": [[around_0, (*around_4, [-2, 9]), late]]}
+    moved = (NEW_MAP, {"world": saved(xy=floats([100.0, 0.0, 300.0, 0.0, 0.0, 0.0], 2))})
+    answer = [around_0, (*around_4, [9]), late]
+    yield "looks_in_discs_after_a_new_map", sensed([moved, (SENSED, DISCS)]), {"looks": [answer]}
+    on_the_circle = DISCS | {
+        "radii": floats([0.5, 10.0, 0.0]),
+        "agents": small([2, 4]),
+        "shown": flags([1] * 3 + [0] + [0] * 8, 3, 4),
+    }
+    at_half = [(2, "all", "AGENT", 2, [4], [9], None, [-2, 9]), (*around_4[:4], [], [], None, [-2, 9]), late]
+    yield "looks_in_discs_to_the_circle", sensed([(SENSED, on_the_circle)]), {"looks": [at_half]}
+    for name in ("radii", "shown", "seen", "seen_at"):
+        without = {key: value for key, value in DISCS.items() if key != name}
+        yield f"refused_looks_in_discs_without_{name}", sensed([(SENSED, without)]), refused("looks", None)
+    yield "refused_looks_in_discs_without_a_map", sensed([(SENSED, DISCS)], world=None), refused("looks", None)
+    zeros = [0] * 12
+    bad: dict[str, tuple[str, dict[str, object]]] = {
+        "ids": ("looks", {"sizes": small([0, 0, 1, 0, 0, 0], 2)}),
+        "second_part": ("looks", {"sizes": small([0, 0, 0, 1, 0, 0], 2)}),
+        "field": ("fields", {"fields": small([0, 1, 1])}),
+        "radii_list": ("looks", {"radii": [1.0, 10.0, 0.0]}),
+        "radii_integers": ("looks", {"radii": numbers([1, 10, 0])}),
+        "radii_of_two": ("looks", {"radii": floats([1.0, 10.0])}),
+        "radius_negative": ("looks", {"radii": floats([1.0, -10.0, 0.0])}),
+        "radius_nan": ("looks", {"radii": floats([1.0, float("nan"), 0.0])}),
+        "shown_bytes": ("looks", {"shown": extension(8, "uint8", msgpack.Ext(5, bytes(zeros)), 3, 4)}),
+        "shown_of_two_sensors": ("looks", {"shown": flags([0] * 8, 2, 4)}),
+        "shown_of_three_agents": ("looks", {"shown": flags([0] * 9, 3, 3)}),
+        "shown_in_a_row": ("looks", {"shown": flags(zeros, 12)}),
+        "shown_at_no_node": ("looks", {"shown": flags([1] * 12, 3, 4)}),
+        "around_no_node": ("looks", {"agents": small([3, 4])}),
+        "around_no_listed_agent": ("looks", {"agents": small([1, 4])}),
+        "agent_twice": ("looks", {"seen": small([4, 0, 2, 4])}),
+        "seen_without_nodes": ("looks", {"seen_at": small([9, 7, 7])}),
+    }
+    for name, (limit, changes) in bad.items():
+        yield f"refused_looks_in_discs_{name}", sensed([(SENSED, DISCS | changes)]), refused(limit, None)
+    listed = 1 << 11
+    many = DISCS | {
+        "agents": numbers([0]),
+        "counts": numbers([listed + 1]),
+        "which": small([0] * (listed + 1)),
+        "forms": small([6] * (listed + 1)),
+        "sizes": small([0] * 2 * (listed + 1), 2),
+        "seen": numbers(range(listed), 0, "uint16"),
+        "seen_at": small([7] * listed),
+        "shown": flags([0] * 3 * listed, 3, listed),
+        "ids": small([]),
+    }
+    many = {key: value for key, value in many.items() if key not in FIELDS}
+    turn = [(SENSED, many)] * 4
+    yield "refused_looks_in_discs_many", sensed(turn), refused("looks", None)
 
 
 if __name__ == "__main__":

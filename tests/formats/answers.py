@@ -14,7 +14,7 @@ from gamms.errors import BadFile
 from gamms.graph import map_file, visibility
 from gamms.ir.scenery import Scenery
 from gamms.knowledge.fields import FieldTable
-from gamms.knowledge.looks import decode_looks
+from gamms.knowledge.looks import decode_looks, refuse_many
 from gamms.recorder import Reader, RecordingError
 from gamms.recorder.errors import reporting_damage
 
@@ -105,14 +105,18 @@ def read_looks(reader):
         has_map = "world" in reader.header
         if has_map:
             ctx.graph.storage.unpack(reader.header["world"])
+        first_map = ctx.graph.columns()
+        get_map = (lambda: first_map) if has_map else None
         for turn in range(reader.turns):
             turns.append([])
-            for kind, data in (entry for entry in reader.log(turn) if type(entry) is tuple):
+            events = [entry for entry in reader.log(turn) if type(entry) is tuple]
+            refuse_many([data for kind, data in events if kind == second_looks.SENSED])
+            for kind, data in events:
                 if kind == second_looks.NEW_MAP:
                     has_map = "world" in data
                     ctx.graph.storage.unpack(data["world"])
                 if kind == second_looks.SENSED:
-                    looks = decode_looks(data, fields=fields)
+                    looks = decode_looks(data, None, fields, get_map)
                     graph = ctx.graph.graph if has_map else None
                     turns[-1] += [(agent, *look[:-1], find_covered(look.field, graph)) for agent, look in looks]
     return turns

@@ -6,6 +6,7 @@ from second_reader import Array, expect, read_map, split
 
 NEW_MAP, SENSED = 0x03000000, 0x06000001
 LOOKS = ("agents", "counts", "which", "forms", "ids")
+MOST_IN_DISCS = 1 << 24
 
 
 def has_looks(recording):
@@ -15,16 +16,23 @@ def has_looks(recording):
 
 def read_looks(recording):
     """Return the looks of each turn: agent, sensor, kind, form, both parts of ids, other data, and covered nodes."""
-    places = _read_places(recording["header"])
+    first_places = places = _read_places(recording["header"])
     fields, looks = {}, []
     for turn in recording["turns"]:
         looks.append([])
+        expect(sum(_count_in_discs(data) for kind, data in turn if kind == SENSED) <= MOST_IN_DISCS, "looks")
         for kind, data in turn:
             if kind == NEW_MAP:
                 places = _read_places(data)
             if kind == SENSED:
-                looks[-1] += _read_looks(data, fields, places)
+                looks[-1] += _read_looks(data, fields, places, first_places)
     return looks
+
+
+def _count_in_discs(data):
+    expect(isinstance(data, dict), "looks")
+    count = _read_integers(data, "forms").count(6)
+    return count * len(_read_integers(data, "seen")) if count else 0
 
 
 def _read_places(state):
@@ -39,8 +47,7 @@ def _read_integers(data, name):
     return array.items
 
 
-def _read_looks(data, fields, places):
-    expect(isinstance(data, dict), "looks")
+def _read_looks(data, fields, places, first_places):
     agents, counts, which, forms, ids = (_read_integers(data, name) for name in LOOKS)
     sizes, sensors, others = map(data.get, ("sizes", "sensors", "others"))
     is_table = isinstance(sizes, Array) and "int" in sizes.dtype and sizes.shape == [len(which), 2]
@@ -54,25 +61,57 @@ def _read_looks(data, fields, places):
     rest = iter(others)
     columns = [_read_integers(data, name) for name in ("seen", "seen_at")] if "seen" in data else [[], []]
     expect(len(columns[0]) == len(columns[1]), "looks")
-    covered = [_find_covered(field, places) for field in _read_fields(data, len(which), fields)]
+    discs = _read_discs(data, columns, len(sensors), first_places) if 6 in forms else None
+    recorded = _read_fields(data, forms, fields)
     found = []
-    for agent, sensor, form, nodes in zip(owners, which, forms, covered, strict=True):
+    for agent, sensor, form, field in zip(owners, which, forms, recorded, strict=True):
         first, second, other = next(parts), next(parts), next(rest) if form in (3, 4) else None
-        expect(0 <= form <= 5 and 0 <= sensor < len(sensors), "looks")
+        expect(0 <= form <= 6 and 0 <= sensor < len(sensors), "looks")
         expect(form == 1 or len(second) == (len(first) if form in (2, 4) else 0), "looks")
-        expect((form != 3 or not first) and (form != 4 or (type(other) is list and len(other) == len(first))), "looks")
+        expect(
+            (form not in (3, 6) or not first) and (form != 4 or (type(other) is list and len(other) == len(first))),
+            "looks",
+        )
         if form == 5:
             expect(all(0 <= place < len(columns[0]) for place in first), "looks")
             first, second = ([column[place] for place in first] for column in columns)
-        found.append((agent, *sensors[sensor], 2 if form == 5 else form, first, second, other, nodes))
+        if form == 6:
+            first, second, disc = _look_around(agent, columns, *(part[sensor] for part in discs), first_places)
+        nodes = _find_covered(disc if form == 6 else field, places)
+        found.append((agent, *sensors[sensor], 2 if form in (5, 6) else form, first, second, other, nodes))
     return found
 
 
-def _read_fields(data, count, fields):
+def _read_discs(data, columns, sensors, places):
+    expect(places is not None and "seen" in data, "looks")
+    radii, shown = data.get("radii"), data.get("shown")
+    expect(isinstance(radii, Array) and radii[:2] == ("float64", [sensors]), "looks")
+    expect(isinstance(shown, Array) and shown[:2] == ("bool", [sensors, len(columns[0])]), "looks")
+    expect(all(radius >= 0 for radius in radii.items) and len(set(columns[0])) == len(columns[0]), "looks")
+    marks = split(shown.items, [len(columns[0])] * sensors)
+    expect(all(node in places or not any(row[at] for row in marks) for at, node in enumerate(columns[1])), "looks")
+    return radii.items, marks
+
+
+def _look_around(agent, columns, radius, is_shown, places):
+    expect(agent in columns[0], "looks")
+    middle = columns[1][columns[0].index(agent)]
+    expect(middle in places, "looks")
+    x, y = places[middle]
+    found = []
+    for number, node, is_known in zip(*columns, is_shown, strict=True):
+        if is_known and number != agent:
+            dx, dy = places[node][0] - x, places[node][1] - y
+            found += [(number, node)] if dx * dx + dy * dy <= radius * radius else []
+    return [number for number, _ in found], [node for _, node in found], (middle, radius, b"") if radius < inf else None
+
+
+def _read_fields(data, forms, fields):
     if "fields" not in data:
-        return [None] * count
+        return [None] * len(forms)
     numbers, first, new = map(data.get, ("fields", "first_field", "new_fields"))
-    expect(isinstance(numbers, Array) and "uint" in numbers.dtype and numbers.shape == [count], "fields")
+    expect(isinstance(numbers, Array) and "uint" in numbers.dtype and numbers.shape == [len(forms)], "fields")
+    expect(not any(number for number, form in zip(numbers.items, forms, strict=True) if form == 6), "fields")
     expect(type(first) is int and first >= 0 and type(new) is list, "fields")
     for field in new:
         expect(type(field) is tuple and [*map(type, field[1:])] == [float, bytes] and 0 <= field[1] < inf, "fields")

@@ -207,7 +207,7 @@ def list_containers(item):
             yield from list_containers(part)
 
 
-@pytest.mark.parametrize(("name", "most"), [("second_reader.py", 400), ("second_looks.py", 80)])
+@pytest.mark.parametrize(("name", "most"), [("second_reader.py", 400), ("second_looks.py", 115)])
 def test_the_second_reader_has_few_lines_and_does_not_import_gamms(name, most):
     lines = (HERE / name).read_text(encoding="utf-8").splitlines()
     assert len([line for line in lines if line.strip()]) <= most
@@ -215,7 +215,7 @@ def test_the_second_reader_has_few_lines_and_does_not_import_gamms(name, most):
 
 
 def test_the_vectors_are_small():
-    assert sum(path.stat().st_size for path in FILES) < 320_000
+    assert sum(path.stat().st_size for path in FILES) < 330_000
 
 
 # -- the pages --------------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ EYES = [
     {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.7},
     {"type": "AGENT_RANGE", "sensor_range": 35.0, "delay_turns": 2, "position_noise_m": 9.0},
     {"type": "AGENT", "false_alarm_rate": 0.4},
+    {"type": "AGENT_RANGE", "sensor_range": 25.0},
 ]
 SETTINGS = [
     {},
@@ -178,6 +179,34 @@ def test_a_late_sensor_looks_as_often_as_in_a_game_without_the_interrupted_turn(
     parts = {"eyes": EYES[1], "settings": {}, "speed": 1.0, "order": False, "talks": False, "acts": False}
     parts["conflicts"] = False
     assert play(parts, 3, error, 7) == play(parts, 3)
+
+
+def test_reports_are_recorded_as_if_an_interrupted_turn_with_another_map_had_not_been():
+    def record(spades):
+        def dig(ctx):
+            if ctx.game.turn == 2 and next(spades, False):
+                ctx.graph.graph.add_node({"id": 99, "x": 1.0, "y": 1.0})
+
+        def walk(state):
+            state["action"] = state["legal"][-1]
+            if ctx.graph.graph.has_node(99):
+                raise ZeroDivisionError
+
+        file = io.BytesIO()
+        with gamms.create_context(seed=1) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
+            for name, node in (("a", 0), ("b", 4)):
+                eyes = ctx.sensor.create_sensor(f"eyes of {name}", "agent_range", sensor_range=12.0)
+                ctx.agent.create_agent(name, start_node_id=node, sensors=[eyes], strategy=walk)
+            ctx.game.add(dig, phase="before")
+            ctx.record.start(file)
+            while ctx.game.turn < TURNS:
+                with suppress(ZeroDivisionError):
+                    ctx.game.step()
+            ctx.record.stop()
+        return file.getvalue()
+
+    assert record(spade for spade in [True]) == record(spade for spade in [])
 
 
 def test_teams_that_have_moved_go_back_when_a_later_team_raises():

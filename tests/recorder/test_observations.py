@@ -16,6 +16,7 @@ from gamms.knowledge.fields import FieldTable, find_places
 from gamms.recorder import RecordingError
 from gamms.sensor import SensorType
 from gamms.sensor.detection import DetectingSensor
+from gamms.sensor.ground import AgentSensor
 
 QUIET = {"level": "CRITICAL"}
 
@@ -186,11 +187,14 @@ def test_a_recording_without_observations_is_refused(game):
 def test_agents_are_listed_once_unless_looks_differ_about_their_nodes():
     numbers = {"anna": 300, "bert": 2, "carl": 1}
     reports = [
-        (300, {"eyes": (SensorType.AGENT, {"bert": 7, "carl": 9})}),
-        (2, {"eyes": (SensorType.AGENT, {"anna": 4, "carl": 9}), "ears": (SensorType.AGENT, {})}),
-        (1, {"eyes": (SensorType.AGENT, {"bert": 70_000})}),
+        (300, {"eyes": {"bert": 7, "carl": 9}}),
+        (2, {"eyes": {"anna": 4, "carl": 9}, "ears": {}}),
+        (1, {"eyes": {"bert": 70_000}}),
     ]
-    looks = list(sensed.take_looks(reports, numbers, numbers))
+    looks = [
+        (agent, [sensed.make_look(name, SensorType.AGENT, data, numbers, numbers) for name, data in own.items()])
+        for agent, own in reports
+    ]
     data = sensed.columns_of(looks, FieldTable(), 0)
     assert data["seen"].tolist() == [1, 2, 300]
     assert data["seen_at"].tolist() == [9, 70_000, 4]
@@ -414,3 +418,150 @@ def test_a_page_of_fields_that_do_not_fit_the_map_is_refused(lookouts):
         pytest.raises(RecordingError, match="sensed is not right"),
     ):
         web.page(recording)
+
+
+# -- agents around an agent ---------------------------------------------------------------------------------------
+
+
+def build_crowd(told, *, strategy=None, moves_node=False):
+    """Agents whose sensors report all agents around them, of some teams; `told` receives what each was told."""
+    ctx = gamms.create_context(seed=3, logger_config=QUIET)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6, 10.0))
+    sensors = {"near": {"sensor_range": 20.0}, "wide": {"sensor_range": 31.7}, "all": {}}
+    filters = {"red": {"team": "blue"}, "blue": {"exclude": ["blue", "none"]}, None: {}}
+
+    def note(state):
+        told[state["turn"] + 1, state["name"]] = {key: list(one[1].items()) for key, one in state["sensor"].items()}
+        roam(state)
+
+    def add(name, team):
+        carried = {}
+        for key, given in sensors.items():
+            kind = "agent" if key == "all" else "agent_range"
+            carried[key] = ctx.sensor.create_sensor(f"{key} of {name}", kind, **given, **filters[team])
+        decide = note if strategy is None else strategy
+        ctx.agent.create_agent(name, start_node_id=5 * len(name) % 36, team=team, sensors=carried, strategy=decide)
+
+    for number, team in enumerate(["red", "blue", None, "blue", "red", None]):
+        add("z" * (number + 1) if number % 2 else f"a{number}", team)
+
+    def change(ctx):
+        if ctx.game.turn == 3:
+            ctx.game.eliminate("zz")
+            add("newcomer", "red")
+        if ctx.game.turn == 5:
+            ctx.agent.get_agent("a0").team = "blue"
+            ctx.sensor.get_sensor("near of a4").range = 12.0
+        if ctx.game.turn == 6 and moves_node:
+            ctx.graph.graph.add_node({"id": 99, "x": 500.0, "y": 500.0})
+
+    ctx.game.add(change, phase="before")
+    return ctx
+
+
+def record_crowd(told, observer=None, *, sensed=None, **given):
+    stream = io.BytesIO()
+    with build_crowd(told, **given) as ctx:
+        ctx.record.start(stream, sensed=sensed)
+        if observer is not None:
+            ctx.game.internals.after_observing.append(observer)
+        ctx.game.run(9)
+        ctx.record.stop()
+    return stream.getvalue()
+
+
+def forms_in(data):
+    with recorder.open(io.BytesIO(data)) as recording:
+        return [set(event["forms"].tolist()) for *_, event in recording.reader.events(kinds={kinds.SENSED})]
+
+
+@pytest.mark.parametrize("moves_node", [False, True])
+def test_readers_find_the_agents_in_discs_in_the_order_in_which_they_were_reported(moves_node):
+    told = {}
+    data = record_crowd(told, moves_node=moves_node)
+    assert forms_in(data) == [{6}] * 6 + [{5} if moves_node else {6}] * 3
+    with recorder.open(io.BytesIO(data)) as recording:
+        read = {}
+        table = recording.table("sensed")
+        for turn, agent, sensor, node, other in zip(*(column.tolist() for column in table.values()), strict=True):
+            read.setdefault((turn, agent), {}).setdefault(sensor, []).append((other, node))
+        for key, reports in told.items():
+            assert {name: read.get(key, {}).get(name, []) for name in reports} == reports
+            assert {
+                name: list(one.items()) for name, (_, one) in recording.observation(*key)["sensor"].items()
+            } == reports
+    assert any(len(one) > 3 for reports in told.values() for one in reports.values())
+
+
+def test_recording_discs_calls_no_sensor_and_gives_the_bytes_that_states_give(monkeypatch):
+    plain = {"strategy": gamms.strategies.random_walk}
+    asked = record_crowd({}, lambda agents, states: None, **plain)
+    called = []
+    sense = AgentSensor.sense
+    monkeypatch.setattr(AgentSensor, "sense", lambda self, *given: called.append(self) or sense(self, *given))
+    record_crowd({}, sensed=False, **plain)
+    count = len(called)
+    called.clear()
+    assert record_crowd({}, **plain) == asked
+    assert len(called) == count
+    assert forms_in(asked) == [{6}] * 9
+
+
+def test_the_table_of_reports_from_discs_needs_the_map(tmp_path):
+    path = tmp_path / "game.ggr"
+    with build_crowd({}) as ctx:
+        ctx.record.start(path, embed_graph=False)
+        ctx.game.run(2)
+        ctx.record.stop()
+        with recorder.open(path) as recording, pytest.raises(RecordingError, match="does not contain its map"):
+            recording.table("sensed")
+        with recorder.open(path, graph=ctx) as recording:
+            assert len(recording.table("sensed")["node"])
+        written, _ = recordings.to_csv(path, tmp_path / "game.csv")
+    assert {file.name for file in written} >= {"game_moves.csv"}
+    assert not (tmp_path / "game_sensed.csv").exists()
+
+
+def test_damaged_discs_are_refused():
+    (event, *_), columns = discs_of(record_crowd({}))
+    assert len(sensed.decode_looks(event, get_map=columns)) == 18
+    damages = {
+        "seen": event["seen"] + 1,
+        "seen_at": event["seen_at"].astype(np.int64) + 1000,
+        "radii": [event["radii"] * value for value in (-1.0, np.nan)] + [event["radii"][:1], [1.0]],
+        "shown": [event["shown"][:, :2], event["shown"].astype(np.int8)],
+        "which": event["which"] + 50,
+    }
+    for key, values in damages.items():
+        for value in values if isinstance(values, list) else [values]:
+            with pytest.raises((KeyError, ValueError, TypeError, IndexError)):
+                sensed.decode_looks({**event, key: value}, get_map=columns)
+    with pytest.raises(ValueError, match="no map"):
+        sensed.decode_looks(event)
+    with pytest.raises(ValueError, match="more than 16777216 in a turn"):
+        sensed.refuse_many([event] * (sensed.MOST_IN_DISCS // 100))
+
+
+def discs_of(data):
+    """Return the data of the events of a recording, and a function that returns its map."""
+    with recorder.open(io.BytesIO(data)) as recording:
+        columns = recording.graph.columns()
+        return [event for *_, event in recording.reader.events(kinds={kinds.SENSED})], lambda: columns
+
+
+def test_reports_of_a_hundred_agents_take_few_bytes():
+    sizes = []
+    for sensed_too in (None, False):
+        stream = io.BytesIO()
+        with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20, 10.0))
+            for number in range(100):
+                eyes = ctx.sensor.create_sensor(f"eyes {number}", "agent_range", sensor_range=60.0)
+                ctx.agent.create_agent(
+                    f"a{number}", start_node_id=4 * number, sensors=[eyes], strategy=gamms.strategies.random_walk
+                )
+            ctx.record.start(stream, sensed=sensed_too)
+            ctx.game.run(20)
+            ctx.record.stop()
+        sizes.append(len(stream.getvalue()))
+    assert sizes[0] - sizes[1] < 6_000, sizes  # 100 agents report about 20 others each

@@ -840,7 +840,8 @@ class GameTurn(TurnDriver):
         made: decisions of agents that were made before, in a batch; None: none were. Any: the game has its own class.
         under_way: agents that a batch has moved through a part of the turn in which they decide at arrivals, until it
             goes on here; None: there are none. Any: the game has its own class.
-        observers: called in every turn with the agents and their states before any agent decides, in order.
+        observers: called in every turn with the agents and their states before any agent decides, in order; see
+            `game.turn.Observer`.
         order_now: the agents; None: they are not known.
         moves_of: the agents with which the moves of the turn began.
         checked: the last plan whose teams may all play.
@@ -964,6 +965,10 @@ class GameTurn(TurnDriver):
 
     def _prepare_first(self, order: Any, part: Any) -> bool:
         """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
+        raise NotImplementedError
+
+    def _tell_observers(self, order: Any, part: Any, observers: Any) -> Any:
+        """Return the observers that need the states of the agents of a part; the others observe now."""
         raise NotImplementedError
 
     def _observe_first(self, order: Any, part: Any, observers: Any) -> dict[int, Any]:
@@ -1109,10 +1114,13 @@ class GameTurn(TurnDriver):
         answers = self.answers
         if self.made is not None:
             self._ask_left(order, part, paths)
-        elif observers or paths is not None or not self.decide_in_core(order, part):
-            if self.phase.read_turn is not None:
-                self.forget_states()
-            self.decide(order, part, observers, paths)
+        else:
+            if observers:
+                observers = self._tell_observers(order, part, observers)
+            if observers or paths is not None or not self.decide_in_core(order, part):
+                if self.phase.read_turn is not None:
+                    self.forget_states()
+                self.decide(order, part, observers, paths)
         blocked = self.state.blocked
         if order.has_channels or blocked.known or blocked.stopped or answers.failures or answers.written:
             self._publish(order, part, answers)

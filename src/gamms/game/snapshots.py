@@ -625,7 +625,8 @@ class GameInternals(ContextPart):
         state: the state of the game.
         draw_start: called by `reset` with another seed, to draw the random parts of the start; None: there are none.
         after_reset: called after each reset, in order.
-        after_observing: called in every turn with the agents and their states before any agent decides, in order.
+        after_observing: called in every turn with the agents and their states before any agent decides, in order; see
+            `turn.Observer`.
         checkpoints: called before a turn that may be taken back; each returns a function that takes it back elsewhere.
         scenario: the scenario of the game as plain values, for the recorder; None: a program built the game.
         digests: returns the SHA-256 of each part of the scenario, for strategies that fit one map; None: no scenario.

@@ -50,7 +50,9 @@ CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
 _LAST_PLAYED = {"check": "act", "deeds": "act", "give way": "give way"}
 """The phases of a part of the turn that a game has played in a batch, when it has left in one; see `BegunPhase`."""
-Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
+Observer = Callable[[list[Any], list[dict[str, Any]]], None]
+"""Called with the agents and their states. Agents are not asked for states if it has a method `observe_agents` that is
+called with the agents alone and returns True; with False, the observer is called, too."""
 
 
 def describe_closed_edge(source: int, target: int) -> str:
@@ -974,6 +976,14 @@ class TurnEngine(GameTurn):
             del blocked[name]
         for i in [number[name] for name in forgotten]:
             slots.set_blocked(i, None)
+
+    def _tell_observers(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> Sequence[Observer]:
+        """Return the observers that need the states of the agents of a part; the others observe now."""
+        if part.paced or order.block.flyers:  # they may still move before they observe
+            return observers
+        agents = order.agents_of(self._ctx.agent.agents)
+        observing = [agents[i] for i in part.present(part.observing)]
+        return [one for one in observers if not (hasattr(one, "observe_agents") and one.observe_agents(observing))]
 
     def _observe_first(
         self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]

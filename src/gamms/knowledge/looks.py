@@ -1,25 +1,31 @@
 """The reports of sensors: taken from agents that observe, and encoded as columns of ids, one event for each turn."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from math import hypot
+from math import hypot, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms import kernels
+from gamms.core.sight import scale_of
+from gamms.deciding import get_phase
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.sensor_results import AgentLook
 from gamms.knowledge.fields import FieldFinder, FieldTable, SensorField
 from gamms.plain import to_plain
 from gamms.text import shown
-from gamms.typing import AgentType, IAgent, IGraph
+from gamms.typing import AgentType, IAgent, IGraph, ISensor
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, find_owner
 
 Results = Mapping[str, tuple[Any, Any]]  # sensor -> (type, data), as in a state
 
 # Forms of data: node ids; nodes and edges; agents and nodes; anything else; agents in 3D, and the nodes below; and, in
-# encoded data only, agents as places in the list of all agents that the looks report, with their nodes.
-_FORMS = range(6)
-_IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE, _LISTED = _FORMS
+# encoded data only, agents as places in the list of all agents that the looks report, with their nodes; and all agents
+# of this list in a disc around the agent that looks.
+_FORMS = range(7)
+_IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE, _LISTED, _IN_DISC = _FORMS
 WITH_OTHER = (_OTHER, _IN_SPACE)
 _OF_AGENTS_IN_SPACE = frozenset(kind.name for kind in IN_AIR)  # their data are (type, position) for each agent
 # Types whose ids are node ids, and whose names are agent names; custom types may differ.
@@ -30,7 +36,9 @@ _INT = frozenset({int})
 _UNSIGNED = 1 << 32
 _INT64 = range(-(1 << 63), 1 << 63)
 _NEAR = 1e-6  # map units: an agent seen this near a node is on it
-
+_NO_AGENTS = np.zeros(0, np.int64)
+MOST_IN_DISCS = 1 << 24  # looks of this form times listed agents, of one turn: as many may be reported
+_PAIRS_AT_ONCE = 1 << 20
 
 Nearest = Callable[[Sequence[float]], int]
 
@@ -44,7 +52,7 @@ class Look(NamedTuple):
         form: how the data are held.
         first: node ids, or agent numbers.
         second: edge ids, or the nodes of the agents.
-        other: any other data.
+        other: any other data; for a look that is to be encoded as a disc, its `AgentLook`.
         field: the nodes that it covers, if it reports only agents; None: not recorded.
     """
 
@@ -75,19 +83,33 @@ Reports = Mapping[tuple[str, str], Report]
 """(agent, name of the sensor for it) -> report."""
 
 
-def take_looks(
-    results: Iterable[tuple[int, Results]], numbers: Mapping[str, int], nodes: Mapping[str, int]
-) -> Iterator[tuple[int, list[Look]]]:
-    """Yield the numbers of agents, and the looks of their sensors.
+def make_look(
+    sensor: str, sensor_type: object, data: object, numbers: Mapping[str, int], nodes: Mapping[str, int]
+) -> Look:
+    """Return a look with the data of a sensor.
 
     Args:
-        results: for each agent its number and its sensor data.
+        sensor: its name.
+        sensor_type: its SensorType; or any value that stands for its type.
+        data: its data, as in a state.
         numbers: agent -> number.
         nodes: agent -> its node, or the node below it.
     """
-    for agent, each in results:
-        of_sensors = [(name, str(getattr(kind, "name", kind)), data) for name, (kind, data) in each.items()]
-        yield agent, [_make_look(*one, numbers, nodes) for one in of_sensors]
+    kind = _name_kind(sensor_type)
+    if type(data) is list and _are_ids(data):
+        return Look(sensor, kind, _IDS, data, [], None)
+    if type(data) is dict:
+        if data.keys() == {"nodes", "edges"} and isinstance(data["nodes"], dict):
+            edges: list[Any] = [getattr(edge, "id", None) for edge in data["edges"]]
+            are_nodes = kind in _SEEING or all(getattr(node, "id", None) == key for key, node in data["nodes"].items())
+            if are_nodes and _are_ids(data["nodes"]) and _are_ids(edges):
+                return Look(sensor, kind, _MAP, list(data["nodes"]), edges, None)
+        elif kind in _OF_AGENTS_IN_SPACE and data.keys() <= numbers.keys():
+            below = [nodes[name] for name in data]
+            return Look(sensor, kind, _IN_SPACE, [numbers[name] for name in data], below, to_plain(list(data.values())))
+        elif data.keys() <= numbers.keys() and _are_ids(data.values()):
+            return Look(sensor, kind, _AGENTS, [numbers[name] for name in data], list(data.values()), None)
+    return Look(sensor, kind, _OTHER, [], [], to_plain(data))
 
 
 def take_observed_looks(
@@ -98,6 +120,7 @@ def take_observed_looks(
     numbers: Mapping[str, int],
     *,
     is_early: bool = False,
+    has_discs: bool = False,
 ) -> list[tuple[int, list[Look]]]:
     """Return the numbers of agents, and the looks of their sensors in states from which they decide.
 
@@ -108,42 +131,79 @@ def take_observed_looks(
         states: the state of each of them.
         numbers: agent -> number.
         is_early: whether agents may have moved since.
+        has_discs: whether looks at all agents around an agent are discs, which only `columns_of` takes.
     """
     columns = ctx.agent.block
     nodes = dict(zip(columns.names, columns.ids_of(columns.node), strict=True))
-    results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
-    looks = list(take_looks(results, numbers, nodes))
     finder.note_places()
-    for agent, state, (_, own) in zip(agents, states, looks, strict=True):
+    found = []
+    for agent, state in zip(agents, states, strict=True):
         carried = agent.sensors
         node = state.get("curr_pos") if is_early else None
-        if is_early and not isinstance(node, int):  # it flew
-            continue
-        for i, look in enumerate(own):
-            field = finder.find(carried.get(look.sensor), agent, node)
-            if field is not None:
-                own[i] = look._replace(field=field)
-    return looks
+        has_fields = not is_early or isinstance(node, int)  # otherwise it flew
+        own = []
+        for name, (kind, data) in state["sensor"].items():
+            sensor = carried.get(name)
+            disc = find_disc(sensor, agent.name) if has_discs else None
+            if disc is not None:
+                own.append(make_disc(name, _name_kind(kind), disc))
+                continue
+            look = make_look(name, kind, data, numbers, nodes)
+            own.append(look._replace(field=finder.find(sensor, agent, node)) if has_fields else look)
+        found.append((numbers[agent.name], own))
+    return found
 
 
-def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, turn: int) -> dict[str, Any]:
+def find_disc(sensor: ISensor | None, owner: str) -> AgentLook | None:
+    """Return how a sensor reports all agents around the agent that carries it; None: it may report others."""
+    of_agents: Any = sensor if hasattr(sensor, "in_arrays") else None
+    look: AgentLook | None = None if of_agents is None else of_agents.in_arrays()
+    if look is None or not look.is_plain or "sense" in vars(of_agents) or find_owner(of_agents) != owner:
+        return None
+    return look if not isfinite(look.radius) or scale_of(look.radius) == 1.0 else None
+
+
+def make_disc(sensor: str, kind: str, look: AgentLook) -> Look:
+    """Return a look at all agents within a radius, which is encoded without these."""
+    return Look(sensor, kind, _IN_DISC, [], [], look)
+
+
+class AgentsOnMap(NamedTuple):
+    """The living agents that stand on nodes, in order of creation; one item for each agent.
+
+    Attributes:
+        numbers: their numbers.
+        nodes: the ids of their nodes.
+        teams: their teams.
+    """
+
+    numbers: Sequence[int]
+    nodes: Sequence[int]
+    teams: Sequence[Any]
+
+
+def columns_of(
+    observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, turn: int, living: AgentsOnMap | None = None
+) -> dict[str, Any]:
     """Return the data of an event.
 
     Args:
         observers: agent numbers and looks.
         fields: the fields that were written before.
         turn: number of turns before this one.
+        living: all living agents, if some looks are encoded as discs.
     """
     agents, counts, which, forms, sizes, ids, others, covered = [list[Any]() for _ in range(8)]
-    sensors: dict[tuple[str, str], int] = {}
+    sensors: dict[tuple[str, str, AgentLook | None], int] = {}
     looked = list(observers)
-    seen = _find_seen(looked)
+    seen = _find_seen(looked, living)
     place_of = {agent: place for place, agent in enumerate(seen)}
     for agent, own in looked:
         agents.append(agent)
         counts.append(len(own))
         for sensor, kind, form, first, second, other, field in own:
-            which.append(sensors.setdefault((sensor, kind), len(sensors)))
+            disc = other if form == _IN_DISC else None
+            which.append(sensors.setdefault((sensor, kind, disc), len(sensors)))
             covered.append(field)
             if form == _AGENTS and list(map(seen.get, first)) == second:
                 forms.append(_LISTED)
@@ -159,7 +219,7 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, 
     return {
         "agents": _narrow(np.array(agents, np.int64)),
         "counts": _narrow(np.array(counts, np.int64)),
-        "sensors": list(sensors),
+        "sensors": [(sensor, kind) for sensor, kind, _ in sensors],
         "which": _narrow(np.array(which, np.int64)),
         "forms": np.array(forms, np.uint8),
         "sizes": _narrow(np.array(sizes, np.int64).reshape(-1, 2)),
@@ -173,18 +233,33 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, 
             if seen
             else {}
         ),
+        **({} if living is None else _describe_discs([disc for *_, disc in sensors], living, len(seen))),
         **fields.write(covered, turn),
     }
 
 
-def _find_seen(observers: Iterable[tuple[int, list[Look]]]) -> dict[int, int]:
-    """Return the number of each agent that looks report at a node, ascending, and its node in the last look."""
+def _describe_discs(discs: Sequence[AgentLook | None], living: AgentsOnMap, listed: int) -> dict[str, Any]:
+    """Return the radius of each sensor whose looks are discs, and which listed agents it shows: some living ones."""
+    shown = np.zeros((len(discs), listed), np.bool_)
+    for row, disc in enumerate(discs):
+        if disc is not None:
+            shown[row, : len(living.teams)] = [disc.shows(team) for team in living.teams]
+    return {"radii": np.array([0.0 if disc is None else disc.radius for disc in discs]), "shown": shown}
+
+
+def _find_seen(observers: Iterable[tuple[int, list[Look]]], living: AgentsOnMap | None) -> dict[int, int]:
+    """Return the number and the node of each listed agent.
+
+    These are all living agents, if some looks are discs; then those that other looks report at a node, ascending, with
+    the node in the last look.
+    """
     found: dict[int, int] = {}
     for _, own in observers:
         for look in own:
             if look.form == _AGENTS:
                 found.update(zip(look.first, look.second, strict=True))
-    return dict(sorted(found.items()))
+    listed = {} if living is None else dict(zip(living.numbers, living.nodes, strict=True))
+    return listed | {agent: node for agent, node in sorted(found.items()) if agent not in listed}
 
 
 def _narrow(numbers: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
@@ -237,7 +312,8 @@ def _read_columns(data: Mapping[str, Any]) -> _LookColumns:
         raise ValueError("a look has an unknown form")
     first, second = sizes.T
     has_pairs = np.isin(forms, (_AGENTS, _IN_SPACE))
-    if (second != np.where(has_pairs, first, 0))[forms != _MAP].any() or first[forms == _OTHER].any():
+    is_empty = np.isin(forms, (_OTHER, _IN_DISC))
+    if (second != np.where(has_pairs, first, 0))[forms != _MAP].any() or first[is_empty].any():
         raise ValueError("a look has ids that its form does not have")
     has_other = np.isin(forms, WITH_OTHER)
     if type(data["others"]) is not list or len(data["others"]) != np.count_nonzero(has_other):
@@ -248,7 +324,10 @@ def _read_columns(data: Mapping[str, Any]) -> _LookColumns:
 
 
 def decode_looks(
-    data: Mapping[str, Any], agent: int | None = None, fields: FieldTable | None = None
+    data: Mapping[str, Any],
+    agent: int | None = None,
+    fields: FieldTable | None = None,
+    get_map: Callable[[], GraphColumns] | None = None,
 ) -> list[tuple[int, Look]]:
     """Decode looks, of all agents or of one: its number, and each of its looks.
 
@@ -256,21 +335,25 @@ def decode_looks(
         data: the data of an event.
         agent: the number of the agent; None: all.
         fields: the fields that were read before; None: fields are left out.
+        get_map: returns the map of discs, the first one of the recording; None: no look is a disc.
 
     Raises:
         KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
     """
     columns = _read_columns(data)
     owners = columns.owners
-    covered = None if fields is None else fields.read(data, len(owners))
+    forms = columns.forms.tolist()
+    covered = None if fields is None else _read_fields(data, columns, fields)
     rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
+    discs = _read_discs(data, columns, get_map)
+    in_discs = iter(()) if discs is None else discs.find_agents([row for row in rows if forms[row] == _IN_DISC])
     ids = data["ids"].tolist()
-    seen = _read_seen(data)
+    seen, seen_at = (column.tolist() for column in _read_seen(data))
     found = []
     for row in rows:
         sensor, kind = data["sensors"][columns.which[row]]
         first, second = (ids[part] for part in columns.slice_parts(row))
-        form = int(columns.forms[row])
+        form = forms[row]
         other = data["others"][columns.others[row]] if form in WITH_OTHER else None
         if form == _IN_SPACE and (type(other) is not list or len(other) != len(first)):
             raise ValueError("a look has other positions than agents")
@@ -278,20 +361,24 @@ def decode_looks(
             form = _AGENTS
             if first and min(first) < 0:
                 raise ValueError("it lists an agent at a negative place")
-            pairs = [seen[place] for place in first]
-            first = [number for number, _ in pairs]
-            second = [node for _, node in pairs]
+            first, second = ([column[place] for place in first] for column in (seen, seen_at))
         field = None if covered is None else covered[row]
+        if form == _IN_DISC:
+            form = _AGENTS
+            first, second, disc = next(in_discs)
+            field = None if covered is None else disc
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other, field)))
     return found
 
 
-def _read_seen(data: Mapping[str, Any]) -> list[tuple[int, int]]:
+def _read_seen(data: Mapping[str, Any]) -> tuple[IntArray, IntArray]:
     """Return the number and the node of each listed agent."""
     if "seen" not in data:
-        return []
-    numbers, nodes = (_convert_integers(data[name]).tolist() for name in ("seen", "seen_at"))
-    return list(zip(numbers, nodes, strict=True))
+        return _NO_AGENTS, _NO_AGENTS
+    numbers, nodes = (_convert_integers(data[name]) for name in ("seen", "seen_at"))
+    if len(numbers) != len(nodes):
+        raise ValueError("it lists agents without nodes")
+    return numbers, nodes
 
 
 def _add_up(sizes: IntArray, total: int) -> bool:
@@ -299,6 +386,103 @@ def _add_up(sizes: IntArray, total: int) -> bool:
     if not len(sizes):
         return total == 0
     return int(sizes.min()) >= 0 and int(sizes.max()) <= total and int(sizes.sum()) == total
+
+
+def _read_fields(data: Mapping[str, Any], columns: _LookColumns, fields: FieldTable) -> list[SensorField | None]:
+    """Return the recorded field of each look; discs have none."""
+    covered = fields.read(data, len(columns.owners))
+    if "fields" in data and data["fields"][columns.forms == _IN_DISC].any():
+        raise ValueError("a disc has a recorded field")
+    return covered
+
+
+class _Discs(NamedTuple):
+    """The columns of looks at all agents within a radius, checked.
+
+    Attributes:
+        which: (looks,) place of the sensor, of all looks.
+        middles: (looks,) place in the list of the agent that looks, for discs.
+        numbers: (listed,) number of each listed agent.
+        nodes: (listed,) its node.
+        xy: (listed, 2) its position, if it looks or may be reported, map units.
+        radii: (sensors,) map units.
+        is_shown: (sensors, listed) whether it may be reported.
+    """
+
+    which: IntArray
+    middles: IntArray
+    numbers: IntArray
+    nodes: IntArray
+    xy: FloatArray
+    radii: FloatArray
+    is_shown: BoolArray
+
+    def find_agents(self, looks: Sequence[int]) -> Iterator[tuple[list[int], list[int], SensorField | None]]:
+        """Yield for each of these discs the numbers of the agents in it, their nodes, and its field, if it has an end.
+
+        Args:
+            looks: the places of the discs among all looks.
+        """
+        numbers = self.numbers.tolist()
+        nodes = self.nodes.tolist()
+        x, y = self.xy.T
+        size = max(_PAIRS_AT_ONCE // max(len(numbers), 1), 1)
+        for begin in range(0, len(looks), size):
+            some = np.asarray(looks[begin : begin + size], np.int64)
+            middles = self.middles[some]
+            radii = self.radii[self.which[some]]
+            with np.errstate(over="ignore"):
+                dx = x - x[middles, None]
+                dy = y - y[middles, None]
+                is_near = dx * dx + dy * dy <= (radii * radii)[:, None]  # as `core.sight.is_within`
+            is_seen = is_near & self.is_shown[self.which[some]]
+            is_seen[np.arange(len(some)), middles] = False
+            for row, middle, radius in zip(is_seen, middles.tolist(), radii.tolist(), strict=True):
+                places = np.flatnonzero(row).tolist()
+                field = SensorField(nodes[middle], radius, b"") if isfinite(radius) else None
+                yield [numbers[one] for one in places], [nodes[one] for one in places], field
+
+
+def _read_discs(
+    data: Mapping[str, Any], columns: _LookColumns, get_map: Callable[[], GraphColumns] | None
+) -> _Discs | None:
+    """Check the columns of discs; None: no look is one. See `decode_looks`."""
+    is_disc = columns.forms == _IN_DISC
+    if not is_disc.any():
+        return None
+    if get_map is None:
+        raise ValueError("it has discs, and no map is known")
+    refuse_many([data])
+    numbers, nodes = _read_seen(data)
+    radii = _check_array(data["radii"], np.float64, (len(data["sensors"]),))
+    is_shown = _check_array(data["shown"], np.bool_, (len(radii), len(numbers)))
+    if not (radii >= 0.0).all():
+        raise ValueError("a radius is negative or not a number")
+    if len(np.unique(numbers)) < len(numbers):
+        raise ValueError("it lists an agent twice")
+    middles = kernels.rows_of(numbers, columns.owners, np.argsort(numbers))
+    if (middles[is_disc] < 0).any():
+        raise ValueError("an agent in the middle of a disc is not listed")
+    known = get_map()
+    rows = kernels.rows_of(known.node_ids, nodes, known.node_order)
+    is_needed = np.logical_or.reduce(is_shown, axis=0)
+    is_needed[middles[is_disc]] = True
+    if (rows[is_needed] < 0).any():
+        raise ValueError("an agent that discs report is at a node that is not on the map")
+    xy = np.zeros((len(rows), 2))
+    xy[is_needed] = known.xy[rows[is_needed]]
+    return _Discs(np.array(columns.which, np.int64), middles, numbers, nodes, xy, radii, is_shown)
+
+
+def refuse_many(events: Iterable[Mapping[str, Any]]) -> None:
+    """Raise ValueError if the discs of a turn, times the listed agents, are too many to be read.
+
+    Args:
+        events: the data of its events.
+    """
+    count = sum(int(np.count_nonzero(data["forms"] == _IN_DISC)) * len(data.get("seen", ())) for data in events)
+    if count > MOST_IN_DISCS:
+        raise ValueError(f"its discs may report {count} agents, more than {MOST_IN_DISCS} in a turn")
 
 
 def renumber_looks(
@@ -538,6 +722,12 @@ def as_reported(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
     return look
 
 
+def _check_array(column: object, dtype: type, shape: tuple[int, ...]) -> "np.ndarray[Any, Any]":
+    if not isinstance(column, np.ndarray) or column.dtype != dtype or column.shape != shape:
+        raise TypeError(f"{shown(column)} is not an array of {dtype.__name__} with the shape {shape}")
+    return column
+
+
 def _convert_integers(column: object, *row: int) -> IntArray:
     """Return a column of integers, or of rows of integers of the given shape.
 
@@ -554,23 +744,205 @@ def _convert_integers(column: object, *row: int) -> IntArray:
     return column.astype(np.int64, copy=False)
 
 
-def _make_look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], nodes: Mapping[str, int]) -> Look:
-    if type(data) is list and _are_ids(data):
-        return Look(sensor, kind, _IDS, data, [], None)
-    if type(data) is dict:
-        if data.keys() == {"nodes", "edges"} and isinstance(data["nodes"], dict):
-            edges: list[Any] = [getattr(edge, "id", None) for edge in data["edges"]]
-            are_nodes = kind in _SEEING or all(getattr(node, "id", None) == key for key, node in data["nodes"].items())
-            if are_nodes and _are_ids(data["nodes"]) and _are_ids(edges):
-                return Look(sensor, kind, _MAP, list(data["nodes"]), edges, None)
-        elif kind in _OF_AGENTS_IN_SPACE and data.keys() <= numbers.keys():
-            below = [nodes[name] for name in data]
-            return Look(sensor, kind, _IN_SPACE, [numbers[name] for name in data], below, to_plain(list(data.values())))
-        elif data.keys() <= numbers.keys() and _are_ids(data.values()):
-            return Look(sensor, kind, _AGENTS, [numbers[name] for name in data], list(data.values()), None)
-    return Look(sensor, kind, _OTHER, [], [], to_plain(data))
+def _name_kind(kind: object) -> str:
+    """Return the name of the type of a sensor, which may be any value."""
+    return str(getattr(kind, "name", kind))
 
 
 def _are_ids(values: Collection[Any]) -> bool:
     # NOTE: inline for the many nodes that a sensor sees (benchmarks: spectators).
     return _INT.issuperset(map(type, values)) and (not values or (min(values) in _INT64 and max(values) in _INT64))
+
+
+# -- while a game is recorded -----------------------------------------------------------------------------------------
+
+
+class SharedLooks(NamedTuple):
+    """Looks of sensors that show the same nodes from the same node.
+
+    Attributes:
+        sensor: one of the sensors.
+        looks: (looks,) their places among all looks.
+        rows: (looks,) the rows of their agents.
+    """
+
+    sensor: ISensor
+    looks: IntArray
+    rows: IntArray
+
+
+class ReportWriter:
+    """Writes the reports of the sensors of a context as data of events.
+
+    A sensor that reports all agents around its own is encoded as a disc: the nodes of the agents say what it reports.
+    There are discs while all agents stand on nodes of the first map of the recording, and until one of these changes.
+    The agents are not asked for states if their sensors give discs, or nodes that depend only on where they stand.
+
+    Args:
+        ctx: the context.
+    """
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx = ctx
+        self._phase = get_phase(ctx)
+        self._finder = FieldFinder(ctx)
+        self._fields = FieldTable()  # that were written
+        self._replayed_fields = FieldTable()  # of the recording that is replayed
+        self._first_map: GraphColumns | None = None
+        self._has_first_nodes = False
+        self._made_of: tuple[Any, ...] = ()  # what the next three depend on
+        self._living: list[int] = []  # the rows of the living agents, if there are discs
+        self._shared: list[SharedLooks] = []
+        self._columns: dict[str, Any] | None = None  # data of an event without nodes; None: states are needed
+
+    def follow_map(self) -> None:
+        """Take the first map, or another one: called whenever the map has changed."""
+        self.forget_fields()
+        now = self._ctx.graph.columns()
+        first = self._first_map
+        if first is None:
+            self._first_map = now
+            self._has_first_nodes = True
+        elif not (np.array_equal(first.node_ids, now.node_ids) and np.array_equal(first.xy, now.xy)):
+            self._has_first_nodes = False
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that forgets what is written from now on, when the turn has been taken back."""
+        fields = self._fields.copy()
+        first_map = self._first_map
+        has_first_nodes = self._has_first_nodes
+
+        def forget() -> None:
+            self._fields = fields
+            self._first_map = first_map
+            self._has_first_nodes = has_first_nodes
+            self._made_of = ()
+            self.forget_fields()
+
+        return forget
+
+    def forget_fields(self) -> None:
+        """Find the fields of sensors again, because sensors have changed."""
+        self._finder.forget()
+
+    def rewrite(self, data: dict[str, Any], turn: int) -> dict[str, Any]:
+        """Return an event of a replayed recording with the numbers of fields of this one; see `FieldTable`."""
+        return self._fields.rewritten(data, self._replayed_fields, turn)
+
+    def write(
+        self, agents: Sequence[IAgent], states: Sequence[Mapping[str, Any]], numbers: Sequence[int], turn: int
+    ) -> dict[str, Any]:
+        """Return the data of an event with the reports in states.
+
+        Args:
+            agents: the agents that look.
+            states: their states.
+            numbers: the number of each agent of the context, by its row.
+            turn: number of turns before this one.
+        """
+        number_of = dict(zip(self._ctx.agent.block.names, numbers, strict=False))
+        living = self._list_living()
+        has_discs = len(living) > 0
+        looks = take_observed_looks(self._ctx, self._finder, agents, states, number_of, has_discs=has_discs)
+        return columns_of(looks, self._fields, turn, self._describe_agents(looks, living, numbers))
+
+    def write_without_states(self, agents: Sequence[IAgent], numbers: Sequence[int]) -> dict[str, Any] | None:
+        """Return the data of an event with the reports that depend only on where agents stand; None if others do not.
+
+        Args:
+            agents: the agents that look.
+            numbers: the number of each agent of the context, by its row.
+        """
+        if not self._are_on_nodes():
+            return None
+        counts = self._phase.sensor_changes, self._phase.owner_changes, self._ctx.agent.structure_version
+        made_of = (*counts, self._has_first_nodes), agents, numbers
+        if self._made_of != made_of:
+            self._made_of = made_of[0], [*agents], [*numbers]
+            self._living = self._list_living()
+            self._columns = self._make_columns(agents, numbers)
+        if self._columns is None:
+            return None
+        data = {**self._columns}
+        nodes = self._find_nodes()
+        if "seen" in data:
+            data["seen_at"] = _narrow(nodes[self._living])
+        if self._shared:
+            data |= self._find_shown(nodes)
+        return data
+
+    def _are_on_nodes(self) -> bool:
+        block = self._ctx.agent.block
+        return not (block.flyers or block.travellers or block.removed)
+
+    def _list_living(self) -> list[int]:
+        """Return the rows of the living agents; empty if no looks can be discs."""
+        living = [row for row, is_alive in enumerate(self._ctx.agent.block.alive) if is_alive]
+        is_possible = self._has_first_nodes and self._are_on_nodes() and len(living) ** 2 <= MOST_IN_DISCS
+        return living if is_possible else []
+
+    def _find_nodes(self) -> IntArray:
+        """Return the ids of the nodes of all agents, by row."""
+        block = self._ctx.agent.block
+        return np.asarray(block.ids_of(block.node), np.int64)
+
+    def _describe_agents(
+        self, looks: Sequence[tuple[int, list[Look]]], living: Sequence[int], numbers: Sequence[int]
+    ) -> AgentsOnMap | None:
+        """Return the agents in rows, if some looks are discs."""
+        if not any(look.form == _IN_DISC for _, own in looks for look in own):
+            return None
+        teams = self._ctx.agent.block.teams
+        nodes = self._find_nodes()[living].tolist()
+        return AgentsOnMap([numbers[row] for row in living], nodes, [teams[row] for row in living])
+
+    def _make_columns(self, agents: Sequence[IAgent], numbers: Sequence[int]) -> dict[str, Any] | None:
+        """Return the data of an event without shown nodes; None if the states of agents are needed."""
+        row_of = {name: row for row, name in enumerate(self._ctx.agent.block.names)}
+        shared: dict[Any, tuple[ISensor, list[int], list[int]]] = {}
+        looks = []
+        count = 0
+        for agent in agents:
+            row = row_of[agent.name]
+            own = [self._plan_look(name, sensor, agent.name) for name, sensor in agent.sensors.items()]
+            planned = [look for look in own if look is not None]
+            if len(planned) < len(own):
+                return None
+            for look in planned:
+                if look.form != _IN_DISC:
+                    sensor: Any = agent.sensors[look.sensor]
+                    _, places, rows = shared.setdefault(sensor.shows_alike, (sensor, [], []))
+                    places.append(count)
+                    rows.append(row)
+                count += 1
+            looks.append((numbers[row], planned))
+        self._shared = [SharedLooks(one, np.array(some), np.array(rows)) for one, some, rows in shared.values()]
+        return columns_of(looks, self._fields, 0, self._describe_agents(looks, self._living, numbers))
+
+    def _plan_look(self, name: str, sensor: ISensor, owner: str) -> Look | None:
+        """Return a look of a sensor without what it shows; None if that depends not only on where agents stand."""
+        kind = _name_kind(sensor.type)
+        disc = find_disc(sensor, owner) if self._living else None
+        if disc is not None:
+            return make_disc(name, kind, disc)
+        if getattr(sensor, "shows_alike", None) is None:
+            return None
+        return Look(name, kind, _IDS if kind == "NEIGHBOR" else _MAP, [], [], None)
+
+    def _find_shown(self, nodes: IntArray) -> dict[str, Any]:
+        """Return the columns with what sensors of nodes show from the nodes of all agents."""
+        looks = len(self._columns["which"])  # type: ignore[index] # they are known
+        sizes = np.zeros((looks, 2), np.int64)
+        parts = []
+        for sensor, places, rows in self._shared:
+            starts, which = np.unique(nodes[rows], return_inverse=True)
+            found = sensor.sense_many(starts)
+            for side, one in enumerate((found, found.edges)):
+                if one is not None:
+                    sizes[places, side] = np.diff(one.offsets)[which]
+                    parts.append((2 * places + side, which, one))
+        ends = np.concatenate(([0], np.cumsum(sizes)))
+        ids = np.empty(ends[-1], np.int64)
+        for places, which, one in parts:
+            ids[kernels.chosen_runs(ends, places)[0]] = one.values[kernels.chosen_runs(one.offsets, which)[0]]
+        return {"sizes": _narrow(sizes), "ids": _narrow(ids)}

@@ -60,6 +60,7 @@ class KnowledgeFilter:
         keyframe: state at the beginning; unchanged.
         is_own: function of the name and the team of an agent: whether it is one of the agents with this knowledge.
         nearest: function from a place (x, y) to the nearest node.
+        get_map: returns the first map of the recording.
         visuals: artists and colors in the header of the whole recording; None: none.
 
     Attributes:
@@ -73,10 +74,12 @@ class KnowledgeFilter:
         keyframe: Keyframe,
         is_own: Callable[[str, Any], bool],
         nearest: Nearest,
+        get_map: Callable[[], GraphColumns],
         visuals: Mapping[str, Any] | None = None,
     ) -> None:
         self._is_own = is_own
         self._nearest = nearest
+        self._get_map = get_map
         self._visuals = visuals
         self._met: set[str] = set()  # names of other agents shown so far
         self._ids: dict[str, int] = {}  # name -> number, while a turn waits
@@ -328,7 +331,7 @@ class KnowledgeFilter:
         """Return the looks of the sensors of the own agents, by agent."""
         numbers = [number for number in data["agents"].tolist() if self._names.get(number) in self._own]
         looks: dict[int, list[Look]] = {number: [] for number in numbers}
-        for number, look in sensed.decode_looks(data, fields=self._whole_fields):
+        for number, look in sensed.decode_looks(data, None, self._whole_fields, self._get_map):
             if number in looks:
                 looks[number].append(sensed.as_reported(look, self._nearest, self._names))
         return [(self._get_id(number), each) for number, each in looks.items()]
@@ -459,7 +462,8 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     if own is None:
         raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
     with reporting_damage("It cannot be cut", DAMAGES):
-        cut = KnowledgeFilter(first[1], is_own, sensed.make_nearest(lambda: columns), reader.header.get("visuals"))
+        nearest = sensed.make_nearest(lambda: columns)
+        cut = KnowledgeFilter(first[1], is_own, nearest, lambda: columns, reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
         header |= {"seed": None, "audience": own, "sides": list_sides(reader.header, first[1], is_own)}
     writer = Writer(out, header, seconds=None)

@@ -28,7 +28,7 @@ from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
-from gamms.ir.graph import read_only
+from gamms.ir.graph import GraphColumns, read_only
 from gamms.ir.tables import add_latlon, frame_of, make_table
 from gamms.knowledge.sides import list_sides
 from gamms.recorder import tables
@@ -489,6 +489,9 @@ class Recording(Surface, StreamOwner):
             )
         return header.get("world") if self._given is None else self._given
 
+    def _get_first_map(self) -> GraphColumns:
+        return self.graph.columns()
+
     def map_hash(self, turn: int) -> str:
         """Return the SHA-256 of the map after a number of turns, even if the recording does not contain the map."""
         last = self._map_turn(turn)
@@ -580,7 +583,8 @@ class Recording(Surface, StreamOwner):
             UnknownName (KeyError): the table does not exist.
             BadValue (ValueError): `lat_lon` for a table without nodes or a map without a CRS.
         """
-        table = tables.table(self.reader, name, *self._find_logs(start, stop), self._find_names)
+        logs = self._find_logs(start, stop)
+        table = tables.table(self.reader, name, *logs, self._find_names, self._get_first_map)
         return add_latlon(table, self.state(self.turns).graph.columns()) if as_bool(lat_lon, "lat_lon") else table
 
     def to_pandas(

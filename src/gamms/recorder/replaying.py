@@ -22,7 +22,7 @@ from gamms.ir.events import (
     list_events,
     records_of,
 )
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.journal import Journal, MutedJournal
 from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.knowledge import looks as sensed
@@ -410,10 +410,12 @@ class ReportReader:
 
     Args:
         reader: reader of the recording.
+        get_map: returns the first map of the recording.
     """
 
-    def __init__(self, reader: Reader) -> None:
+    def __init__(self, reader: Reader, get_map: Callable[[], GraphColumns]) -> None:
         self._reader = reader
+        self._get_map = get_map
         self._fields = FieldTable()
         self._following = 0  # turn to be read next
         self._latest: tuple[int, bool, list[tuple[int, Look]]] = (-1, False, [])
@@ -440,9 +442,15 @@ class ReportReader:
             first = max(first, self._following)
         found = list[tuple[int, Look]]()
         with reporting_damage("The sensor data are damaged", with_type=True):
+            now = []
             for at, *_, data in self._reader.events(first, turn + 1, {kinds.SENSED}):
-                looks = sensed.decode_looks(data, fields=self._fields)
-                found += looks if at == turn else []
+                if at == turn:
+                    now.append(data)
+                else:
+                    self._fields.read(data, len(data["which"]))
+            sensed.refuse_many(now)
+            for data in now:
+                found += sensed.decode_looks(data, None, self._fields, self._get_map)
         self._following = turn + 1
         return found
 
@@ -480,7 +488,8 @@ class Replayer:
         """
         self._declare(reader.header)
         begin = reader.keyframe(0)
-        reports = ReportReader(reader)
+        first_map = self._ctx.graph.columns()
+        reports = ReportReader(reader, lambda: first_map)
         self.state.show_reports(lambda: self._reports_now(reports))
         if begin is not None:
             self._begin(reader.header, begin[1])

@@ -92,7 +92,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
         raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
     numbers = {name: number for number, name in agents.names.items()}
     with reporting_damage(f"The sensor data of turn {turn} are damaged", with_type=True):
-        looks = sensed.decode_looks(found, numbers[agent])
+        looks = sensed.decode_looks(found, numbers[agent], get_map=ctx.graph.columns)
         graph = ctx.graph.graph
         state["sensor"] = {
             look.sensor: (

@@ -16,8 +16,7 @@ from gamms.deciding import get_phase
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
-from gamms.knowledge import looks as sensed
-from gamms.knowledge.fields import FieldFinder, FieldTable
+from gamms.knowledge.looks import ReportWriter
 from gamms.plain import Plain
 from gamms.progress import uninterrupted
 from gamms.recorder import keyframes
@@ -101,6 +100,25 @@ class EventFollowers:
         self.has_failed = False
 
 
+class ReportObserver:
+    """Lets a session record the sensor data of agents before they decide, see `game.turn.Observer`.
+
+    Args:
+        session: the session.
+    """
+
+    def __init__(self, session: "RecordingSession") -> None:
+        self._session = session
+
+    def __call__(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
+        """Record the data in the states of agents."""
+        self._session.note_reports(agents, states)
+
+    def observe_agents(self, agents: list[Any]) -> bool:
+        """Record the data if they depend only on where agents stand; return whether they do."""
+        return self._session.note_reports(agents, None)
+
+
 class RecordingSession:
     """Listens to a context and passes its events to an encoder.
 
@@ -137,11 +155,12 @@ class RecordingSession:
         self._pending: Log = []  # declarations of components that the replayed recording may repeat
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
-        self._finder = FieldFinder(ctx)
-        self._fields = FieldTable()  # that are written
-        self._replayed_fields = FieldTable()  # of the recording that is replayed
+        self._reports = ReportWriter(ctx)
+        self._observer = ReportObserver(self)
         self._skipped = SkippedValues(ctx)
         self.world: bytes | None = self._skipped.packed() if has_map else None
+        if has_map:
+            self._reports.follow_map()
         self._skipped.check_all()
         self.drawings = DrawingChanges(ctx.visual, with_custom=with_drawings)
         self._declarations = self.drawings.edits
@@ -195,6 +214,7 @@ class RecordingSession:
         self.turn += 1
         if self.world is None:  # later maps are recorded as events
             self.world = self._skipped.packed()
+            self._reports.follow_map()
         if self._writer is not None:
             self._writer.add(log, len(log) + journal.in_arrays, journal.weight, has_arrays=bool(journal.in_arrays))
         journal.in_arrays = 0
@@ -206,7 +226,7 @@ class RecordingSession:
         journal = self._journal
         drop_events = journal.checkpoint()
         changes = self._changes.copy()
-        fields = self._fields.copy()
+        forget_reports = self._reports.checkpoint()
         before = {name: getattr(self, name) for name in _OF_TURN}
         is_map_known = self._revised == _REVISIONS(self._graph)
         following = self._following
@@ -217,7 +237,7 @@ class RecordingSession:
                 return
             drop_events()
             self._changes = changes
-            self._fields = fields
+            forget_reports()
             for name, value in before.items():
                 setattr(self, name, value)
             self._versions = ()
@@ -322,6 +342,8 @@ class RecordingSession:
         """
         if not self.is_new or not (self.world is None or is_map_of(self.world, header)):
             return False
+        if self.world is None:
+            self._reports.follow_map()
         self._replayed = DetachedState(deepcopy(begin))
         self.header = header  # not None: there is a map
         self.world = header.get("world", b"")
@@ -431,26 +453,39 @@ class RecordingSession:
         internals = self.ctx.game.internals
         found: list[Any] = [(self.ctx.visual.after_turn, self.end_turn), (internals.after_reset, self.restart)]
         found.append((internals.checkpoints, self.checkpoint))
-        return [*found, (internals.after_observing, self._note_sensed)] if self._with_sensed else found
+        return [*found, (internals.after_observing, self._observer)] if self._with_sensed else found
 
     def _note_sensors(self) -> None:
         """Record sensor data from now on, unless left out: an agent carries a sensor, or a follower has joined."""
         if self._with_sensed is None:
             self._with_sensed = True
-            self.ctx.game.internals.after_observing.append(self._note_sensed)
+            self.ctx.game.internals.after_observing.append(self._observer)
 
-    def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
-        """Record the sensor data from which agents will decide, after all earlier changes."""
+    def note_reports(self, agents: list[Any], states: list[dict[str, Any]] | None) -> bool:
+        """Record the sensor data from which agents will decide, after all earlier changes.
+
+        Args:
+            agents: the agents.
+            states: their states; None: the data are recorded only if they depend only on where agents stand.
+
+        Returns:
+            Whether they were recorded.
+        """
         self._note_changes()
         journal = self._journal
-        numbers = dict(zip(self.ctx.agent.block.names, journal.ids, strict=False))
-        looks = sensed.take_observed_looks(self.ctx, self._finder, agents, states, numbers)
+        if states is None:
+            data = self._reports.write_without_states(agents, journal.ids)
+        else:
+            data = self._reports.write(agents, states, journal.ids, self.turn)
+        if data is None:
+            return False
         if self._following is not None and self._following.edits is None:
             self._begin_with_followers()
-        journal.log.append((kinds.SENSED, sensed.columns_of(looks, self._fields, self.turn)))
+        journal.log.append((kinds.SENSED, data))
         self._front = len(journal.log)  # later changes of this turn come after the sensor data
         if self._following is not None and self._following.edits is not None:
             self._tell_followers(journal.log, is_over=False)
+        return True
 
     def _stop_listening(self) -> None:
         block = self.ctx.agent.block
@@ -513,7 +548,7 @@ class RecordingSession:
             changes = self._changes.sensors.detect()
             log[place:place] = changes
             if changes:
-                self._finder.forget()
+                self._reports.forget_fields()
         if self.drawings.edits != self._declarations:
             log += self._note_visual_changes()
 
@@ -522,16 +557,16 @@ class RecordingSession:
         self._front = len(self.log)
         if kind == kinds.WORLD:
             self._revised = _REVISIONS(self._graph)
-            self._finder.forget()
+            self._reports.follow_map()
         elif kind == kinds.VISUALS:
             self._declarations = self.drawings.edits
         elif kind == kinds.VISUAL_COMMANDS:
             self.drawings.changes()
         elif kind == kinds.SENSORS:
             self._changes.sensors.accept()
-            self._finder.forget()
+            self._reports.forget_fields()
         elif kind == kinds.SENSED:
-            self.log[-1] = kind, self._fields.rewritten(data, self._replayed_fields, self.turn)
+            self.log[-1] = kind, self._reports.rewrite(data, self.turn)
         elif kind == kinds.AGENT_PROGRESS:
             self._journal.progressed.clear()
         else:
@@ -565,7 +600,7 @@ class RecordingSession:
     def _note_map_changes(self) -> Log:
         """Return an event with a changed map; the first map goes to the header, even if it is loaded late."""
         self._revised = _REVISIONS(self._graph)
-        self._finder.forget()
+        self._reports.follow_map()
         world = self._skipped.packed()
         if self.world is None:
             self.world = world

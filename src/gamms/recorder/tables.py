@@ -10,7 +10,7 @@ from gamms.errors import UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, as_entry, list_steps
 from gamms.ir.game_state import as_named_edges
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.messages import MESSAGE_COLUMNS, make_message_table
 from gamms.ir.schema import ON_EDGES
 from gamms.ir.tables import make_table
@@ -115,22 +115,34 @@ def _read_with_names(
             names, following = _update_roster(kind, data, names, following)
 
 
-def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
+def table(
+    reader: Reader, name: str, start: int, stop: int, names_at: NamesAt, get_map: Callable[[], GraphColumns]
+) -> Table:
     """Return a table of these logs.
+
+    Args:
+        reader: reader of the recording.
+        name: name of the table.
+        start: first log.
+        stop: log after the last one.
+        names_at: see `NamesAt`.
+        get_map: returns the first map of the recording.
 
     Raises:
         UnknownName (KeyError): the table does not exist.
     """
-    if as_name(name, "a table") in _TABLES:
+    if as_name(name, "a table") in _NAMES:
         with reporting_damage(
             f"The table {shown(name)} cannot be made: an event in it is damaged", DAMAGES, with_type=True
         ):
+            if name == "sensed":
+                return _read_sensed(reader, start, stop, names_at, get_map)
             return _TABLES[name](reader, start, stop, names_at)
     rows = [event for event in events(reader, start, stop) if event["kind"] == name]
     if not rows:
         known = {event["kind"] for event in events(reader, 0, reader.turns)}
         if name not in known:
-            raise UnknownName("table", name, [*_TABLES, *sorted(known)])
+            raise UnknownName("table", name, [*_NAMES, *sorted(known)])
         return _make_table({"turn": np.int64}, [])
     return make_table([{key: value for key, value in row.items() if key != "kind"} for row in rows])
 
@@ -230,11 +242,13 @@ def _read_messages(reader: Reader, start: int, stop: int, _names_at: NamesAt) ->
     return make_table(make_message_table(sent)) if sent else _make_table(_MESSAGES, [])
 
 
-def _read_sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+def _read_sensed(
+    reader: Reader, start: int, stop: int, names_at: NamesAt, get_map: Callable[[], GraphColumns]
+) -> Table:
     """Return all nodes seen by sensors: turn, agent, sensor, node, and the agent there if it was seen."""
     rows: list[tuple[Any, ...]] = []
     for log, _, data, names in _read_with_names(reader, start, stop, names_at, {kinds.SENSED}):
-        for number, look in decode_looks(data):
+        for number, look in decode_looks(data, get_map=get_map):
             for node, other in zip(*list_seen(look), strict=True):
                 rows.append((log + 1, names[number], look.sensor, node, "" if other < 0 else names[other]))
     return _make_table(_SENSED, rows)
@@ -255,6 +269,6 @@ _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
     "moves": _read_moves,
     "positions": _read_positions,
     "scores": _read_scores,
-    "sensed": _read_sensed,
     "travel": _read_travel,
 }
+_NAMES = sorted((*_TABLES, "sensed"))

@@ -16,8 +16,7 @@ from gamms.context import Context, create_context
 from gamms.errors import BadValue
 from gamms.folders import open_whole_file, write_csv
 from gamms.ir import events as kinds
-from gamms.knowledge.fields import FieldTable
-from gamms.knowledge.looks import columns_of, take_looks
+from gamms.knowledge.looks import ReportWriter
 from gamms.plain import Plain, as_json, to_plain
 from gamms.recorder import Reader, Recording, RecordingError, Writer
 from gamms.recorder import open as opened
@@ -325,7 +324,7 @@ def to_csv(
 
     `game.csv` gives `game_moves.csv`, `game_scores.csv`, and so on, with one file for each of the first hundred kinds
     of events whose name can be part of a file's name. Values other than numbers and texts are written as JSON.
-    `game_tracks.csv`, with the positions of agents after each turn, needs a recording with its map.
+    `game_tracks.csv`, the positions of agents after each turn, and `game_sensed.csv` need a recording with its map.
 
     Args:
         path: the file of the recording.
@@ -345,9 +344,11 @@ def to_csv(
     with opened(path) as recording:
         seconds = check_seconds(turn_seconds, recording.turns)
         kinds_of_events = dict.fromkeys(event["kind"] for event in recording.events())
-        names = dict.fromkeys((*_TABLES, *islice(filter(_FILE_NAME.fullmatch, kinds_of_events), _MOST_KINDS)))
+        has_map = HASH not in recording.header
+        known = _TABLES if has_map else [name for name in _TABLES if name != "sensed"]
+        names = dict.fromkeys((*known, *islice(filter(_FILE_NAME.fullmatch, kinds_of_events), _MOST_KINDS)))
         tables = {name: table for name in names if len((table := recording.table(name))["turn"])}
-        with_tracks = ["tracks"] if HASH not in recording.header and "tracks" not in tables else []
+        with_tracks = ["tracks"] if has_map and "tracks" not in tables else []
         files = {name: target.with_name(f"{target.stem}_{name}.csv") for name in [*tables, *with_tracks]}
         for file in files.values():
             if file.exists():
@@ -390,13 +391,14 @@ def with_sensed(recording: Recording) -> Recording:
         ctx.graph.storage.unpack(recording.graph.packed)
         replayer = Replayer(ctx)
         replayer.begin(reader)
+        reports = ReportWriter(ctx)
         for turn in range(reader.turns):
+            reports.follow_map()
             columns = recording.detached(min(turn, recording.turns)).agents.columns
-            numbers = dict(zip(columns["names"], columns["numbers"].tolist(), strict=True))
-            nodes = dict(zip(columns["names"], columns["node"].tolist(), strict=True))
+            number_of = dict(zip(columns["names"], columns["numbers"].tolist(), strict=True))
+            numbers = [number_of[name] for name in ctx.agent.block.names]
             agents = [agent for agent in ctx.agent.create_iter() if agent.alive]
-            results = [(numbers[agent.name], agent.get_state()["sensor"]) for agent in agents]
-            looked = columns_of(take_looks(results, numbers, nodes), FieldTable(), turn)
+            looked = reports.write(agents, [agent.get_state() for agent in agents], numbers, turn)
             writer.add_turn([(kinds.SENSED, looked), *reader.log(turn)])
             for _ in replayer.play_turn(reader):
                 pass

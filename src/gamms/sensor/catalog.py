@@ -145,6 +145,7 @@ def derived(nearest: type[Sensor], read: Callable[..., Any]) -> type[Sensor]:
         "data": property(read_data, data.fset, doc=read.__doc__),
         "_get_view_data": data.fget,
         "looks_alike": None,
+        "shows_alike": None,
         "in_arrays": lambda _: None,
         **{name: vars(ISensor)[name] for name in ("coverage", "live_result", "sense_many")},
     }

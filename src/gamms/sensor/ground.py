@@ -218,6 +218,11 @@ class MapSensor(GroundSensor):
         last[0] = {"nodes": nodes.copy(), "edges": edges.copy()}
         last[1] = (place, radius, fov, heading)
 
+    @property
+    def shows_alike(self) -> Hashable:
+        """As `looks_alike`."""
+        return self.looks_alike
+
     @refuse_while_deciding
     def shared_look(self) -> Callable[[], sight.NodeViews]:
         """Return a function that returns the views shared by sensors that look alike, valid while agents decide."""
@@ -296,6 +301,11 @@ class NeighborSensor(Sensor):
             return self._neighborhoods
         found: Mapping[int, Sequence[int]] = self.ctx.graph.routes.select_mode(mode).neighborhoods
         return found
+
+    @property
+    def shows_alike(self) -> Hashable:
+        """A key shared by all sensors of agents of one mode."""
+        return (type(self), self._find_mode()) if self._is_ours and "sense" not in self.__dict__ else None
 
     def sense(self, node_id: int) -> None:
         """Sense the neighbors of a node."""

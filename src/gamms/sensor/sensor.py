@@ -1,6 +1,6 @@
 """The base class of built-in sensors: name, kind, owner, last result, fixed place, field of view."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from copy import copy
 from functools import wraps
 from math import hypot, inf
@@ -195,6 +195,11 @@ class Sensor(ContextPart, ISensor):
         twin._owner = owner
         twin._last[:] = data, twin._aim(place)
         return twin.last_view()
+
+    @property
+    def shows_alike(self) -> Hashable:
+        """A key shared by all sensors that show the same nodes from the same node; None: there are no others."""
+        return None
 
     def _looking_from(self, place: object, owner: str | None) -> Self:
         """Return a copy that has looked from a place for an agent."""

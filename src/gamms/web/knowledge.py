@@ -18,7 +18,7 @@ from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.fields import FieldTable, find_field, find_node_rows, find_places, find_pose
-from gamms.knowledge.looks import Look, Report, decode_looks
+from gamms.knowledge.looks import Look, Report, decode_looks, refuse_many
 from gamms.knowledge.sides import (
     AgentPlaces,
     SeenParts,
@@ -114,7 +114,7 @@ class KnowledgeTracker:
     """Computes what agents sense, in a context that follows a game.
 
     Args:
-        ctx: the context.
+        ctx: the context, with the first map of the recording.
         step: returns the unit of the corners of outlines, map units.
     """
 
@@ -122,6 +122,7 @@ class KnowledgeTracker:
         self._ctx = ctx
         self._step = step
         self._fields = FieldTable()
+        self._first_map = ctx.graph.columns()
         self._covered: dict[Any, IntArray] = {}
         self._held = 0  # nodes in it
         self._shapes: dict[Any, FieldOutline | None] = {}
@@ -145,7 +146,9 @@ class KnowledgeTracker:
         nodes = find_node_rows(self._ctx.graph, state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
         with reporting_damage("What was sensed is not right", with_type=True):
-            found = list(chain.from_iterable(decode_looks(data, fields=self._fields) for data in looked))
+            refuse_many(looked)
+            each = [decode_looks(data, None, self._fields, lambda: self._first_map) for data in looked]
+            found = list(chain.from_iterable(each))
             looks = [self._describe(names[number], look, names, at) for number, look in found if number in names]
         return SensedTurn([look for look, _ in looks], self._list_sides([part for _, part in looks], state))
 

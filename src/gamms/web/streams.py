@@ -58,16 +58,25 @@ class AudienceStream:
         state: the complete state at the beginning, from which the first keyframe is made.
         turns: the number of turns played before.
         nearest: returns the id of the node nearest to a position (x, y).
+        get_map: returns the map in the header.
 
     Attributes:
         opening: the messages with the magic bytes and the header.
         last_keyframe: the position of the last keyframe.
     """
 
-    def __init__(self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Nearest) -> None:
+    def __init__(
+        self,
+        audience: Audience,
+        header: Keyframe,
+        state: Keyframe,
+        turns: int,
+        nearest: Nearest,
+        get_map: Callable[[], GraphColumns],
+    ) -> None:
         is_everything = audience.is_everything
         visuals = header.get("visuals")
-        self._cut = None if is_everything else KnowledgeFilter(state, audience.has, nearest, visuals)
+        self._cut = None if is_everything else KnowledgeFilter(state, audience.has, nearest, get_map, visuals)
         if self._cut is not None:
             state = self._cut.keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
@@ -187,6 +196,7 @@ class Streams(PartOfServer):
         self._turns = 0  # the number of turns in the streams
         self._since: Log = []  # events after the last complete turn
         self._header: Keyframe = {}
+        self._first_map: GraphColumns  # that in the header
         self._drawings: dict[str, Any] = {}  # artist -> its last drawing
         self._sides: Callable[[Callable[[str, Any], bool]], Any]  # returns the sides that some agents know
         self._streams: dict[Audience, AudienceStream | None] = {}  # None: no game has begun
@@ -197,6 +207,7 @@ class Streams(PartOfServer):
             self._waiting.clear()
             self._most_waiting = min(max(_MOST_WAITING // max(len(state["names"]), 1), 1), _MOST_PARTS)
             self._header = header
+            self._first_map = self._columns()
             self._since = []
             self.turns = 0
             self._turns = 0
@@ -296,7 +307,8 @@ class Streams(PartOfServer):
         state = self._state.keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
         header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
-        stream = AudienceStream(audience, header, state, self._turns, make_nearest(self._columns))
+        first_map = self._first_map
+        stream = AudienceStream(audience, header, state, self._turns, make_nearest(self._columns), lambda: first_map)
         if self._since:
             stream.hear(self._since, self._since, is_over=False)
             stream.write()
