@@ -56,6 +56,19 @@ def test_others_are_there_while_sensors_of_the_team_see_them():
     assert names_in(data) == [alone, both, alone, both, both]  # nothing was sensed behind the last turn
 
 
+def test_a_teammate_that_comes_before_the_agents_look_is_in_the_cut():
+    ctx = pair_on_a_grid()
+
+    def send_help(ctx):
+        if ctx.game.turn == 2:
+            eyes = ctx.sensor.create_sensor("more eyes", SensorType.AGENT_RANGE, sensor_range=12.0)
+            ctx.agent.create_agent("red_1", start_node_id=1, team="red", sensors=[eyes], strategy=stay)
+
+    ctx.game.add(send_help, phase="before")
+    data = cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "red")
+    assert [sorted(names) for names in names_in(data)[2:]] == [["blue_0", "red_0"], *[["blue_0", "red_0", "red_1"]] * 2]
+
+
 def test_one_that_is_seen_and_deleted_in_the_same_turn_is_gone():
     ctx = pair_on_a_grid()
     ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.agent.delete_agent("blue_0"))

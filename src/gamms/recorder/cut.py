@@ -148,11 +148,15 @@ class KnowledgeFilter:
         """Yield the previous turn with events for the agents seen after it; note the reports that show them."""
         self.is_shown = True
         given = self._apply_events([*(self._waiting or ()), *shown])
-        self.looked = [data for report in reports for _, data in self._number_event(*report)]
+        self.looked = [sensed.renumber_looks(data, self._find_number) for _, data in reports]
         if self._waiting is not None:
             yield given
             self._known.apply([])  # counts the turn
             self._waiting = None
+
+    def _find_number(self, agent: int) -> int:
+        """Return the number of an agent in the cut; -1 for an agent that has come after the returned turns."""
+        return self._numbers.get(agent, -1)
 
     def _end(self) -> Iterator[Log]:
         if not self.is_shown:
