@@ -10,6 +10,7 @@ import gamms
 from gamms import recorder, recordings, web
 from gamms.agent import AgentType
 from gamms.errors import BadValue, UnknownName
+from gamms.game.turn import TurnEngine
 from gamms.ir import events as kinds
 from gamms.knowledge import looks as sensed
 from gamms.knowledge.fields import FieldTable, find_places
@@ -423,7 +424,7 @@ def test_a_page_of_fields_that_do_not_fit_the_map_is_refused(lookouts):
 # -- agents around an agent ---------------------------------------------------------------------------------------
 
 
-def build_crowd(told, *, strategy=None, moves_node=False):
+def build_crowd(told, *, strategy=None, moves_node=False, others=()):
     """Agents whose sensors report all agents around them, of some teams; `told` receives what each was told."""
     ctx = gamms.create_context(seed=3, logger_config=QUIET)
     ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6, 10.0))
@@ -431,7 +432,7 @@ def build_crowd(told, *, strategy=None, moves_node=False):
     filters = {"red": {"team": "blue"}, "blue": {"exclude": ["blue", "none"]}, None: {}}
 
     def note(state):
-        told[state["turn"] + 1, state["name"]] = {key: list(one[1].items()) for key, one in state["sensor"].items()}
+        told[state["turn"] + 1, state["name"]] = {key: as_items(report) for key, (_, report) in state["sensor"].items()}
         roam(state)
 
     def add(name, team):
@@ -439,6 +440,8 @@ def build_crowd(told, *, strategy=None, moves_node=False):
         for key, given in sensors.items():
             kind = "agent" if key == "all" else "agent_range"
             carried[key] = ctx.sensor.create_sensor(f"{key} of {name}", kind, **given, **filters[team])
+        for kind, given in others:
+            carried[kind] = ctx.sensor.create_sensor(f"{kind} of {name}", kind, **given)
         decide = note if strategy is None else strategy
         ctx.agent.create_agent(name, start_node_id=5 * len(name) % 36, team=team, sensors=carried, strategy=decide)
 
@@ -457,6 +460,10 @@ def build_crowd(told, *, strategy=None, moves_node=False):
 
     ctx.game.add(change, phase="before")
     return ctx
+
+
+def as_items(report):
+    return list(report.items() if isinstance(report, dict) else report)
 
 
 def record_crowd(told, observer=None, *, sensed=None, **given):
@@ -487,9 +494,9 @@ def test_readers_find_the_agents_in_discs_in_the_order_in_which_they_were_report
             read.setdefault((turn, agent), {}).setdefault(sensor, []).append((other, node))
         for key, reports in told.items():
             assert {name: read.get(key, {}).get(name, []) for name in reports} == reports
-            assert {
-                name: list(one.items()) for name, (_, one) in recording.observation(*key)["sensor"].items()
-            } == reports
+        for turn, name in [key for key in told if key[0] in (4, 7)]:
+            state = recording.observation(turn, name)["sensor"]
+            assert {key: as_items(report) for key, (_, report) in state.items()} == told[turn, name]
     assert any(len(one) > 3 for reports in told.values() for one in reports.values())
 
 
@@ -505,6 +512,70 @@ def test_recording_discs_calls_no_sensor_and_gives_the_bytes_that_states_give(mo
     assert record_crowd({}, **plain) == asked
     assert len(called) == count
     assert forms_in(asked) == [{6}] * 9
+
+
+SOME_MISS = [
+    ("agent_range", {"sensor_range": 25.0, "detection": 0.5}),
+    ("agent_arc", {"sensor_range": 25.0, "fov": 2.0}),
+]
+
+
+@pytest.mark.parametrize("others", [(), SOME_MISS])
+def test_pages_and_cuts_of_discs_are_those_of_listed_reports(others, monkeypatch):
+    data = record_crowd({}, others=others)
+    with monkeypatch.context() as patched:
+        patched.setattr(sensed, "find_disc", lambda sensor, owner: None)
+        listed = record_crowd({}, others=others)
+    assert forms_in(data)[1] == ({5, 6} if others else {6})
+    assert forms_in(listed)[1] == {5}
+    found = []
+    for one in (data, listed):
+        cut = io.BytesIO()
+        with recorder.open(io.BytesIO(one)) as recording:
+            recording.cut(cut, "blue")
+            found.append((web.page(recording), cut.getvalue()))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    "others", [[("neighbor", {})], [("map", {}), ("neighbor", {})], [("range", {"sensor_range": 12.0})]]
+)
+def test_nodes_that_depend_on_where_agents_stand_are_recorded_as_states_have_them(others):
+    told = {}
+    data = record_crowd(told, others=others)
+    assert data == record_crowd({}, lambda agents, states: None, others=others)
+    with recorder.open(io.BytesIO(data)) as recording:
+        for turn, name in [key for key in told if key[0] in (1, 6)]:
+            reports = told[turn, name]
+            state = recording.observation(turn, name)["sensor"]
+            assert {key: [*map(str, one)] for key, one in reports.items()} == {
+                key: [*map(str, as_items(report))] for key, (_, report) in state.items()
+            }
+
+
+def test_reports_of_the_last_turn_are_read_though_a_node_has_gone_since():
+    stream = io.BytesIO()
+    with gamms.create_context(seed=3, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 5, 10.0))
+        for name, node in (("a", 0), ("b", 1)):
+            eyes = ctx.sensor.create_sensor(f"eyes of {name}", "agent_range", sensor_range=12.0)
+            ctx.agent.create_agent(name, start_node_id=node, sensors=[eyes], strategy=go_right)
+        ctx.game.add(lambda ctx: ctx.graph.graph.remove_node(0))
+        ctx.record.start(stream)
+        ctx.game.step()
+        ctx.record.stop()
+    assert forms_in(stream.getvalue()) == [{6}]
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        for _ in ctx.record.replay(io.BytesIO(stream.getvalue())):
+            pass
+        reports = ctx.visual.drawing.carriers.list_reports()
+        seen = {name: report.look.second for (name, _), report in reports.items()}
+        assert seen == {"a": [1], "b": [0]}
+        assert all(report.is_early for report in reports.values())
+
+
+def go_right(state):
+    state["action"] = max(state["legal"])
 
 
 def test_the_table_of_reports_from_discs_needs_the_map(tmp_path):
@@ -547,6 +618,22 @@ def discs_of(data):
     with recorder.open(io.BytesIO(data)) as recording:
         columns = recording.graph.columns()
         return [event for *_, event in recording.reader.events(kinds={kinds.SENSED})], lambda: columns
+
+
+def test_a_recorded_turn_makes_no_states_of_agents_for_which_the_core_decides(monkeypatch):
+    made = []
+    read_states = TurnEngine._read_states
+    monkeypatch.setattr(TurnEngine, "_read_states", lambda turns: made.append(turns) or read_states(turns))
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20, 10.0))
+        for number in range(100):
+            eyes = ctx.sensor.create_sensor(f"eyes {number}", "agent_range", sensor_range=60.0)
+            ctx.agent.create_agent(
+                f"a{number}", start_node_id=4 * number, sensors=[eyes], strategy=gamms.strategies.random_walk
+            )
+        ctx.record.start(io.BytesIO())
+        ctx.game.run(9)
+        assert made == []
 
 
 def test_reports_of_a_hundred_agents_take_few_bytes():
