@@ -269,9 +269,8 @@ class Result(Surface):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Result):
             return NotImplemented
-        mine = self.to_dict()
-        theirs = other.to_dict()
-        return all(mine[name] == theirs[name] for name in mine if name not in ("timings", "provenance"))
+        compared = [name for name in self.__dataclass_fields__ if name not in ("timings", "provenance")]
+        return all(_make_plain(getattr(self, name)) == _make_plain(getattr(other, name)) for name in compared)
 
     __hash__ = None  # type: ignore[assignment] # it is mutable
 
@@ -404,17 +403,17 @@ _BYTES_PER_LETTER = 40  # of memory for each byte of JSON; the worst case is `{"
 
 def _make_plain(value: object) -> Plain:
     """Return a value in a form that JSON can store."""
+    if isinstance(value, np.generic):  # before numbers and text: some of its scalars are these, too
+        return value.item()
+    if value is None or isinstance(value, (str, int, float)):
+        return value
     if isinstance(value, Mapping):
         return {key if isinstance(key, str) else str(key): _make_plain(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [_make_plain(one) for one in value]
     if isinstance(value, (set, frozenset)):
         return sorted((_make_plain(one) for one in value), key=str)
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+    return value.tolist() if isinstance(value, np.ndarray) else str(value)
 
 
 class Collector(NamedTuple):
