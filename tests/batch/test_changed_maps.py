@@ -92,7 +92,7 @@ def built(act, settings=None, phase="after", strategies=None, **options):
 @pytest.mark.parametrize("act", ACTS)
 def test_games_that_differ_by_what_functions_do_are_those_alone(act, settings, phase):
     with built(act, settings, phase) as ctx:
-        check_games(ctx, seeds=[1, 2, 3, 4])
+        check_games(ctx, seeds=[1, 2, 3])
 
 
 def test_sensors_that_change_agents_are_called_as_alone():
