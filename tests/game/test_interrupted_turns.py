@@ -2,7 +2,8 @@
 
 import io
 import signal
-from contextlib import suppress
+import sys
+from contextlib import contextmanager, nullcontext, suppress
 from copy import deepcopy
 
 import pytest
@@ -10,11 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms.game.messages import MessageTraffic
 from gamms.ir.deeds import DeedLog, PlainDeeds
 from gamms.recorder.detached import DetachedState
 from gamms.rules import Conflicts
 from gamms.scenario import Scenario
 from gamms.strategies import random_walk
+from gamms.visual.shown_turn import PastTurns
 
 TURNS = 5
 ERRORS = (ZeroDivisionError, KeyboardInterrupt)
@@ -284,6 +287,42 @@ def record_things(interrupted_turn):
 
 def test_ctrl_c_waits_until_a_counted_turn_is_recorded():
     assert record_things(interrupted_turn=2) == record_things(interrupted_turn=None)
+
+
+@contextmanager
+def pressing_ctrl_c(function):
+    """Press Ctrl-C when a function is called first in the block."""
+
+    def press(frame, *_):
+        if frame.f_code is function.__code__:
+            sys.settrace(before)
+            signal.raise_signal(signal.SIGINT)
+
+    before = sys.gettrace()
+    sys.settrace(press)
+    try:
+        yield
+    finally:
+        sys.settrace(before)
+
+
+@pytest.mark.parametrize("function", [MessageTraffic.begin_turn, PastTurns.end_turn])
+def test_ctrl_c_between_the_moves_and_the_end_of_a_turn_changes_no_recording(function):
+    def record(interrupting):
+        file = io.BytesIO()
+        with build(parts, 3) as ctx:
+            ctx.record.start(file)
+            with suppress(KeyboardInterrupt), interrupting:
+                ctx.game.step()
+            while ctx.game.turn < TURNS:
+                ctx.game.step()
+            ctx.record.stop()
+        return file.getvalue()
+
+    parts = {"eyes": None, "settings": {}, "speed": 1.0, "order": True, "talks": True, "acts": False}
+    parts["conflicts"] = False
+    BELL.send((None, 0))
+    assert record(pressing_ctrl_c(function)) == record(nullcontext())
 
 
 @pytest.mark.parametrize(("phase", "is_needed"), [("before", True), ("deeds", True), ("after", False)])

@@ -840,9 +840,9 @@ class GameMessages(MessageTraffic):
     def send_all(self, agents: Sequence[IAgent]) -> None:
         """Send the collected messages to the living agents, after all agents have moved."""
         self.follow()
+        self._state.unlogged = self  # before there are any: a turn that is taken back drops them
         self.send(_ONE, MessagePositions.of(self._ctx, agents, self._state.turn))
         self.begin_turn()
-        self._state.unlogged = self
         self._note(self._state.turn, self._of_game[0])
 
     def received(self, name: str) -> list[dict[str, Any]]:

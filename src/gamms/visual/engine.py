@@ -223,11 +223,13 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         # NOTE: games without pictures pay for this in every turn, too (benchmarks: the loop, turns).
         if self._phase.agent is not None:
             self._phase.refuse_look("call ctx.visual.simulate")
-        self.drawing.turns.end_turn()
-        if self.artists.drawings.commands:
-            self.artists.end_turn()
-        for listener in self._after_turn:
-            listener()
+        try:
+            self.drawing.turns.end_turn()
+            if self.artists.drawings.commands:
+                self.artists.end_turn()
+        finally:  # the turn is counted: a recording has it in any case
+            for listener in self._after_turn:
+                listener()
         if self.pictures._films:
             self.pictures.add_turn()
 
