@@ -154,6 +154,24 @@ def test_between_turns_others_are_shown_where_they_were_reported(street):
     assert shown == [*before, *in_view, (9, None, True)]
 
 
+def test_fog_shows_no_report_of_a_turn_that_is_taken_back(street):
+    def fail(state):
+        raise ZeroDivisionError
+
+    fog = Fog(street, "red")
+    blue = street.agent.get_agent("blue")
+    for _ in range(5):
+        fog.look()
+        before = draw(street)
+        blue.strategy = fail
+        with pytest.raises(ZeroDivisionError):
+            street.game.step()
+        fog.look()
+        assert draw(street) == before
+        blue.strategy = go_east
+        street.game.step()
+
+
 def test_before_the_first_report_a_team_sees_its_own_nodes_in_a_recording_of_no_turns_too(street):
     stream = io.BytesIO()
     street.record.start(stream)

@@ -578,6 +578,17 @@ class LiveReports:
             self._is_following = True
             game.internals.after_observing.append(self.note)
             game.internals.after_reset.append(self._observed.clear)
+            game.internals.checkpoints.append(self._checkpoint)
+
+    def _checkpoint(self) -> Callable[[], None]:
+        """Return a function that drops the reports of a turn that has been taken back."""
+        before = self._observed.copy()
+
+        def drop() -> None:
+            self._observed.clear()
+            self._observed.update(before)
+
+        return drop
 
     def note(self, agents: Sequence[Any], states: Sequence[Mapping[str, Any]]) -> None:
         """Note the reports in the states from which agents decide now."""
