@@ -652,3 +652,24 @@ def test_reports_of_a_hundred_agents_take_few_bytes():
             ctx.record.stop()
         sizes.append(len(stream.getvalue()))
     assert sizes[0] - sizes[1] < 6_000, sizes  # 100 agents report about 20 others each
+
+
+def test_a_team_is_not_told_what_a_team_with_the_same_text_knows():
+    file = io.BytesIO()
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 9))
+        ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=5.0)
+        ctx.agent.create_agent("number", team=1, start_node_id=0, sensors=["eyes"])
+        ctx.agent.create_agent("text", team="1", start_node_id=8)
+        ctx.record.start(file, sensed=True)
+        ctx.game.step()
+        ctx.record.stop()
+    known = {}
+    with recorder.open(io.BytesIO(file.getvalue())) as recording:
+        for team in (1, "1"):
+            cut = io.BytesIO()
+            recording.cut(cut, team)
+            with recorder.open(io.BytesIO(cut.getvalue())) as opened, gamms.create_context(seed=2) as ctx:
+                for _ in ctx.record.replay(opened):
+                    known[team] = [agent.name for agent in ctx.agent.create_iter()]
+    assert known == {1: ["number"], "1": ["text"]}

@@ -462,7 +462,8 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
 
     with reporting_damage("It cannot be cut", DAMAGES):
         teams = _list_teams(reader, first[1])
-        own = next((known for known in teams if known == team or str(known) == team), None)
+        equal = [known for known in teams if known == team]
+        own = next(iter([*equal, *(known for known in teams if str(known) == team)]), None)
     if own is None:
         raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
     with reporting_damage("It cannot be cut", DAMAGES):
