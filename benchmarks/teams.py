@@ -69,11 +69,11 @@ def walk(agents, side, *, is_keyed, is_recorded=False):
         file = Path(folder.name, "walk.ggr") if is_recorded else None
         ours = game(agents, side, by_keys if is_keyed else by_stream, nodes, file=file)
         columns = lattice(side).graph.columns()
-        found = kernels.neighborhoods(columns.sources, columns.targets, side * side)
+        found = kernels.list_neighborhoods(columns.sources, columns.targets, side * side)
         offsets, targets = (array.astype(np.int32) for array in found)
         degrees, at = np.diff(offsets), nodes.astype(np.int32)
-        rng, purpose = np.random.default_rng(1), kernels.purpose_key(1, "agent")
-        keys = kernels.name_keys([f"red_{i}" for i in range(agents)]) if is_keyed else None
+        rng, purpose = np.random.default_rng(1), kernels.compute_purpose_key(1, "agent")
+        keys = kernels.compute_name_keys([f"red_{i}" for i in range(agents)]) if is_keyed else None
         share, places, chosen = np.empty(agents, np.float32), np.empty(agents, np.int32), np.empty(agents, np.int32)
         turns = count()
 
@@ -81,7 +81,7 @@ def walk(agents, side, *, is_keyed, is_recorded=False):
             for turn in islice(turns, turns_at_once):
                 np.take(degrees, at, out=places)
                 if is_keyed:
-                    chosen[:] = kernels.below_many(kernels.draw_bits_rows(purpose, keys, turn), places)
+                    chosen[:] = kernels.convert_to_integers(kernels.draw_bits_rows(purpose, keys, turn), places)
                 else:
                     rng.random(out=share, dtype=np.float32)
                     np.multiply(share, places, out=share)

@@ -17,7 +17,7 @@ from gamms.context import Context
 from gamms.ir.draw import DrawCommands
 from gamms.typing import IArtist
 from gamms.visual.artist import ArtistGroup
-from gamms.visual.backends.svg import svg
+from gamms.visual.backends.svg import write_svg
 from gamms.visual.camera import Camera
 from gamms.visual.captions import CaptionBar, Captions
 from gamms.visual.labels import Labels
@@ -57,7 +57,7 @@ def main(game: Path, out: Path) -> None:
 
         def end_turn() -> None:
             if FIRST <= next(turns) <= LAST:
-                frames.extend(frames_of_turn(ctx, captions.now(), labels))
+                frames.extend(frames_of_turn(ctx, captions.make_captions(), labels))
 
         ctx.visual.after_turn.append(end_turn)
         for _ in ctx.record.replay(recording):
@@ -77,21 +77,21 @@ def frames_of_turn(ctx: Context, bar: CaptionBar, labels: Labels) -> Iterator[Fr
     page = Page(WIDTH, HEIGHT, (), style)
     for step in range(1, FRAMES_PER_TURN + 1):
         share = step / FRAMES_PER_TURN
-        camera = page.looking(visual.viewpoint, share)
+        camera = page.find_camera(visual.viewpoint, share)
         assert camera is not None
-        moving = ArtistGroup(ctx, artists).commands(share)
-        yield Frame(camera, moving, page.drawing(camera, None, ctx, artists, labels, bar))
+        moving = ArtistGroup(ctx, artists).draw_artists(share)
+        yield Frame(camera, moving, page.draw_parts(camera, None, ctx, artists, labels, bar))
 
 
 def artists_of(ctx: Context) -> dict[str, IArtist]:
     """Return the artists that draw, but for the views of sensors."""
-    return ctx.visual.artists.shown(sensors=False)
+    return ctx.visual.artists.list_shown(sensors=False)
 
 
 def ground_of(ctx: Context) -> DrawCommands:
     """Return the drawings of the map and the territories."""
     artists = {name: one for name, one in artists_of(ctx).items() if one.get_layer() <= GROUND_LAYER}
-    return ArtistGroup(ctx, artists).commands(1.0)
+    return ArtistGroup(ctx, artists).draw_artists(1.0)
 
 
 def animated(ground: DrawCommands, frames: list[Frame]) -> str:
@@ -106,7 +106,9 @@ def animated(ground: DrawCommands, frames: list[Frame]) -> str:
     still = [line for line in elements_of(ground, whole) if "<circle" not in line]  # nodes have half a pixel
     moving = shown_in_turn([elements_of(frame.moving, whole) for frame in frames])
     around = shown_in_turn([elements_of(frame.around, frame.camera) for frame in frames])
-    opening, _, paper, group = svg(frames[0].around, cameras[0], title=TITLE, background=PAPER).decode().split("\n")[:4]
+    opening, _, paper, group = (
+        write_svg(frames[0].around, cameras[0], title=TITLE, background=PAPER).decode().split("\n")[:4]
+    )
     lines = [opening, f"<title>{TITLE}</title>", paper, group]
     lines += [f'<g transform="translate({moves[0]})">', moved(moves), *still, *moving, "</g>"]
     return "\n".join([*lines, *around, "</g>", "</svg>", ""])
@@ -115,7 +117,7 @@ def animated(ground: DrawCommands, frames: list[Frame]) -> str:
 def elements_of(commands: DrawCommands, camera: Camera) -> Lines:
     """Return the elements of the SVG of some drawings, one a line."""
     opening_lines, closing_lines = 4, 3
-    return svg(commands, camera, title=TITLE, background=PAPER).decode().split("\n")[opening_lines:-closing_lines]
+    return write_svg(commands, camera, title=TITLE, background=PAPER).decode().split("\n")[opening_lines:-closing_lines]
 
 
 def shown_in_turn(frames: list[Lines]) -> Lines:

@@ -24,7 +24,7 @@ from gamms.ir.geometry import make_line_strings
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
 from gamms.osm.footprints import WallRules, make_footprints
-from gamms.osm.load import adapt_recipe, make_recipe, make_selection, part_of, read_network
+from gamms.osm.load import adapt_recipe, make_recipe, make_selection, read_network, select_part
 from gamms.osm.modes import as_travel, find_tolerance
 from gamms.osm.network import (
     BACKWARD_TAGS,
@@ -96,7 +96,7 @@ def save_modes(pbf: Path, out: Path) -> None:
     recipe = adapt_recipe(
         make_recipe(1.0, find_tolerance(travel), None, retain_all=False, simplify=True), travel, None, None
     )
-    selection = part_of(
+    selection = select_part(
         make_selection(recipe._replace(around_buildings=True), travel),
         lambda tags: tags.get("highway") not in NOT_OUTDOORS,
         (WEST, SOUTH, EAST, NORTH),

@@ -84,11 +84,11 @@ class Person(Human):
 
     def come(self) -> None:
         """Open the link of the person."""
-        self._page.come(str(self.name))
+        self._page.mark_present(str(self.name))
 
     def _read_page(self) -> None:
         """Read the questions, and answer those that are new."""
-        for question in json.loads(json.dumps(self._page.asked(str(self.name)))):
+        for question in json.loads(json.dumps(self._page.list_questions(str(self.name)))):
             number = question["question"]
             if number > self._newest:
                 self._newest = number

@@ -611,7 +611,7 @@ def watch_slowly(run: Run, _: Draws) -> Told | None:
     ctx = run.ctx
     following = Streams(ctx.graph.columns)
     ctx.record.follow(following)
-    stream = following.of(web.links.Audience())
+    stream = following.get_stream(web.links.Audience())
     ctx.game.step()
     messages, place, dropped = stream.read(stream.last_keyframe)
     hold("a slow spectator loses nothing", messages and dropped == 0, (place, dropped))

@@ -105,7 +105,7 @@ def test_a_file_imports_only_from_lower_layers():
             assert LEVEL.get(other, 99) < LEVEL[package], f"{shown(path)} imports {other}, which is not below {package}"
 
 
-def test_a_name_says_what_is_inside():
+def test_names_of_files_are_words_of_the_field():
     vague = [shown(path) for path in MODULES if FORBIDDEN & set(path.relative_to(SRC).with_suffix("").parts)]
     assert vague == [], "use a word of the domain"
 
@@ -125,7 +125,7 @@ def test_an_import_from_a_higher_layer_would_be_found():
     assert list(packages_imported_by(list(ast.walk(tree)))) == ["ir"]
 
 
-def test_the_package_root_lists_exactly_what_is_public():
+def test_the_package_root_lists_exactly_the_public_names():
     assert gamms.__all__ == sorted(gamms.__all__)
     assert len(set(gamms.__all__)) == len(gamms.__all__)
     public = {name for name, value in vars(gamms).items() if not name.startswith("_")}
@@ -339,7 +339,7 @@ def test_no_package_uses_underscore_names_of_another():
 
 
 PLAYS = {
-    "advances the turn": {"core/moves.py end_part", "core/turn.py after"},  # in the core, and of a game alone
+    "advances the turn": {"core/moves.py end_part", "core/turn.py run_after_moves"},  # in the core, and of a game alone
     "plays the phases": {"core/turn.py play_entries"},  # of a game, and of the games of a batch
     "orders the phases": {"core/turn.py make_plan"},
     "calls a strategy": {
@@ -429,7 +429,7 @@ def test_objects_have_most_of_their_attributes_from_the_beginning():
     assert {name: number for name, number in late.items() if number > 15} == {}
 
 
-def test_what_handles_all_columns_of_a_batch_names_none():
+def test_code_that_handles_all_columns_of_a_batch_names_none():
     """A new column is declared once: starts, checkpoints and `columns()` follow from its declaration."""
     state = next(path for path in MODULES if path.parts[-3:] == ("game", "block", "state.py"))
     tree = tree_of(state)

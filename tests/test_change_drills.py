@@ -122,7 +122,7 @@ import gamms
 
 def shown(ctx):
     game = ctx.agent.block.games
-    return [game.row(name).tolist() for name in ("mobility", "scratch", "fuel", "wind")]
+    return [game.get_row(name).tolist() for name in ("mobility", "scratch", "fuel", "wind")]
 
 with gamms.create_context(seed=1) as ctx:
     ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
@@ -130,12 +130,12 @@ with gamms.create_context(seed=1) as ctx:
     ben = ctx.agent.create_agent("ben", start_node_id=0, team="blue", mobility=3)
     print(shown(ctx))
     anna.scratch, game = 5, ctx.agent.block.games
-    game.row("fuel")[1], game.row("wind")[0] = 0.5, 2.5
+    game.get_row("fuel")[1], game.get_row("wind")[0] = 0.5, 2.5
     now, snapshot = shown(ctx), ctx.game.snapshot()
     ctx.record.start("game")
     ctx.game.step()
     ctx.record.stop()
-    game.row("fuel")[0], game.row("wind")[1], anna.mobility, ben.team = 4.0, 1.0, 9, "green"
+    game.get_row("fuel")[0], game.get_row("wind")[1], anna.mobility, ben.team = 4.0, 1.0, 9, "green"
     print(shown(ctx))
     ctx.game.restore(snapshot)
     print(shown(ctx) == [now[0], [7, 7], *now[2:]], shown(ctx.game.fork(seed=2).ctx) == shown(ctx))
@@ -483,9 +483,9 @@ def render_crosses(ctx, data):
 
 HTML = """
 def html(commands, camera, *, title, background, dpi):
-    from gamms.visual.backends.svg import svg
+    from gamms.visual.backends.svg import write_svg
 
-    return b"<!doctype html>" + svg(commands, camera, title=title, background=background, dpi=dpi)
+    return b"<!doctype html>" + write_svg(commands, camera, title=title, background=background, dpi=dpi)
 """
 
 

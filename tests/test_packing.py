@@ -36,15 +36,15 @@ def test_a_plain_value_comes_back(value):
 
 
 @given(plain)
-def test_what_a_value_costs_is_never_more_than_its_bytes_say_at_a_glance(value):
+def test_the_memory_of_a_value_is_never_more_than_the_bound_from_its_bytes(value):
     data = packing.to_bytes(value, "It")
     assert 0 < packing.compute_cost(data) <= packing.bound_cost(data)
 
 
 @given(plain, hnp.arrays("int32", hnp.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)))
-def test_what_a_value_costs_is_what_a_decoder_charges(value, array):
+def test_the_memory_of_a_value_equals_the_charge_of_a_decoder(value, array):
     data, allowance = packing.to_bytes([value, {"a": array}], "It"), MemoryBudget(1 << 20, "It")
-    packing.Decoder(allowance).value(data)
+    packing.Decoder(allowance).decode(data)
     assert packing.compute_cost(data) == allowance.total - allowance.left
 
 
@@ -129,7 +129,7 @@ def test_thirty_two_containers_in_each_other_are_enough():
 
 
 @pytest.mark.parametrize("value", [{1j}, 1j, Kind, np.array(["a"]), np.array([None]), bytearray(b"a"), len], ids=str)
-def test_what_is_not_plain_is_refused_by_its_name(value):
+def test_a_value_that_is_not_plain_is_refused_by_its_name(value):
     with pytest.raises(BadType, match=r"It cannot be recorded: .*convert it first"):
         packing.to_bytes({"a": [value]}, "It")
 
@@ -186,7 +186,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("data", BAD.values(), ids=BAD.keys())
-def test_what_no_writer_makes_is_refused(data):
+def test_bytes_that_no_writer_makes_are_refused(data):
     with pytest.raises(BadFile):
         packing.from_bytes(data)
 
@@ -219,32 +219,34 @@ def test_a_value_may_have_any_number_of_items_that_its_size_explains():
     assert packing.from_bytes(nothings(2**20)) == [None] * 2**20
     decoder = packing.Decoder(MemoryBudget(0, "it"))
     with pytest.raises(BadFile, match="it unpacks to more than 64 MiB"):
-        decoder.value(nothings(2**21))
+        decoder.decode(nothings(2**21))
 
 
 @given(st.lists(st.integers(-(2**63), 2**63 - 1) | st.integers(-3, 3)))
 def test_a_column_comes_back(numbers):
     column = np.array(numbers, np.int64)
-    reader = packed_bytes.ByteReader(packed_bytes.column(column) + packed_bytes.column(packed_bytes.steps(column)))
-    assert reader.column(len(numbers)).tolist() == numbers
-    assert reader.sums(len(numbers)).tolist() == numbers
+    reader = packed_bytes.ByteReader(
+        packed_bytes.encode_column(column) + packed_bytes.encode_column(packed_bytes.compute_differences(column))
+    )
+    assert reader.read_column(len(numbers)).tolist() == numbers
+    assert reader.read_sums(len(numbers)).tolist() == numbers
     reader.finish()
 
 
 def test_a_few_integers_take_as_many_bytes_as_the_one_farthest_from_zero():
     for farthest, size in ((0, 1), (-128, 1), (127, 1), (-129, 2), (128, 2), (1 << 23, 4), (-(1 << 63), 8)):
-        assert len(packed_bytes.column(np.array([0, farthest, 0]))) == 1 + 3 * size
+        assert len(packed_bytes.encode_column(np.array([0, farthest, 0]))) == 1 + 3 * size
 
 
 def test_a_column_of_narrow_integers_has_the_bytes_of_wide_ones():
     wide = np.random.default_rng(1).integers(-(2**30), 2**30, 9)
-    assert packed_bytes.column(wide.astype(np.int32)) == packed_bytes.column(wide)
+    assert packed_bytes.encode_column(wide.astype(np.int32)) == packed_bytes.encode_column(wide)
 
 
 def test_a_table_that_was_written_once_says_the_same_for_ever():
     for numbers in ("01 01 01 00 01", "03 03 01", "08 0b"):
         reader = packed_bytes.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17" + numbers))
-        assert reader.column(4).tolist() == [1000, 1000, -2000, 1000]
+        assert reader.read_column(4).tolist() == [1000, 1000, -2000, 1000]
         reader.finish()
 
 
@@ -279,16 +281,16 @@ def test_a_table_that_was_written_once_says_the_same_for_ever():
 )
 def test_a_damaged_column_is_refused(column, size, words):
     with pytest.raises(BadFile, match=words):
-        packed_bytes.ByteReader(bytes.fromhex(column)).column(size)
+        packed_bytes.ByteReader(bytes.fromhex(column)).read_column(size)
 
 
 @given(st.binary(), st.binary(), st.sampled_from([packed_bytes.BEST, packed_bytes.FAST]))
-def test_packed_bytes_come_back_with_what_follows_them(data, rest, level):
-    assert packed_bytes.unpacked(packed_bytes.packed(data, level) + rest, len(data)) == (data, rest)
+def test_packed_bytes_are_unpacked_with_the_following_bytes(data, rest, level):
+    assert packed_bytes.unpack_bytes(packed_bytes.pack_bytes(data, level) + rest, len(data)) == (data, rest)
 
 
 def test_packed_bytes_are_refused_that_are_not_what_they_promise():
-    packed = packed_bytes.packed(b"a" * 1000)
+    packed = packed_bytes.pack_bytes(b"a" * 1000)
     for damaged in (
         b"",
         packed[:-1],
@@ -297,6 +299,6 @@ def test_packed_bytes_are_refused_that_are_not_what_they_promise():
         b"\xff" * 12,
     ):
         with pytest.raises(BadFile):
-            packed_bytes.unpacked(damaged, 2000)
+            packed_bytes.unpack_bytes(damaged, 2000)
     with pytest.raises(BadFile, match="1000 bytes of memory"):
-        packed_bytes.unpacked(packed, 999)
+        packed_bytes.unpack_bytes(packed, 999)

@@ -55,7 +55,7 @@ def test_a_plain_value_stays_equal_and_is_of_built_in_types(value):
     ],
     ids=["object", "function", "key", "array of texts", "depth", "complex"],
 )
-def test_what_is_not_plain_is_named_with_its_place(value, why):
+def test_a_value_that_is_not_plain_is_named_with_its_place(value, why):
     assert describe_flaw(value) == why
     assert not is_plain(value)
 
@@ -71,7 +71,7 @@ def test_a_value_that_is_nested_too_deep_becomes_a_text_there(part):
     assert depth <= MOST_DEPTH + 1
 
 
-def test_what_is_not_plain_becomes_a_text_without_its_address():
+def test_a_value_that_is_not_plain_becomes_a_text_without_its_address():
     assert to_plain({"a": object()}) == {"a": "<object object>"}
 
 

@@ -103,7 +103,7 @@ if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one th
         if found is None:
             if name.startswith("_"):
                 raise _UnknownAttribute(__name__, name, ())
-            raise _UnknownAttribute(__name__, name, sorted({*_HOMES, *_MODULES}), compat.place_of)
+            raise _UnknownAttribute(__name__, name, sorted({*_HOMES, *_MODULES}), compat.describe_place)
         return found
 
 

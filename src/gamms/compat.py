@@ -149,7 +149,7 @@ def suggest_part(name: str) -> str:
     return _join_places([f"{called}.{name}" for called, (module, kind) in _PARTS.items() if _has(module, kind, name)])
 
 
-def place_of(name: str) -> str:
+def describe_place(name: str) -> str:
     """Return the hint that packages or parts of a context have a name; nothing if none has."""
     packages = [f"gamms.{one}.{name}" for one in _SEARCHED if name in import_module(f"gamms.{one}").__all__]
     parts = [f"{called}.{name}" for called, (module, kind) in _PARTS.items() if _has(module, kind, name)]

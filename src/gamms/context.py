@@ -135,7 +135,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
     def visual_engine(self) -> Any:
         """The visual engine, settable, also by a member of `visual.Engine`; a `NoEngine` if none was chosen."""
         if self._visual_engine is None and self._shows_nothing:
-            with self._phase.suspended(changes_world=False):
+            with self._phase.suspend(changes_world=False):
                 self._visual_engine = visual.NoEngine(self)
         return self._visual_engine
 
@@ -154,7 +154,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         if self._recorder is None:
             from gamms.recorder import Recorder
 
-            with self._phase.suspended():
+            with self._phase.suspend():
                 self._recorder = Recorder(self)
         return self._recorder
 
@@ -176,7 +176,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         if self._game is None:
             from gamms.game import Game
 
-            with self._phase.suspended(changes_world=False):
+            with self._phase.suspend(changes_world=False):
                 self._game = Game(self)
         return self._game
 
@@ -366,7 +366,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         twin.reseed(self._seed, self.rng_state())
         twin.is_seeded = self.is_seeded
         if self.graph.storage.has_placed:
-            streams = [one.graph.storage.place_stream() for one in (twin, self)]
+            streams = [one.graph.storage.get_place_stream() for one in (twin, self)]
             streams[0].bit_generator.state = streams[1].bit_generator.state
         if self._game is not None:
             self._game.internals.copy_streams(twin.game.internals)

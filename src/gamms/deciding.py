@@ -198,7 +198,7 @@ class DecidePhase(NotPickled):
             self._is_reading = False
             self.leave_unread(None)
 
-    def names(self) -> tuple[str, ...]:
+    def list_names(self) -> tuple[str, ...]:
         """Return the names of the agents that decide here."""
         deciders = self._find_deciders()
         return deciders.names if isinstance(deciders, Deciders) else (deciders.name,)
@@ -245,12 +245,12 @@ class DecidePhase(NotPickled):
                 "one thread at a time, or make one for each thread."
             )
 
-    def shown(self, value: T) -> T:
+    def protect_value(self, value: T) -> T:
         """The value; while a strategy is running, a read-only copy of it."""
         return cast("T", freeze(value)) if self.is_deciding else value
 
     @contextmanager
-    def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
+    def suspend(self, *, changes_world: bool = True) -> Iterator[None]:
         """Lift the restrictions while a strategy runs: for code of the program such as drawers, or read-only code.
 
         Args:
@@ -392,7 +392,7 @@ def lift_decide_phase(method: Method) -> Method:
         try:
             if self._phase.agent is None:
                 return method(self, *args, **kwargs)
-            with self._phase.suspended():
+            with self._phase.suspend():
                 return method(self, *args, **kwargs)
         except TypeError as error:
             refuse_call(error, method, f"{self._called}.{method.__name__}", (self, *args), kwargs)

@@ -1,6 +1,7 @@
 """Safe files in folders of the user and of results: bounded reading, and writing that is complete or has no effect.
 
-A folder of results may come from an untrusted source. `opened`, and all functions that use it, accept only regular
+A folder of results may come from an untrusted source. `open_regular_file`, and all functions that use it, accept only
+regular
 files: links, pipes, sockets and devices are refused. Nothing is written through a link either.
 """
 
@@ -101,7 +102,7 @@ def lock_folder(folder: Path) -> Iterator[None]:
     if real in _held:
         raise refusal
     file = real / LOCK
-    with make_folder(folder), opened(file, "ab") as stream:
+    with make_folder(folder), open_regular_file(file, "ab") as stream:
         # Another run may have deleted the file between the two calls.
         if not _lock_file(stream) or not (file.exists() and os.path.samestat(file.stat(), os.fstat(stream.fileno()))):
             raise refusal
@@ -315,7 +316,7 @@ def refuse_link(folder: Path) -> None:
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-def opened(file: Path, mode: Literal["rb", "ab", "r+b"]) -> BinaryIO:
+def open_regular_file(file: Path, mode: Literal["rb", "ab", "r+b"]) -> BinaryIO:
     """Open a regular file without blocking.
 
     Raises:
@@ -367,7 +368,7 @@ def read_bytes(file: Path, most: int | None = None) -> bytes:
         TooLarge: reading it would take more memory than is allowed.
         OSError: it cannot be read.
     """
-    with opened(file, "rb") as stream:
+    with open_regular_file(file, "rb") as stream:
         size = os.fstat(stream.fileno()).st_size
         if most is None:
             refuse_above(size, f"Reading {str(file)!r}")
@@ -424,12 +425,12 @@ def read_json_lines(file: Path, what: str, *kinds: type[object]) -> list[dict[st
             for kind in shapes:
                 as_kind(value, kind)
         except BadFile as error:
-            raise damaged(file, number, what, str(error)) from None
+            raise make_line_error(file, number, what, str(error)) from None
         found.append(value)
     return found
 
 
-def damaged(file: Path, number: int, what: str, why: str) -> BadFile:
+def make_line_error(file: Path, number: int, what: str, why: str) -> BadFile:
     """Return the error for a line of a file of JSON lines."""
     return BadFile(f"{str(file)!r}, line {number}, is not {what}: {why}. Delete the line, or use another folder.")
 
@@ -441,7 +442,7 @@ def add_lines(file: Path, lines: Iterable[Mapping[str, object]]) -> None:
         BadFile: the file is not a regular file.
         OSError: the file cannot be written.
     """
-    with add_path_to_errors(file, file), opened(file, "ab") as stream:
+    with add_path_to_errors(file, file), open_regular_file(file, "ab") as stream:
         stream.write(as_lines(lines))
 
 
@@ -452,7 +453,7 @@ def cut_torn_line(file: Path) -> None:
         BadFile: the file is not a regular file.
         OSError: the file cannot be written.
     """
-    with suppress(FileNotFoundError), opened(file, "r+b") as stream:
+    with suppress(FileNotFoundError), open_regular_file(file, "r+b") as stream:
         stream.truncate(stream.read().rfind(b"\n") + 1)
 
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.text import as_text, remove_addresses, shown, written
+from gamms.text import as_text, remove_addresses, shown, write_repr
 
 Plain: TypeAlias = Any
 """A plain value; type checkers know no type of lists and dicts, which are invariant, that holds all of them."""
@@ -53,7 +53,9 @@ def as_json(value: Plain) -> Plain:
     if isinstance(value, dict):
         return {key if isinstance(key, str) else as_text(key): as_json(one) for key, one in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
-        return [as_json(one) for one in (sorted(value, key=written) if isinstance(value, (set, frozenset)) else value)]
+        return [
+            as_json(one) for one in (sorted(value, key=write_repr) if isinstance(value, (set, frozenset)) else value)
+        ]
     if isinstance(value, np.ndarray):
         return as_json(value.tolist())
     if isinstance(value, bytes):

@@ -62,7 +62,7 @@ class Registry(Generic[T]):
 
 
 @contextmanager
-def needing(feature: str, extra: str) -> Iterator[None]:
+def require_extra(feature: str, extra: str) -> Iterator[None]:
     """Import a library that a feature needs in the `with` block.
 
     Raises:

@@ -22,7 +22,7 @@ _INTERRUPT = int(signal.SIGINT)
 
 
 @contextmanager
-def progress(patience_s: float = 1.0) -> Iterator[Show]:
+def show_progress(patience_s: float = 1.0) -> Iterator[Show]:
     """Yield `show(text)`: it shows the text once `patience_s` have passed, if stderr is a terminal."""
     terminal = sys.stderr
     visible = terminal is not None and terminal.isatty()
@@ -49,7 +49,9 @@ class TurnInterrupted(BaseException):
 
 
 @contextmanager
-def uninterrupted(*, at_most_once: bool = False, on_interrupt: Callable[[], object] = lambda: None) -> Iterator[None]:
+def delay_interrupts(
+    *, at_most_once: bool = False, on_interrupt: Callable[[], object] = lambda: None
+) -> Iterator[None]:
     """Delay Ctrl-C until the end of the block, so that its work is neither skipped nor repeated.
 
     Args:

@@ -175,7 +175,7 @@ def freeze(value: object) -> Any:
     return _walk(value, _freeze, deepcopy)
 
 
-def published(name: str, value: object) -> Any:
+def make_shareable(name: str, value: object) -> Any:
     """Return a read-only copy that can be shared; like `freeze`, except that other mutable objects are refused.
 
     Raises:

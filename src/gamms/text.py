@@ -66,14 +66,14 @@ class NamedCall(partial[Any]):
     def __repr__(self) -> str:
         return self.call
 
-    def held(self) -> Iterator[object]:
+    def list_held(self) -> Iterator[object]:
         """Yield the values in the closure, recursively for described functions among these."""
         cells = [cell.cell_contents for cell in getattr(self.func, "__closure__", None) or ()]
         for value in cells:
             for one in value if isinstance(value, (list, tuple)) else (value,):
                 yield one
                 if isinstance(one, NamedCall):
-                    yield from one.held()
+                    yield from one.list_held()
 
 
 def as_code(value: object) -> str:
@@ -104,7 +104,7 @@ def as_digits(number: float) -> str:
         return shown(number)
 
 
-def written(value: object) -> str:
+def write_repr(value: object) -> str:
     """Return the whole `repr` of a plain value, or a shortened one where Python refuses to write an integer in it."""
     try:
         return repr(value)
@@ -157,12 +157,12 @@ def as_cell(value: T) -> T | str:
     return f"'{value}" if is_formula else value
 
 
-def from_cell(text: str) -> str:
+def parse_cell(text: str) -> str:
     """Return the text that `as_cell` has written."""
     return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
 
 
-def paragraphs_of(docs: str | None) -> list[str]:
+def split_paragraphs(docs: str | None) -> list[str]:
     """Return the paragraphs of a docstring before its first section, each on one line."""
     from inspect import cleandoc  # which few programs need
 
@@ -170,12 +170,12 @@ def paragraphs_of(docs: str | None) -> list[str]:
     return [" ".join(part.split()) for part in takewhile(lambda part: not _SECTION.match(part), parts)]
 
 
-def summary_of(docs: str | None) -> str:
+def find_summary(docs: str | None) -> str:
     """Return the first paragraph of a docstring on one line; "" without a docstring."""
-    return " ".join(paragraphs_of(docs)[:1])
+    return " ".join(split_paragraphs(docs)[:1])
 
 
-def entries_of(docs: str | None) -> dict[str, str]:
+def parse_entries(docs: str | None) -> dict[str, str]:
     """Return the entries of the sections Args and Attributes of a docstring: name -> text on one line."""
     from inspect import cleandoc
 

@@ -75,7 +75,7 @@ def test_a_misspelt_keyword_is_warned_about(ctx, heard):
 
 
 @pytest.mark.parametrize("attribute", ["name", "type", "state", "speed", "prev_position"])
-def test_what_a_flyer_is_cannot_be_assigned(kite, attribute):
+def test_the_identity_of_a_flying_agent_cannot_be_assigned(kite, attribute):
     with pytest.raises(AttributeError):
         setattr(kite, attribute, 1)
 
@@ -189,7 +189,7 @@ def test_a_turn_is_divided_by_the_root_of_the_sum_of_its_squares(quat):
     for part in quat:
         total += part * part
     if total > 1e-250 and abs(total - 1.0) > 3e-9:
-        assert gamms.kernels.unit_quaternion(quat) == tuple(part / sqrt(total) for part in quat)
+        assert gamms.kernels.normalize_quaternion(quat) == tuple(part / sqrt(total) for part in quat)
 
 
 def test_the_orientation_is_the_yaw(kite):

@@ -12,7 +12,7 @@ def test_the_last_state_is_handed_out_again(ctx, anna):
     assert anna.get_state() == anna.state == last
 
 
-def test_an_agent_that_never_looked_hands_out_what_its_sensors_hold(ctx, anna):
+def test_an_agent_that_never_looked_hands_out_the_data_of_its_sensors(ctx, anna):
     ctx.terminate()
     assert anna.get_state() == {"curr_pos": 4, "sensor": {"near": (SensorType.NEIGHBOR, [])}}
     assert anna.state == {}

@@ -38,7 +38,7 @@ def positions(columns):
 def remove_all_but(columns, *kept):
     """Leave some agents, whose rows are closed up."""
     for name in set(columns.names).difference(kept):
-        columns.remove(columns.row_of(name))
+        columns.remove(columns.find_row(name))
     columns.close_up()
 
 
@@ -95,15 +95,15 @@ def read(columns):
     """Name -> the values of a column as a list."""
     lists = {name: [*getattr(columns, name)] for name in BY_ROW if name not in ("speed", "progress", *VECTORS)}
     rows = range(len(columns))
-    progress = [columns.progress_of(row) for row in rows]
+    progress = [columns.get_progress(row) for row in rows]
     lists |= {name: [read_vector(columns, name, row) for row in rows] for name in VECTORS}
     return lists | {"speed": list_speeds(columns.games), "progress": progress}
 
 
 def test_many_agents_move_like_one_after_the_other(columns):
     columns.move_all(Selection([3, 1]), [7, 101])
-    nodes = [columns.node_of(row) for row in range(4)]
-    assert (nodes, [columns.previous_of(row) for row in range(4)]) == ([100, 101, 102, 7], [100, 101, 102, 103])
+    nodes = [columns.get_node(row) for row in range(4)]
+    assert (nodes, [columns.get_previous_node(row) for row in range(4)]) == ([100, 101, 102, 7], [100, 101, 102, 103])
 
 
 @given(data=st.data(), size=st.integers(1, 9))
@@ -118,7 +118,7 @@ def test_any_agents_move_at_once_as_one_after_the_other_but_for_those_that_stay(
         nodes = data.draw(st.lists(st.integers(0, 9), min_size=len(rows.rows), max_size=len(rows.rows)))
         together.move_all(rows, nodes)
         for row, node in zip(rows.rows, nodes, strict=True):
-            if apart.node_of(row) != node:
+            if apart.get_node(row) != node:
                 apart.move(row, node)
         assert places_of(together) == places_of(apart)
         changed = log.take()
@@ -128,13 +128,13 @@ def test_any_agents_move_at_once_as_one_after_the_other_but_for_those_that_stay(
         apart.add("late", 5)
         together.move_all(moving[0], [3] * len(moving[0].rows))
         for row in moving[0].rows:
-            if apart.node_of(row) != 3:
+            if apart.get_node(row) != 3:
                 apart.move(row, 3)
         assert places_of(together) == places_of(apart)
 
 
 def places_of(block):
-    return [(block.node_of(row), block.previous_of(row)) for row in range(len(block))]
+    return [(block.get_node(row), block.get_previous_node(row)) for row in range(len(block))]
 
 
 def some_of(rows):
@@ -145,7 +145,7 @@ ROWS, NODES, PARTS = st.integers(0, 5), st.integers(0, 9), st.integers(-3, 3).ma
 VERBS = st.one_of(
     st.tuples(st.just("move"), ROWS, NODES),
     st.tuples(st.just("fly"), st.integers(3, 5), st.tuples(PARTS, PARTS, PARTS), NODES),
-    st.tuples(st.just("turn"), st.integers(3, 5), st.tuples(PARTS, PARTS, PARTS, PARTS)),
+    st.tuples(st.just("set_rotation"), st.integers(3, 5), st.tuples(PARTS, PARTS, PARTS, PARTS)),
     st.tuples(st.just("set"), ROWS, st.just("heading"), st.sampled_from([(0.0, 1.0), None])),
     st.tuples(st.just("set"), ROWS, st.sampled_from(["node", "previous"]), NODES),
     st.tuples(st.just("set"), ROWS, st.just("alive"), st.booleans()),
@@ -164,7 +164,7 @@ def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, late
     for verb, *given_to_it in verbs:
         getattr(block, verb)(*given_to_it)
     before, nodes, placed = read(block), positions.node_ids.tolist(), block.placed.copy()
-    values, structure = block.values(), block.structure_values()
+    values, structure = block.copy_values(), block.copy_structure()
     twin.take_all(values, structure)
     for verb, *given_to_it in later:
         getattr(block, verb)(*given_to_it)
@@ -182,15 +182,15 @@ def test_recordings_and_pictures_have_copies_of_where_all_members_went():
     block.add_all([f"a{i}" for i in range(MANY)], [0] * MANY, "red")
     block.has_teams = True
     positions = Positions(block)
-    before = positions.noted()[1]
+    before = positions.get_noted()[1]
     ends = np.arange(1, MANY + 1)
     block.move_all(Selection(list(range(MANY))), ends.data)
-    after, (_, moves) = positions.noted()[1], block.journal.log[-1]
+    after, (_, moves) = positions.get_noted()[1], block.journal.log[-1]
     ends += 1
     block.move(7, 3)
     assert [*before] == [0] * MANY
     assert [*after] == moves[:, 1].tolist() == [*range(1, MANY + 1)]
-    assert [*positions.noted()[1]] == [*range(1, 8), 3, *range(9, MANY + 1)]
+    assert [*positions.get_noted()[1]] == [*range(1, 8), 3, *range(9, MANY + 1)]
 
 
 def test_positions_by_the_default_of_the_contract_are_those_of_the_engine(ctx, anna):
@@ -301,7 +301,7 @@ def other_map():
         ctx.graph.graph.add_node({"id": 1000 + node, "x": float(node), "y": 0.0})
     for node in range(8):
         ctx.graph.graph.add_edge({"id": node, "source": 1000 + node, "target": 1001 + node, "length": 1.0})
-    return ctx.graph.storage.contents()
+    return ctx.graph.storage.get_contents()
 
 
 # -- speeds -------------------------------------------------------------------------------------------------------
@@ -347,16 +347,16 @@ def test_positions_on_edges_are_read_as_they_were_set(given_to_it, later):
         block.add(f"a{row}", row)
         block.set_progress(row, progress)
     moving = {row for row, progress in enumerate(given_to_it) if progress is not None and progress.motion}
-    assert ([*map(block.progress_of, range(3))], block.travellers) == (given_to_it, moving)
-    values = block.values()
+    assert ([*map(block.get_progress, range(3))], block.travellers) == (given_to_it, moving)
+    values = block.copy_values()
     for row, progress in enumerate(later):
         block.set_progress(row, progress)
-    assert other.progress_of(other.take_over(block, 1)) == later[1]
+    assert other.get_progress(other.take_over(block, 1)) == later[1]
     block.restore(values, None)
-    assert ([*map(block.progress_of, range(3))], block.travellers) == (given_to_it, moving)
+    assert ([*map(block.get_progress, range(3))], block.travellers) == (given_to_it, moving)
     block.remove(0)
     block.close_up()
-    assert [*map(block.progress_of, range(2))] == given_to_it[1:]
+    assert [*map(block.get_progress, range(2))] == given_to_it[1:]
 
 
 def test_an_agent_keeps_its_position_on_an_edge_when_the_edge_is_removed_or_the_map_is_replaced(ctx):
@@ -367,8 +367,8 @@ def test_an_agent_keeps_its_position_on_an_edge_when_the_edge_is_removed_or_the_
     before = ctx.game.snapshot()
     ctx.graph.graph.remove_edge(place.edge)
     ctx.graph.storage.put(other_map())
-    assert block.on_edge(0) == place
+    assert block.get_edge_position(0) == place
     block.set_progress(0, None)
-    assert block.on_edge(0) is None
+    assert block.get_edge_position(0) is None
     ctx.game.restore(before)
-    assert ctx.agent.block.on_edge(0) == place
+    assert ctx.agent.block.get_edge_position(0) == place

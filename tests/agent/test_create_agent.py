@@ -130,7 +130,7 @@ def test_unknown_sensors_are_warned_about_and_skipped(ctx, heard):
 
 
 @pytest.mark.parametrize("sensors", [[5], {"e": 5}, ["near", ["odd"]], {5: "near"}, {"": "near"}, 5, "near"])
-def test_what_is_neither_a_sensor_nor_an_id_is_refused_before_anything_has_changed(ctx, sensors):
+def test_an_invalid_sensor_is_refused_before_anything_has_changed(ctx, sensors):
     with pytest.raises((TypeError, ValueError)):
         ctx.agent.create_agent("a", start_node_id=0, sensors=sensors)
     assert not ctx.agent.agents

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gamms.agent import AerialAgent
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock
-from gamms.typing.actions import flight
+from gamms.typing.actions import resolve_flight
 from gamms.typing.graph_engine import IGraph, Node
 
 HALF = sqrt(0.5)
@@ -85,7 +85,7 @@ def test_those_on_the_ground_do_not_fly():
     block = AgentBlock()
     block.add("anna", 0)
     with pytest.raises(TypeError, match="'anna' does not fly"):
-        flight(block, 0, (1, 0, 0))
+        resolve_flight(block, 0, (1, 0, 0))
 
 
 ODD = st.one_of(

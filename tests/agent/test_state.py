@@ -156,7 +156,7 @@ def test_an_agent_cannot_be_put_on_an_unknown_node(anna, attribute, node, error)
 
 
 @pytest.mark.parametrize("attribute", ["name", "type", "state"])
-def test_what_an_agent_is_cannot_be_assigned(anna, attribute):
+def test_the_identity_of_an_agent_cannot_be_assigned(anna, attribute):
     with pytest.raises(AttributeError):
         setattr(anna, attribute, "x")
 

@@ -90,7 +90,7 @@ def test_a_team_has_the_values_of_its_members_as_they_are(ctx):
     assert team["tag"].tolist() == [5, 6]
 
 
-def test_what_a_team_is_asked_wrongly_is_explained(ctx):
+def test_wrong_queries_of_a_team_are_explained(ctx):
     team = ctx.agent.create_team("red", [0, 1])
     for index in (0, slice(0, 1), None):
         with pytest.raises(BadType, match=r"the name of an attribute, not .*; team.agents has the members"):
@@ -108,7 +108,7 @@ def test_what_a_team_is_asked_wrongly_is_explained(ctx):
 def test_names_and_agents_are_in_their_team(ctx):
     team, other = ctx.agent.create_team("red", [3, 4]), ctx.agent.create_team("blue", [5])
     assert "red_1" in team
-    assert ctx.agent.storage.made() == []
+    assert ctx.agent.storage.list_created() == []
     assert team.agents[1] in team
     assert not any(one in team for one in ("red_2", "blue_0", other.agents[0], 1, None))
     with ctx.game.fork(1).ctx as copy:
@@ -140,7 +140,7 @@ def test_members_beside_a_deleted_one_are_read_and_moved_without_being_made(ctx)
     ctx.agent.delete_agent("red_1")
     team.move([near := ctx.graph.graph.neighborhoods[0][1], 12, 1])
     assert (team.node_ids.tolist(), team.alive.tolist()) == ([near, 12, 1], [True, True, True])
-    assert ctx.agent.storage.made() == []
+    assert ctx.agent.storage.list_created() == []
 
 
 def test_another_agent_of_the_name_of_a_deleted_member_is_no_member(ctx):
@@ -207,16 +207,16 @@ def test_members_with_neither_strategy_nor_sensors_are_not_made_in_turns(ctx):
     ctx.agent.create_agent("blue", start_node_id=3, strategy=gamms.strategies.random_walk)
     ctx.game.add(gamms.rules.time_limit(9))
     ctx.game.step()
-    assert [agent.name for agent in ctx.agent.storage.made()] == ["blue"]
+    assert [agent.name for agent in ctx.agent.storage.list_created()] == ["blue"]
     ctx.agent.get_agent("red_1").register_strategy(gamms.strategies.random_walk)
     ctx.game.step()
-    assert [agent.name for agent in ctx.agent.storage.made()] == ["red_1", "blue"]
+    assert [agent.name for agent in ctx.agent.storage.list_created()] == ["red_1", "blue"]
     result = ctx.game.run()
     assert (result.agents["red_0"]["moves"], team.node_ids[[0, 2]].tolist()) == (0, [0, 2])
     assert result.agents["red_1"]["moves"] > 0
 
 
-def test_what_is_impossible_changes_nothing(ctx):
+def test_a_team_that_cannot_be_created_changes_nothing(ctx):
     ctx.agent.create_agent("red_1", start_node_id=0)
     with pytest.raises(Duplicate, match="red_1"):
         ctx.agent.create_team("red", [0, 1])
@@ -280,11 +280,11 @@ def test_attributes_of_agents_are_found_by_their_rows_whether_or_not_members_wer
     ctx.agent.create_agent("bert", start_node_id=0)
     ctx.agent.get_agent("red_3").fuel = 3
     ctx.agent.get_agent("red_1").fuel = 2
-    found = ctx.agent.storage.attributes()
+    found = ctx.agent.storage.get_attributes()
     assert list(found.items()) == [(0, {"fuel": 1}), (2, {"fuel": 2}), (4, {"fuel": 3})]
     ctx.agent.delete_agent("anna")
     ctx.agent.create_team("blue", [0, 1], columns={"fuel": [4, 5]})
-    found = ctx.agent.storage.attributes()
+    found = ctx.agent.storage.get_attributes()
     assert list(found.items()) == [(1, {"fuel": 2}), (3, {"fuel": 3}), (5, {"fuel": 4}), (6, {"fuel": 5})]
 
 
@@ -357,7 +357,7 @@ def test_a_member_on_a_node_that_was_the_last_of_the_map_is_named(ctx):
         ctx.game.step()
 
 
-def test_what_has_stopped_a_member_is_forgotten_in_the_next_turn(ctx):
+def test_the_reason_why_a_member_stopped_is_forgotten_in_the_next_turn(ctx):
     ctx.agent.create_team("red", [*range(1, 25), *[20] * 16])
     goes = iter([True, False])
     ctx.game.command("red", lambda arrays: np.where((arrays.nodes == 1) & next(goes), 6, arrays.nodes), arrays=True)

@@ -25,7 +25,7 @@ from random_players import (
 )
 
 import gamms
-from gamms.game.settings import rule_spec_of
+from gamms.game.settings import get_rule_spec
 from gamms.rules import (
     Conflicts,
     arrive,
@@ -146,7 +146,7 @@ ways_to_score = (tags(), flags, goals, fuel, held, found, back, paid, ends)
 rules = st.lists(
     st.sampled_from(ways_to_score).flatmap(lambda rule: rule),
     max_size=7,
-    unique_by=lambda rule: rule_spec_of(rule).key or id(rule),
+    unique_by=lambda rule: get_rule_spec(rule).key or id(rule),
 )
 conflicts = st.builds(
     Conflicts,

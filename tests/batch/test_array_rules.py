@@ -25,7 +25,7 @@ def tolls(chance=0.3, most=6, points=1, out=False):
         visits = turn.visits(is_gate)
         names = turn.roster.keys[visits.agents]
         pays = turn.draw_bits(visits.at, names, "toll") < np.uint64(int(chance * 2**64))
-        visits = visits.those(pays)
+        visits = visits.select(pays)
         np.add.at(paid, (turn.games[visits.at], visits.agents), 1)
         turn.emit(
             "toll",
@@ -100,7 +100,7 @@ def mark(view):
 def strike(turn):
     done, resting = turn.performed("mark"), turn.performed("rest")
     first = np.unique(done.at, return_index=True)[1]
-    done = done.those(first[(done.values["size"][first] > 0.5) & (done.values["whom"][first] >= 0)])
+    done = done.select(first[(done.values["size"][first] > 0.5) & (done.values["whom"][first] >= 0)])
     turn.emit(
         "strike",
         done.at,

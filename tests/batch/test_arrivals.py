@@ -66,10 +66,10 @@ def test_a_queue_gives_who_arrives_first_and_of_several_the_first(times, pops):
             queue.push(0, agent, time)
             waiting.append((time, agent))
         elif waiting:
-            assert queue.first_time(0) == min(waiting)[0]
+            assert queue.find_first_time(0) == min(waiting)[0]
             assert queue.pop(0) == min(waiting)[1]
             waiting.remove(min(waiting))
-    assert queue.size(0) == len(waiting)
+    assert queue.count_agents(0) == len(waiting)
 
 
 def test_headings_of_agents_that_lose_conflicts_or_are_turned_by_a_rule_are_those_of_the_game_alone():

@@ -302,7 +302,7 @@ def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(
         assert_as_played(games, scenario, maps=maps)
 
 
-def test_run_logs_once_what_is_called_game_by_game(caplog):
+def test_run_logs_once_the_functions_that_are_called_game_by_game(caplog):
     with scene([TAG], max_turns=1).build() as ctx:
         ctx.game.add(UNUSED)
         with ctx.game.batch(2) as games, ctx.game.batch(2) as others, caplog.at_level("INFO", ctx.logger.name):

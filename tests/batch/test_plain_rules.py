@@ -34,7 +34,7 @@ SEEING = {
 }
 
 
-def test_what_is_observed_where_roads_are_closed_is_what_is_there():
+def test_observations_where_roads_are_closed_are_true():
     red = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SEEING]}
     seeds = [1] * 4 + [2] * 5 + [4] * 2
     with scene(teams={"red": red}, sensors=SEEING).build(seed=1) as ctx:

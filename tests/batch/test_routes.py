@@ -36,7 +36,7 @@ def test_actions_lead_to_the_legal_nodes_one_by_one(leaves, kind):
             ctx.graph.graph.add_edge({"id": leaf, "source": 5, "target": leaf, "length": 1.0})
         streets, near = StreetGraph(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph.neighborhoods
         rows = np.arange(len(streets.counts))
-        for row, (node, count) in enumerate(zip(streets.ids(rows).tolist(), streets.counts_of(rows), strict=True)):
+        for row, (node, count) in enumerate(zip(streets.ids(rows).tolist(), streets.count_legal(rows), strict=True)):
             led = streets.step(np.full(count, row), np.arange(count, dtype=kind))
             assert streets.ids(led).tolist() == list(near[node])
 

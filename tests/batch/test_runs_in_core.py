@@ -16,7 +16,7 @@ from random_games import games
 import gamms
 from gamms.errors import GammsError
 from gamms.game import native
-from gamms.game.settings import rule_spec_of
+from gamms.game.settings import get_rule_spec
 from gamms.ir.graph import read_only
 from gamms.rules import Conflicts, capture_flag, respawn, tag, time_limit
 from gamms.strategies import chase, follow_path, random_walk, random_waypoints
@@ -71,7 +71,7 @@ def left_behind(ctx):
             name: moved.paths.points[moved.paths.offsets[row] : moved.paths.offsets[row + 1]].tolist()
             for name, row in moved.rows.items()
         }
-        for moved in ctx.visual.drawing.motion.past(200)
+        for moved in ctx.visual.drawing.motion.list_past(200)
     ]
     return (
         *(agents, dict(game.moves), game.tracks(game.agents), repr(game.data), dict(game.facts), game.events),
@@ -110,7 +110,7 @@ def games_of_shipped_parts(draw, speeds, **motion):
             "strategies": draw(st.lists(strategies, max_size=3)),
             "speeds": draw(st.lists(st.sampled_from(speeds), min_size=1, max_size=3)),
         },
-        rules=[rule for rule in drawn.rules if rule_spec_of(rule).core_form is not None],
+        rules=[rule for rule in drawn.rules if get_rule_spec(rule).core_form is not None],
         eyes=draw(st.lists(eyes, min_size=1, max_size=3)),
         early=set(),
         asked="",
@@ -132,7 +132,7 @@ MOTIONS = {
 @pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS)
 @LAW
 @given(data=st.data(), turns=st.integers(2, 40))
-def test_a_run_leaves_what_its_turns_leave_one_by_one(motion, data, turns):
+def test_a_run_ends_in_the_same_state_as_its_turns_one_by_one(motion, data, turns):
     drawn = data.draw(games_of_shipped_parts(**motion))
 
     def opened():

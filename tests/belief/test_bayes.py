@@ -242,7 +242,7 @@ def test_a_walker_is_expected_where_the_shipped_random_walk_goes():
         (lambda f: belief.mixture({belief.random_walk(): 1, belief.random_walk(0.1, steps=2): 1}), BadValue, "steps"),
     ],
 )
-def test_errors_name_what_is_wrong(call, error, words):
+def test_errors_name_the_invalid_value(call, error, words):
     with context(2, [(0, 1)]) as ctx, pytest.raises(error, match=words):
         call(belief.Filter(ctx, belief.random_walk(), ["a"]))
 

@@ -112,7 +112,7 @@ def test_drones_tell_of_agents_on_the_ground(make_ctx, add):
     assert known[0].reachable("far") == {3, 4, 5}
 
 
-def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
+def test_a_program_can_note_its_own_knowledge(make_ctx, add):
     ctx = make_ctx(6)
 
     def informed(state):
@@ -132,7 +132,7 @@ def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3, 30])
-def test_what_is_shared_is_what_merged_memories_say(turns):
+def test_shared_beliefs_equal_those_of_merged_memories(turns):
     with hunt(turns, share=True) as shared, hunt(turns, share=False) as alone:
         merged = belief.merge(*(alone.game.memories[f"h{i}"] for i in range(3)))
         assert belief.merge(shared.game.team_memories["red"]) == merged
@@ -201,7 +201,7 @@ def test_beliefs_are_the_same_with_any_hash_seed(capsys):
     assert run.stdout == capsys.readouterr().out
 
 
-def test_what_a_program_keeps_in_the_same_memory_is_no_observation(make_ctx, add):
+def test_values_of_a_program_in_the_same_memory_are_not_observations(make_ctx, add):
     ctx = make_ctx(3)
     state = add(ctx, "a", 0, "red", sight=10.0).get_state() | {"name": "a", "team": "red", "turn": 0, "memory": {}}
     belief.observe(ctx, state)
@@ -210,7 +210,7 @@ def test_what_a_program_keeps_in_the_same_memory_is_no_observation(make_ctx, add
     assert belief.believed(ctx, state).last_seen == known
 
 
-def test_errors_name_what_is_missing(make_ctx, add):
+def test_errors_name_the_missing_part(make_ctx, add):
     ctx = make_ctx(3)
     agent = add(ctx, "a", 0, "red", sight=10.0)
     with pytest.raises(MissingKey, match=r"state\['name'\]. ctx.game sets it; in your own loop, set name"):
@@ -248,7 +248,7 @@ def reporting(ctx, reports):
 
 @pytest.mark.parametrize("delay", range(6))
 @pytest.mark.parametrize("order", ["ab", "ba"])
-def test_what_is_reported_late_counts_as_if_it_had_been_noted_in_its_turn(make_ctx, add, delay, order):
+def test_late_reports_count_as_if_noted_in_their_turn(make_ctx, add, delay, order):
     beliefs = []
     for late in (0, delay):
         ctx = make_ctx(40)

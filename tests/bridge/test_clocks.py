@@ -45,7 +45,7 @@ def stale_times(rate, seconds=60.0, *, period=0.1, jitter=0.05, pause=(0.0, 0.0)
             feed.clock._now, t = sent.pop(0)
             feed.put(Fix(t=t, x=0.0, y=0.0))
             tracker.take(feed.take())
-        if tracker.last is not None and tracker.age(tick * TICK_S) > MAX_AGE_S:
+        if tracker.last is not None and tracker.compute_age(tick * TICK_S) > MAX_AGE_S:
             stale.append(tick * TICK_S)
     return stale
 

@@ -317,7 +317,7 @@ def test_an_agent_that_is_out_of_the_game_is_not_waited_for(ctx):
     assert clock.now() == 0.0
 
 
-def test_wrong_arguments_say_what_is_right(ctx):
+def test_errors_for_wrong_arguments_name_right_ones(ctx):
     ctx.agent.create_agent("kite", start_node_id=0, type="AERIAL", position=(0.0, 0.0, 5.0), speed=1.0)
     cases = [
         (lambda: drive(3, print), BadType, "agent"),

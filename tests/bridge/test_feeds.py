@@ -41,11 +41,11 @@ def track(*fixes, **checks):
 
 def test_a_fix_has_the_age_that_it_has_gained_since_it_was_measured():
     one = track((100.0, 0.0, 0.0), (103.5, 3.0, 1.0))  # the second was half a second longer on its way
-    assert one.age(104.0) == pytest.approx(1.0, abs=0.01)
+    assert one.compute_age(104.0) == pytest.approx(1.0, abs=0.01)
 
 
 def test_fixes_without_a_time_are_as_old_as_they_are_here():
-    assert track((100.0, None, 0.0)).age(101.5) == 1.5
+    assert track((100.0, None, 0.0)).compute_age(101.5) == 1.5
 
 
 def test_a_fix_that_was_overtaken_does_not_count():
@@ -57,7 +57,7 @@ def test_a_fix_that_was_overtaken_does_not_count():
 def test_a_sender_whose_clock_begins_again_after_a_pause_is_heard():
     one = track((100.0, 900.0, 0.0), (105.0, 1.0, 3.0))
     assert one.last.xy == (3.0, 0.0)
-    assert one.age(105.0) == 0.0
+    assert one.compute_age(105.0) == 0.0
 
 
 def test_a_jump_that_no_robot_can_make_does_not_count():
@@ -92,7 +92,7 @@ def test_no_fix_breaks_a_tracker(fixes):
         feed.clock.sleep(wait)
         feed.put(Fix(t=t, lat=lat, lon=lon, x=x, y=y))
         one.take(feed.take())
-        assert one.age(feed.clock.now()) >= 0.0
+        assert one.compute_age(feed.clock.now()) >= 0.0
     assert sum(one.counts.values()) + feed.counts["bad"] == len(fixes)
 
 

@@ -112,7 +112,7 @@ def test_what_cannot_be_sent_by_udp_is_counted():
         ({"to": ("127.0.0.1", 0)}, BadValue, "A port must be at least 1"),
     ],
 )
-def test_a_wrong_address_says_what_is_right(options, kind, words):
+def test_a_wrong_address_names_a_right_one(options, kind, words):
     with pytest.raises(kind, match=words):
         Udp(**options)
 
@@ -120,7 +120,7 @@ def test_a_wrong_address_says_what_is_right(options, kind, words):
 # -- WebSocket ------------------------------------------------------------------------------------------------------
 
 
-def test_viewers_come_and_go_and_get_what_is_sent_meanwhile():
+def test_viewers_come_and_go_and_get_the_messages_sent_meanwhile():
     with WebSocketServer() as link:
         link.send({"type": "turn", "turn": 0})
         assert link.counts["unsent"] == 1

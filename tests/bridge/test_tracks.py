@@ -29,7 +29,7 @@ def places_of(path, agent="anna"):
         return np.array(found)
 
 
-def test_what_is_read_from_a_recording_gives_that_recording_again(tmp_path):
+def test_values_read_from_a_recording_give_that_recording_again(tmp_path):
     def ride(state):
         state["action"] = state["draw"].choice(state["legal"])
 
@@ -206,7 +206,7 @@ def test_a_bad_value_in_a_csv_file_is_named_with_the_file(town, tmp_path, monkey
         recording_from_tracks(["ride.csv"], town, "game.ggr")
 
 
-def test_wrong_arguments_say_what_is_right(town, tmp_path):
+def test_errors_for_wrong_arguments_name_right_ones(town, tmp_path):
     cases = [
         (lambda: recording_from_tracks([], town, "x"), BadValue, "There are no tracks"),
         (lambda: recording_from_tracks("a.gpx", town, "x"), BadType, "tracks must be a list of files"),

@@ -14,7 +14,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from gamms import cli, scenario
-from gamms.cli.gallery import about, list_statistics
+from gamms.cli.gallery import describe_game, list_statistics
 from gamms.visual.constants import Layer
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
@@ -45,8 +45,8 @@ def test_the_list_says_a_line_of_each_game():
 @pytest.mark.parametrize("name", GAMES)
 def test_a_game_states_its_model_and_is_at_most_a_page_of_code(name):
     game = GAMES[name]
-    assert len(about(game)) >= 2
-    assert re.search(r"\b(19|20)\d\d\b", about(game)[0]), "name what it is near to in the literature"
+    assert len(describe_game(game)) >= 2
+    assert re.search(r"\b(19|20)\d\d\b", describe_game(game)[0]), "name what it is near to in the literature"
     files = {found.file for found in game.code() if found.file is not None}
     assert all(len([line for line in file.read_text().splitlines() if line]) <= 66 for file in files)
 
@@ -113,7 +113,7 @@ def test_a_page_leaves_out_a_game_whose_library_is_missing(folder, monkeypatch):
     assert run("gallery", "language_model", "--page", "one").exit_code == 1
 
 
-def test_what_cannot_be_meant_is_refused():
+def test_the_gallery_refuses_unknown_games_and_a_missing_name():
     assert "Unknown game 'patrl'. Did you mean 'patrol'?" in run("gallery", "patrl").stderr
     assert "needs the name of a game" in run("gallery", "--seed", 3).stderr
 

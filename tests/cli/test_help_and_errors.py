@@ -215,7 +215,7 @@ def test_a_wrong_wish_for_a_film_or_picture_is_named(folder):
         (["--jobs", "2"], "--jobs: 2 games at once need several seeds: add --seeds 0:20"),
     ],
 )
-def test_what_an_option_cannot_be_is_named(options, said):
+def test_invalid_values_of_options_are_named(options, said):
     done = run("run", "game.yaml", *options)
     assert done.exit_code == 2
     assert said in done.stderr

@@ -70,7 +70,7 @@ def test_the_game_can_be_won_by_both_sides(folder):
     assert {game.play(seed=seed).winner for seed in (4, 5)} == {"pursuers", "evaders"}
 
 
-def test_what_is_there_is_not_written_over(folder):
+def test_existing_files_are_not_overwritten(folder):
     (folder / "hunt").mkdir()
     done = run("new", "hunt")
     assert (done.exit_code, list((folder / "hunt").iterdir())) == (1, [])

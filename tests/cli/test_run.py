@@ -167,7 +167,7 @@ def test_an_error_says_with_which_seed(folder, jobs):
         (["--jobs", "0"], "--jobs"),
     ],
 )
-def test_what_does_not_go_together_is_refused(folder, arguments, hint):
+def test_conflicting_options_are_refused(folder, arguments, hint):
     done = run(*arguments)
     assert done.exit_code == 2
     assert hint in " ".join(done.stderr.split())

@@ -180,14 +180,14 @@ def test_one_sensor_type_whatever_the_path():
 
 
 @pytest.mark.parametrize("old", ["AgentEngine.agent_engine", "VisualizationEngine", "osm_constants", "MemoryEngine"])
-def test_a_star_import_from_an_old_path_brings_what_the_package_offers(old):
+def test_a_star_import_from_an_old_path_brings_the_public_names(old):
     scope = {}
     exec(f"from gamms.{old} import *", scope)
     room = importlib.import_module(PATHS[f"gamms.{old}"][0])
     assert set(room.__all__) <= set(scope)
 
 
-def test_what_1_0_0_offered_after_import_gamms_is_there():
+def test_names_of_1_0_0_exist_after_import_gamms():
     names = (
         "agent sensor graph visual memory logger typing context internal_context osm_constants create_context Context "
         "InternalContext Recorder AgentEngine SensorEngine GraphEngine VisualizationEngine MemoryEngine osm __version__"

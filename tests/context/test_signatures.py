@@ -22,7 +22,7 @@ TAKES_ANY = {  # what becomes an attribute, or is recorded, or is for an engine 
 }
 ACCEPTED = {
     "agent.create_agent": set(agents._KEYWORDS) - {"meta"},  # an attribute that 1.0.0 named
-    "sensor.create_sensor": {*SHARED_KEYWORDS, *(name for kind in KINDS.values() for name in kind.names())},
+    "sensor.create_sensor": {*SHARED_KEYWORDS, *(name for kind in KINDS.values() for name in kind.list_names())},
     "visual.set_graph_visual": set(artists._KEYWORDS["graph"]),
     "visual.set_agent_visual": set(artists._KEYWORDS["agent"]) - {"name"},
     "visual.set_sensor_visual": set(artists._KEYWORDS["sensor"]) - {"name"},

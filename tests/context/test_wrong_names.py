@@ -251,7 +251,7 @@ def test_a_package_answers_an_unknown_name_with_those_that_it_has(package):
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
-def test_a_recording_names_what_is_like_an_unknown_name(town, tmp_path):
+def test_a_recording_names_the_known_name_like_an_unknown_one(town, tmp_path):
     town.record.start(tmp_path / "game.ggr")
     town.record.stop()
     with gamms.recorder.open(tmp_path / "game.ggr") as recording, pytest.raises(AttributeError) as caught:

@@ -280,7 +280,7 @@ class World:
                     [_state_of_sensor(name, sensor) for name, sensor in ctx.sensor.sensors.items()],
                     (ctx.game.settings(), ctx.game.turn, dict(ctx.game.scores), dict(ctx.game.data), ctx.game.is_over),
                     (list(ctx.game.events), dict(ctx.game.facts), list(ctx.game.rules), ctx.record.record()),
-                    (list(ctx.visual.artists.shown()), list(ctx.record.component_iter())),
+                    (list(ctx.visual.artists.list_shown()), list(ctx.record.component_iter())),
                 )
             )
         finally:

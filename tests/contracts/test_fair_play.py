@@ -530,9 +530,9 @@ def test_an_iterator_is_seen_to_go_on_and_nothing_is_taken_from_it(make):
         return next(lots)
 
     hidden = HiddenState(draw)
-    assert hidden.changed("Keep it.") == ""
+    assert hidden.describe_change("Keep it.") == ""
     taken = [draw()]
-    assert hidden.changed("Keep it.").startswith("The closure variable 'lots' of draw() changed")
+    assert hidden.describe_change("Keep it.").startswith("The closure variable 'lots' of draw() changed")
     assert [*taken, *itertools.islice(lots, 3)] == known
 
 

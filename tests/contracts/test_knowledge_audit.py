@@ -227,7 +227,7 @@ def _add_namesake(ctx: gamms.Context) -> None:
     ],
     ids=["prepared", "edges", "roads that others close", "a team and an agent of one name", "an agent that goes"],
 )
-def test_a_strategy_that_uses_what_its_agent_has_passes(
+def test_a_strategy_that_uses_only_the_knowledge_of_its_agent_passes(
     strategy: _Strategy, change: Callable[[gamms.Context], object]
 ) -> None:
     check_strategy(strategy, lambda: _make_quiet(change), "dan", turns=4)

@@ -21,7 +21,7 @@ COLUMNS = (
 
 def shown(block, game=0):
     """Name -> the rows in use of a column in a game."""
-    return {one.name: block.row(one.name, game).tolist() for one in COLUMNS}
+    return {one.name: block.get_row(one.name, game).tolist() for one in COLUMNS}
 
 
 def test_new_rows_have_the_initial_numbers_in_every_game():
@@ -41,14 +41,14 @@ def test_new_rows_have_the_initial_numbers_in_every_game():
 def test_booleans_are_those_of_python():
     block = Block(COLUMNS)
     block.add(1)
-    assert block.row("alive")[0] is True
+    assert block.get_row("alive")[0] is True
 
 
 def test_the_rows_of_a_game_are_its_own():
     block = Block(COLUMNS, games=3)
     block.add(2)
-    block.row("node", 2)[1] = 7
-    assert [block.row("node", game).tolist() for game in range(3)] == [[0, 0], [0, 0], [0, 7]]
+    block.get_row("node", 2)[1] = 7
+    assert [block.get_row("node", game).tolist() for game in range(3)] == [[0, 0], [0, 0], [0, 7]]
 
 
 def test_the_memory_is_moved_seldom_as_agents_come_one_by_one():
@@ -60,16 +60,16 @@ def test_the_memory_is_moved_seldom_as_agents_come_one_by_one():
     assert moves < 20
 
 
-def test_a_copy_of_a_game_leaves_out_what_is_not_copied():
+def test_a_copy_of_a_game_leaves_out_values_that_are_not_copied():
     block = Block(COLUMNS, games=2)
     block.add(2)
     block.add(2, "team")
     for name, place, value in (("node", 1, 5), ("since", 3, 2.5), ("score", 1, 4.0), ("map", 0, 8), ("scratch", 0, 1)):
-        block.row(name, 0)[place] = value
+        block.get_row(name, 0)[place] = value
     before = shown(block)
     block.copy_row(0, 1)
     assert shown(block, 1) == {**before, "scratch": [9, 9]}
-    block.row("node", 1)[0] = 6
+    block.get_row("node", 1)[0] = 6
     assert shown(block) == before
 
 
@@ -77,41 +77,41 @@ def test_a_block_of_another_size_takes_a_game_with_its_size():
     few, many = Block(COLUMNS), Block(COLUMNS)
     few.add(1)
     many.add(3)
-    many.row("node")[2] = 4
+    many.get_row("node")[2] = 4
     few.copy_row(0, 0, many)
     assert shown(few) == shown(many)
     many.close_up([0, 1])
     few.copy_row(0, 0, many)
-    assert few.row("node").tolist() == [4]
+    assert few.get_row("node").tolist() == [4]
     small = Block(COLUMNS)
     small.add(1)
     few.copy_row(0, 0, small)
     assert shown(few) == shown(small)
     assert few.add(3) == 1
-    assert few.row("node").tolist() == [0, 0, 0, 0]
+    assert few.get_row("node").tolist() == [0, 0, 0, 0]
 
 
 def test_there_is_no_column_of_another_name():
     with pytest.raises(KeyError, match="mass"):
-        Block(COLUMNS).row("mass")
+        Block(COLUMNS).get_row("mass")
 
 
 def test_rows_that_are_free_have_initial_numbers_again():
     block = Block(COLUMNS)
     block.add(3)
-    block.row("node")[:] = array(INT64, [4, 5, 6])
+    block.get_row("node")[:] = array(INT64, [4, 5, 6])
     block.close_up([0])
     block.add(1)
-    assert block.row("node").tolist() == [5, 6, 0]
+    assert block.get_row("node").tolist() == [5, 6, 0]
 
 
 def test_a_block_can_be_copied_with_all_its_games():
     block = Block(COLUMNS, games=2)
     block.add(2)
-    block.row("node", 1)[1] = 7
+    block.get_row("node", 1)[1] = 7
     twin = deepcopy(block)
-    block.row("node", 1)[0] = 6
-    assert twin.row("node", 1).tolist() == [0, 7]
+    block.get_row("node", 1)[0] = 6
+    assert twin.get_row("node", 1).tolist() == [0, 7]
     assert twin.add(1) == 2
 
 
@@ -130,12 +130,12 @@ def test_rows_that_come_and_go_are_those_of_lists(data):
             assert first == len(model[0])
             for game, rows in enumerate(model):
                 for row in range(first, first + count):
-                    block.row("node", game)[row] = 100 * step + row - game
-                    block.row("since", game)[2 * row : 2 * row + 2] = array("d", [row, game])
+                    block.get_row("node", game)[row] = 100 * step + row - game
+                    block.get_row("since", game)[2 * row : 2 * row + 2] = array("d", [row, game])
                 rows += [(100 * step + row - game, [row, game]) for row in range(first, first + count)]
         for game, rows in enumerate(model):
-            assert block.row("node", game).tolist() == [node for node, _ in rows]
-            assert block.row("since", game).tolist() == [number for _, pair in rows for number in pair]
+            assert block.get_row("node", game).tolist() == [node for node, _ in rows]
+            assert block.get_row("since", game).tolist() == [number for _, pair in rows for number in pair]
 
 
 def numbers(values, code="q"):

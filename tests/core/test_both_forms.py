@@ -78,11 +78,11 @@ CASES = {
     ("block", "stop_moves"): BLOCK.map(
         lambda one: (*one[:2], array("i", range(6)), *[array("q", [0, 2, 5]) for _ in range(3)])
     ),
-    ("copies", "copied"): st.tuples(PLAIN),
-    ("copies", "copied_values"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
-    ("copies", "copied_dict"): st.tuples(KINDS),
-    ("copies", "copied_each"): st.tuples(DICTS),
-    ("copies", "copied_fields"): st.lists(PLAIN, min_size=3, max_size=3).map(
+    ("copies", "copy_deep"): st.tuples(PLAIN),
+    ("copies", "copy_values"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
+    ("copies", "copy_dict"): st.tuples(KINDS),
+    ("copies", "copy_each"): st.tuples(DICTS),
+    ("copies", "copy_fields"): st.lists(PLAIN, min_size=3, max_size=3).map(
         lambda one: (one, [(0, deepcopy), (2, deepcopy)])
     ),
     ("copies", "restore_fields"): st.tuples(SCALARS, st.lists(SCALARS), KINDS, KINDS).map(
@@ -94,19 +94,19 @@ CASES = {
             [(2, "counts", deepcopy, dict.update)],
         )
     ),
-    ("copies", "copied_filled"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
+    ("copies", "copy_filled"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
     ("copies", "refill"): st.tuples(KINDS, KINDS),
     ("copies", "refill_each"): st.tuples(DICTS, DICTS),
     ("copies", "refill_counts"): st.tuples(DICTS, DICTS),
     ("draws", "mix"): st.tuples(U64),
-    ("draws", "rotated"): st.tuples(U64, numbers(1, 63)),
-    ("draws", "siphash"): st.tuples(U64, U64, U64),
-    ("draws", "first_key"): st.tuples(U64, U64),
-    ("draws", "turn_key"): st.tuples(U64, I64),
-    ("draws", "bits_at"): st.tuples(U64, numbers(-1, 2**63 - 2)),
-    ("draws", "below"): st.tuples(U64, numbers(1, 2**32)),
-    ("draws", "below_at"): st.tuples(U64, I64, numbers(-1, 2**63 - 2), numbers(1, 2**32)),
-    ("draws", "fraction"): st.tuples(U64),
+    ("draws", "rotate_left"): st.tuples(U64, numbers(1, 63)),
+    ("draws", "compute_siphash"): st.tuples(U64, U64, U64),
+    ("draws", "compute_first_key"): st.tuples(U64, U64),
+    ("draws", "compute_turn_key"): st.tuples(U64, I64),
+    ("draws", "compute_bits"): st.tuples(U64, numbers(-1, 2**63 - 2)),
+    ("draws", "convert_to_integer"): st.tuples(U64, numbers(1, 2**32)),
+    ("draws", "draw_integer"): st.tuples(U64, I64, numbers(-1, 2**63 - 2), numbers(1, 2**32)),
+    ("draws", "convert_to_fraction"): st.tuples(U64),
     ("draws", "fill_first_keys"): rows(U64, U64),
     ("draws", "fill_turn_keys"): rows(U64, I64),
     ("draws", "fill_bits"): rows(U64, I64),
@@ -132,15 +132,15 @@ CASES = {
             array("B", bytes(len(one[1]))),
         )
     ),
-    ("strategies", "farthest"): DISTANCES.map(
+    ("strategies", "find_farthest"): DISTANCES.map(
         lambda one: (array("d", [far for far, _ in one]), array("q", [id for _, id in one]), len(one))
     ),
     ("strategies", "is_drawn"): st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.floats(0.0, 1.0)),
     ("strategies", "is_nearer"): st.tuples(FAR, numbers(0, 6), FAR, numbers(0, 6)),
-    ("strategies", "next_stop"): st.tuples(STOPS, numbers(0, 6), numbers(0, 3)).map(
+    ("strategies", "find_next_stop"): st.tuples(STOPS, numbers(0, 6), numbers(0, 3)).map(
         lambda one: (*(array("q", column) for column in zip(*one[0], strict=True)), 0, len(one[0]), *one[1:])
     ),
-    ("strategies", "turns_left"): st.tuples(st.booleans(), numbers(-3, 9), FAR),
+    ("strategies", "count_turns_left"): st.tuples(st.booleans(), numbers(-3, 9), FAR),
 }
 
 PLAYED = {

@@ -103,7 +103,10 @@ def test_agents_pass_each_other_only_while_both_are_on_the_edge():
 def test_lots_follow_from_both_names_in_their_order():
     game = [(OURS, (0,), (0.0,)), *[(THEIRS, (0,), (0.0,))] * 6]
     order = [b for _, b, _ in pairs(game)]
-    bits = {b: draws.bits_at(draws.turn_key(draws.first_key(7, draws.mix(1) ^ (b + 1)), 3), 0) for b in range(1, 7)}
+    bits = {
+        b: draws.compute_bits(draws.compute_turn_key(draws.compute_first_key(7, draws.mix(1) ^ (b + 1)), 3), 0)
+        for b in range(1, 7)
+    }
     assert order == sorted(bits, key=bits.get)
 
 

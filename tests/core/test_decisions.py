@@ -82,6 +82,6 @@ def test_where_all_agents_have_a_team_each_team_has_mates():
 
 
 @given(fraction=st.floats(0.0, 1.0, exclude_max=True))
-def test_what_is_certain_happens_and_what_has_no_chance_does_not(fraction):
+def test_certain_events_happen_and_impossible_ones_do_not(fraction):
     assert strategies.is_drawn(fraction, 1.0)
     assert not strategies.is_drawn(fraction, 0.0)

@@ -48,8 +48,8 @@ def test_those_within_the_radius_are_found_in_the_order_of_their_rows(places, ra
     for row, end, is_seen in data.draw(st.lists(st.tuples(st.integers(0, 29), node, st.booleans()), max_size=8)):
         here = data.draw(node)
         near = [i for i, one in enumerate(nodes) if are_seen[i] and is_near(at[here], at[one], radius)]
-        assert sight.rows(*at[here]) == near
-        assert list(sight.seen_from(here, "a1").items()) == [(f"a{i}", nodes[i]) for i in near if i != 1]
+        assert sight.find_rows(*at[here]) == near
+        assert list(sight.find_around_node(here, "a1").items()) == [(f"a{i}", nodes[i]) for i in near if i != 1]
         if row < len(nodes):
             columns.put(row, end, is_seen=is_seen)
             sight.move(row)
@@ -67,7 +67,7 @@ def test_agents_that_went_to_other_nodes_are_found_there(nodes, data):
     columns.show(np.array(nodes, np.int64).data, previous, on_nodes, np.ones(len(nodes), np.bool_).data)
     assert places.follow(columns) == sum(node != 0 for node in nodes)
     here = data.draw(st.sampled_from(nodes))
-    assert sight.seen_from(here, "a0") == {f"a{i}": here for i, node in enumerate(nodes) if i and node == here}
+    assert sight.find_around_node(here, "a0") == {f"a{i}": here for i, node in enumerate(nodes) if i and node == here}
     assert places.follow(columns) == 0
 
 
@@ -76,7 +76,7 @@ def test_the_rim_is_found_wherever_cells_begin(radius, far, angle):
     here = far, -far
     there = far + radius * math.cos(angle), -far + radius * math.sin(angle)
     _, sight = sight_of({0: here, 1: there}, [0, 1], radius)
-    assert sight.rows(*here) == [0, 1][: 1 + is_near(here, there, radius)]
+    assert sight.find_rows(*here) == [0, 1][: 1 + is_near(here, there, radius)]
 
 
 @given(
@@ -90,9 +90,11 @@ def test_those_ahead_are_found_of_those_within_the_radius(places, radius, angle,
     _, sight = sight_of(at, sorted(at), radius)
     heading = math.cos(angle), math.sin(angle)
     xy = np.array(places) - places[0]
-    are_ahead = kernels.in_cone(*xy.T, heading, fov)
-    near = sight.rows(*places[0])
-    assert sight.rows_ahead(*places[0], *kernels.cone(heading, fov)) == [row for row in near if are_ahead[row]]
+    are_ahead = kernels.find_in_cone(*xy.T, heading, fov)
+    near = sight.find_rows(*places[0])
+    assert sight.find_rows_ahead(*places[0], *kernels.compute_cone(heading, fov)) == [
+        row for row in near if are_ahead[row]
+    ]
 
 
 def test_many_agents_are_found_in_order_from_one_cell_and_from_many():
@@ -101,22 +103,22 @@ def test_many_agents_are_found_in_order_from_one_cell_and_from_many():
     for radius in (0.0, 1.0, 15.0, 100.0, math.inf):
         _, sight = sight_of(at, nodes, radius)
         near = [row for row, node in enumerate(nodes) if is_near(at[820], at[node], radius)]
-        assert sight.rows(*at[820]) == near
-        assert [*sight.seen_from(820, "nobody")] == [f"a{row}" for row in near]
+        assert sight.find_rows(*at[820]) == near
+        assert [*sight.find_around_node(820, "nobody")] == [f"a{row}" for row in near]
 
 
 def test_agents_that_come_are_found_once_all_are_entered_again():
     places, sight = sight_of({0: (0.0, 0.0)}, [0], 1.0)
-    assert sight.seen_from(0, "") == {"a0": 0}
+    assert sight.find_around_node(0, "") == {"a0": 0}
     places.fill([f"b{row}" for row in range(50)], [0] * 50)
     sight.is_built = False
-    assert [*sight.seen_from(0, "b7")] == [f"b{row}" for row in range(50) if row != 7]
+    assert [*sight.find_around_node(0, "b7")] == [f"b{row}" for row in range(50) if row != 7]
 
 
 def test_a_node_that_is_not_there_is_an_error():
     places, sight = sight_of({0: (0.0, 0.0)}, [0], 1.0)
     with pytest.raises(KeyError):
-        sight.seen_from(1, "")
+        sight.find_around_node(1, "")
     with pytest.raises(KeyError):
         places.fill(["a0"], [1])
 
@@ -163,5 +165,5 @@ def test_agents_of_a_batch_see_what_their_sensors_show_in_one_game(agents, radiu
     for row, is_alive in enumerate(alive):
         places.put(row, row, is_seen=is_alive)
         sight.move(row)
-    shown = {(row, other) for row in at for other in sight.seen_from(row, f"a{row}").values()}
+    shown = {(row, other) for row in at for other in sight.find_around_node(row, f"a{row}").values()}
     assert seen_in_a_batch([*at.values()], alive, radius) == shown

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.core import travel as core
-from gamms.game.movement.travel import map_of
+from gamms.game.movement.travel import make_map
 from gamms.graph import Graph
 
 NODES = 6
@@ -17,7 +17,7 @@ def map_on(edges):
     graph.add_nodes(range(NODES), np.zeros(NODES), np.zeros(NODES))
     graph.add_edges(range(len(edges)), *zip(*edges, strict=True))
     columns = graph.columns()
-    return map_of(columns, columns.lengths, None, 1.0)
+    return make_map(columns, columns.lengths, None, 1.0)
 
 
 @given(st.lists(st.tuples(ROW, ROW, st.sampled_from([0.0, 3.0, 7.0])), min_size=1, max_size=18))
@@ -26,9 +26,9 @@ def test_the_first_of_the_cheapest_edges_is_taken_and_the_first_as_long_leads_ba
     for row, (source, target, length) in enumerate(edges):
         cheapest = min(far for one, other, far in edges if (one, other) == (source, target))
         back = (target, source, length)
-        assert core.cheapest(roads, source, target) == edges.index((source, target, cheapest))
-        assert core.back(roads, row) == (edges.index(back) if back in edges else -1)
+        assert core.find_cheapest(roads, source, target) == edges.index((source, target, cheapest))
+        assert core.find_reverse_edge(roads, row) == (edges.index(back) if back in edges else -1)
 
 
 def test_no_edge_leads_where_none_was_built():
-    assert core.cheapest(map_on([(0, 1, 3.0)]), 1, 0) == -1
+    assert core.find_cheapest(map_on([(0, 1, 3.0)]), 1, 0) == -1

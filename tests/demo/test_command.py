@@ -90,7 +90,9 @@ def test_it_films_the_game_and_names_all_that_it_wrote(town, tmp_path):
         ("PIL", [], ["final.svg"]),
     ],
 )
-def test_what_is_not_installed_is_left_out_with_a_sentence(town, tmp_path, missing, film, picture, monkeypatch):
+def test_files_that_need_missing_libraries_are_left_out_with_a_sentence(
+    town, tmp_path, missing, film, picture, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, missing, None)
     done = CliRunner().invoke(cli.app, ["demo", "--max-turns", "3", "--map", str(town), "--out", "out"])

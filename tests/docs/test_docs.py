@@ -296,7 +296,7 @@ def test_every_pinned_output_belongs_to_an_example():
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=pages.name_of)
 @pytest.mark.usefixtures("quiet_logging")
-def test_an_example_prints_exactly_what_is_pinned_and_no_warning(example, tmp_path, monkeypatch, capfd):
+def test_an_example_prints_exactly_the_pinned_output_and_no_warning(example, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [str(example)])
     runpy.run_path(str(example), run_name="__main__")

@@ -55,7 +55,7 @@ def test_the_same_folder_makes_the_same_bytes(folder, tmp_path):
         assert packed.namelist() == sorted(contents(folder))
 
 
-def test_what_cannot_be_packed_is_refused(folder, tmp_path):
+def test_folders_that_cannot_be_packed_are_refused(folder, tmp_path):
     with pytest.raises(BadFile, match=r"has no experiment\.json"):
         experiment.pack(tmp_path, tmp_path.parent / "x.zip")
     with pytest.raises(BadValue, match="Name a file elsewhere"):
@@ -105,7 +105,7 @@ def test_names_that_lead_elsewhere_are_refused_before_anything_is_written(tmp_pa
 
 
 @pytest.mark.parametrize("kind", [stat.S_IFLNK, stat.S_IFIFO, stat.S_IFDIR, stat.S_IFCHR])
-def test_what_is_not_a_file_is_refused(tmp_path, kind):
+def test_a_path_that_is_not_a_file_is_refused(tmp_path, kind):
     path = foreign(tmp_path / "bad.zip", entry("x", kind | 0o777))
     with pytest.raises(BadFile, match="not a regular file"):
         experiment.unpack(path, tmp_path / "new")

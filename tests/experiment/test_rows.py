@@ -82,7 +82,7 @@ def test_a_column_of_numbers_and_texts_has_them_as_they_are():
         ({"strategies.red": [lambda state: None, lambda state: None]}, BadValue, "Give a dict of names"),
     ],
 )
-def test_what_cannot_be_varied_is_refused_with_a_way_out(vary, error, message):
+def test_settings_that_cannot_be_varied_are_refused_with_a_way_out(vary, error, message):
     with pytest.raises(error, match=message):
         experiment.run(HUNT, [1], vary)
 
@@ -103,7 +103,7 @@ def test_a_collector_that_takes_no_result_is_refused():
         experiment.run(HUNT, [1], collect={"tags": lambda: 0})
 
 
-def test_what_cannot_be_pickled_is_named_before_anything_starts(pool):
+def test_values_that_cannot_be_pickled_are_named_before_anything_starts(pool):
     with pytest.raises(BadValue, match=r"strategies\.red of vary, .*lambda.* Define it with def"):
         experiment.run(HUNT, [1], {"strategies.red": [lambda state: None]}, executor=pool)
     with pytest.raises(BadValue, match=r"'tags' of collect"):

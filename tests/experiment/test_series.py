@@ -36,7 +36,7 @@ def as_lists(series):
     return {name: values.tolist() for name, values in series.items()}
 
 
-def test_a_series_has_what_the_results_of_the_games_have(watched):
+def test_a_series_has_the_values_of_the_results_of_games(watched):
     rows = experiment.run(watched, range(3), COUNTS)
     expected = {"id": [], "turn": [], "agent": [], "value": []}
     for row in rows:

@@ -403,7 +403,7 @@ def test_a_table_prints_and_is_set_by_latex():
     ]
 
 
-def test_the_indices_of_a_played_sample_say_what_matters():
+def test_the_indices_of_a_played_sample_name_the_important_settings():
     points = experiment.sample({"max_turns": (1, 8), "data.unused": (0, 9)}, 8)
     lonely = HUNT.replace(data={"unused": 0}, rules=[{"rule": "time_limit", "with": {"turns": 99}}])
     rows = experiment.run(lonely, [1], points, collect={"tags": small_hunts.count_tags})

@@ -87,7 +87,7 @@ def test_rows_without_a_plan_have_no_root():
 # -- the files ----------------------------------------------------------------------------------------------------
 
 
-def test_a_folder_that_nobody_altered_is_verified(studied):
+def test_an_unaltered_folder_is_verified(studied):
     folder, root, code = studied
     found = experiment.load(folder, folder=code).verify(root.upper(), sample=99)
     assert found.is_valid, found.faults
@@ -164,7 +164,7 @@ def test_all_rows_are_missing_in_a_folder_without_a_journal(hunts):
     assert f"8 of 8 rows are missing, such as {rows[0]['id']}: run to the end." in faults
 
 
-def test_what_is_not_covered_is_listed(hunts):
+def test_uncovered_parts_are_listed(hunts):
     folder, rows = hunts
     (folder / "notes.txt").write_text("well")
     with (folder / "journal.jsonl").open("a") as journal:

@@ -16,7 +16,7 @@ from gamms.ir.scenery import Scenery
 from gamms.knowledge.fields import FieldTable
 from gamms.knowledge.looks import decode_looks, refuse_many
 from gamms.recorder import Reader, RecordingError
-from gamms.recorder.errors import reporting_damage
+from gamms.recorder.errors import report_damage
 
 # What GAMMS says of a file that breaks a limit.
 MESSAGES = {
@@ -101,7 +101,7 @@ def read_looks(reader):
     """Return the looks of each turn, as `second_looks.read_looks` does."""
     fields = FieldTable()
     turns = []
-    with reporting_damage("Its looks are damaged"), gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+    with report_damage("Its looks are damaged"), gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
         has_map = "world" in reader.header
         if has_map:
             ctx.graph.storage.unpack(reader.header["world"])
@@ -124,7 +124,7 @@ def read_looks(reader):
 
 def find_covered(field, graph):
     """Return the ids of the nodes that a field covers; None without a field or a map."""
-    return None if field is None or graph is None else field.nodes(graph).tolist()
+    return None if field is None or graph is None else field.list_nodes(graph).tolist()
 
 
 def _pair_moves(log):

@@ -130,7 +130,7 @@ def test_an_agent_that_comes_by_the_name_of_a_member_does_not_make_its_move(grid
     """The member decided in the same turn; the new agent stands where it stood, and some of the others go, too."""
 
     def replace(ctx):
-        node = ctx.agent.block.node[ctx.agent.block.row_of("red_5")]
+        node = ctx.agent.block.node[ctx.agent.block.find_row("red_5")]
         for name in ["red_5", *(f"red_{number}" for number in range(others))]:
             ctx.agent.delete_agent(name)
         ctx.agent.create_agent("red_5", start_node_id=int(node), team="red")

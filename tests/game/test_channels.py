@@ -210,7 +210,7 @@ def test_the_receiver_may_be_a_team_of_which_a_misspelt_name_is_told():
 
 
 @pytest.mark.parametrize("flaw", ["raises", "is late", "moves where it may not", "does not act"])
-def test_what_a_failed_decision_has_put_into_the_outbox_is_dropped(flaw):
+def test_messages_of_a_failed_decision_are_dropped(flaw):
     def strategy(state):
         state["outbox"].append(send("bob"))
         if flaw == "raises":
@@ -225,7 +225,7 @@ def test_what_a_failed_decision_has_put_into_the_outbox_is_dropped(flaw):
         assert (len([one for one in result.errors if one["agent"] == "ann"]), result.messages) == (2, [])
 
 
-def test_what_is_sent_and_heard_shares_nothing():
+def test_sent_and_heard_messages_share_nothing():
     kept = {"list": [1]}
 
     def hear(state):
@@ -400,7 +400,7 @@ def noisy(seed=7, places=PLACES, **more):
     return ctx
 
 
-def test_a_fork_goes_on_with_what_is_under_way_and_with_chance_of_its_own():
+def test_a_fork_goes_on_with_messages_under_way_and_its_own_random_numbers():
     with noisy() as ctx:
         ctx.game.run(4)
         fork = ctx.game.fork(1)

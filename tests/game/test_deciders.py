@@ -127,7 +127,7 @@ def test_a_plan_may_change_nothing_and_look_at_its_own_team_alone(ctx):
     assert not ctx.game.events
 
 
-def test_what_plans_cannot_be(ctx):
+def test_invalid_plans_are_refused(ctx):
     for wrong in (3, "each", lambda: None, lambda one, two: None):
         with pytest.raises(BadType, match="A plan must be a function of the states of its team"):
             ctx.game.command("red", wrong)

@@ -25,7 +25,7 @@ SETTERS = {  # beside the attributes that there are, of which the law of all ver
     "own agent new": lambda ctx, s: setattr(ctx.agent.get_agent("cheater"), "hp", [1]),
     "sensor new": lambda ctx, s: setattr(sensor(ctx), "own", 1),
     "visual new": lambda ctx, s: setattr(ctx.visual, "own", 1),
-    "artist new": lambda ctx, s: setattr(ctx.visual.artists.shown()["other"], "own", 1),
+    "artist new": lambda ctx, s: setattr(ctx.visual.artists.list_shown()["other"], "own", 1),
     "context stream": lambda ctx, s: setattr(ctx, "stream", print),
 }
 
@@ -67,7 +67,7 @@ VERBS = {
     "starts": lambda ctx, s: ctx.game.internals.starts.clear(),
     "after_reset": lambda ctx, s: ctx.game.internals.after_reset.append(print),
     "after_observing": lambda ctx, s: ctx.game.internals.after_observing.clear(),
-    "inside an artist's data": lambda ctx, s: ctx.visual.artists.shown()["other"].data.clear(),
+    "inside an artist's data": lambda ctx, s: ctx.visual.artists.list_shown()["other"].data.clear(),
     "after_turn": lambda ctx, s: ctx.visual.after_turn.clear(),
     "record stop": lambda ctx, s: ctx.record.stop(),
     "component": lambda ctx, s: ctx.record.component({"x": int})(type("X", (), {})),
@@ -81,14 +81,14 @@ VERBS = {
     "user's attribute": lambda ctx, s: setitem(other(ctx).meta, "hp", 0),
     "inside a user's attribute": lambda ctx, s: other(ctx).meta["hp"].append(0),
     "rules": lambda ctx, s: ctx.game.rules.clear(),
-    "state of the game": lambda ctx, s: ctx.game.internals.state.memory_of("other").clear(),
+    "state of the game": lambda ctx, s: ctx.game.internals.state.get_memory("other").clear(),
 }
 
 HARMLESS = {  # on what is a copy, or the strategy's own
     "sensors of others": lambda ctx, s: vandalise(other(ctx).sensors),
     "teams": lambda ctx, s: vandalise(ctx.agent.teams),
     "agents of the game": lambda ctx, s: vandalise(ctx.game.agents),
-    "described visuals": lambda ctx, s: vandalise(ctx.visual.artists.specs()),
+    "described visuals": lambda ctx, s: vandalise(ctx.visual.artists.describe_artists()),
     "node_attributes": lambda ctx, s: vandalise(ctx.graph.node_attributes(4)),
     "neighborhoods": lambda ctx, s: vandalise(ctx.graph.graph.neighborhoods),
     "columns": lambda ctx, s: [vandalise(part) for part in ctx.graph.columns().polylines.values()],
@@ -198,7 +198,7 @@ def test_a_recording_of_a_game_full_of_cheats_is_that_of_a_game_without(grid, tm
 
 
 @pytest.mark.parametrize("name", HARMLESS)
-def test_what_a_strategy_is_handed_is_a_copy(name):
+def test_the_state_of_a_strategy_is_a_copy(name):
     with world() as fair:
         expected = fair.game.run(2)
     with world(HARMLESS[name]) as ctx:
@@ -246,7 +246,7 @@ def test_an_interrupt_changes_nothing_and_closes_the_phase(grid, error, budget):
         assert ctx.game.run(1).turns == 1
 
 
-def test_what_one_agent_did_wrong_is_reported_when_all_have_decided(grid):
+def test_errors_of_one_agent_are_reported_when_all_have_decided(grid):
     seen = []
     with grid(on_error="stay") as ctx:
         ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state["nothing"])
@@ -272,7 +272,7 @@ def test_an_agent_sees_its_own_memory_and_state_and_no_other(grid):
         assert ctx.game.memories == {"a": {"n": 1}, "b": {"n": 1}}
 
 
-def test_looks_that_a_strategy_tries_do_not_change_what_is_noticed(grid):
+def test_trial_looks_of_a_strategy_do_not_change_detection(grid):
     def play(is_trying):
         with grid(side=5, seed=4) as ctx:
             eyes = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=99, detection=0.5)
@@ -311,7 +311,7 @@ def test_nested_lists_of_function_sensors_are_no_channel(grid):
         assert ctx.game.data["inbox"][0] == {"seen": []}
 
 
-def test_what_sensors_of_a_class_of_its_own_show_is_copied_in_a_game(grid):
+def test_data_of_custom_sensors_is_copied_in_a_game(grid):
     class Shared:
         def __init__(self):
             self.sensor_id, self.type, self.data = "shared", SensorType.CUSTOM, {"log": []}
@@ -342,7 +342,7 @@ READERS = {
     "AerialAgent": "",
     "SensorEngine": "get_sensor",
     "Sensor": "called_with_both coverage heading in_arrays last_view outline place places_of pose sense_many",
-    "DetectionModel": "chances in_arrays is_noticed mark rolled_back repeated wanted",
+    "DetectionModel": "compute_chances in_arrays is_noticed mark repeat_look select_wanted undo_looks",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes find from_latlon get_edge get_edges
         get_neighbors get_node get_nodes get_obstacle_face get_obstacle_faces inside isochrone match_track
         nearest_node networkx_labels node_attributes obstacle_columns place positions scenery_columns shortest_path
@@ -354,7 +354,8 @@ READERS = {
         human_input picture position_of save stay_open update""",
     "Artist": "get_artist_type get_drawer get_layer get_render_mode get_visible",
     "Recorder": "component_iter get_component is_component_registered record time",
-    "Components": "component_iter get_component is_component_registered recorded since snapshot keyframe",
+    "Components": """component_iter get_component get_recorded is_component_registered list_events_since make_keyframe
+        snapshot""",
 }
 OWN = {"Components": {"begin", "abandon", "assign"}, "Recorder": {"component"}}  # of the program's own objects
 PARTS = {

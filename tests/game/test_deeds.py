@@ -462,7 +462,7 @@ def test_the_arc_of_a_deed_is_outside_the_arcs_of_cooldowns(road):
     assert sorted(tops[:, 1].tolist()) == [-26.0, -26.0, -18.0]
 
 
-def test_what_an_agent_is_doing_is_drawn_as_an_arc_that_closes(road):
+def test_a_lasting_deed_is_drawn_as_an_arc_that_closes(road):
     with gamms.create_context(logger_config={"level": "ERROR"}, game={"deeds": {"defuse": DEFUSE}}) as ctx:
         assert ctx.visual.artists.get("doing") is not None
     lasts(road)

@@ -15,7 +15,7 @@ from gamms import rules
 from gamms.errors import BadType, ContextTerminated, IllegalMutation
 from gamms.game import Game, SnapshotError
 from gamms.game.game import UnreadFork
-from gamms.game.snapshots import own
+from gamms.game.snapshots import get_counterpart
 from gamms.sensor import SensorType
 
 
@@ -38,7 +38,7 @@ def game(grid):
     ctx.terminate()
 
 
-def test_a_memo_of_copies_knows_nothing_by_the_place_of_what_is_gone():
+def test_a_memo_of_copies_does_not_confuse_a_new_object_with_a_deleted_one():
     """Dicts that come later, in the places of those that are gone, were taken for what had been copied."""
 
     class Plan:
@@ -49,7 +49,7 @@ def test_a_memo_of_copies_knows_nothing_by_the_place_of_what_is_gone():
             state["action"] = state["curr_pos"]
 
     memo, plan = {}, Plan()
-    assert own(plan, memo).seen is not plan.seen
+    assert get_counterpart(plan, memo).seen is not plan.seen
     assert not [one for one in [{} for _ in range(100)] if id(one) in memo]
 
 
@@ -141,7 +141,7 @@ def test_a_game_changes_its_own_map_in_place_once_its_forks_are_gone(grid, colle
 # -- what functions hold --------------------------------------------------------------------------------------------
 
 
-def test_objects_are_copied_and_what_cannot_be_copied_is_shared(grid):
+def test_objects_are_copied_and_uncopyable_ones_are_shared(grid):
     class Strategy:
         def __init__(self, *held):
             self.calls, self.held = 0, held

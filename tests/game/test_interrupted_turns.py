@@ -351,10 +351,10 @@ def test_no_states_are_made_for_the_checkpoints_of_turns_that_the_core_decides()
 
 def test_deeds_that_were_wanted_in_an_interrupted_turn_are_not_done_in_the_next_one():
     log = DeedLog()
-    log.want(PlainDeeds(0, [(0, 0, 0, "red_0", "mark", 1, 4, {})]))
+    log.request_deeds(PlainDeeds(0, [(0, 0, 0, "red_0", "mark", 1, 4, {})]))
     log.go_to([])
     log.do(0, is_first=True)
-    assert log.rows_in_turn(0, 1, is_moving=False) == []
+    assert log.list_rows_in_turn(0, 1, is_moving=False) == []
 
 
 class Follower:
@@ -383,7 +383,7 @@ def test_who_follows_a_game_begins_again_before_the_interrupted_turn():
         assert follower.begun == 2
         ctx.game.run()
         nodes = {agent.name: agent.current_node_id for agent in ctx.agent.create_iter()}
-        keyframe = follower.state.keyframe(ctx.game.turn)
+        keyframe = follower.state.make_keyframe(ctx.game.turn)
         assert dict(zip(keyframe["names"], keyframe["node"].tolist(), strict=True)) == nodes
         assert follower.state.game.scores == ctx.game.scores
         ctx.record.unfollow(follower)

@@ -44,7 +44,7 @@ MAKERS = {
 
 
 @pytest.mark.parametrize("maker", MAKERS.values(), ids=MAKERS.keys())
-def test_what_returns_a_function_of_the_context_makes_strategies(agent, maker):
+def test_a_function_that_returns_a_function_of_the_context_makes_strategies(agent, maker):
     agent.register_strategy(maker)
     assert agent.strategy is not maker
     agent._ctx.game.run(1)

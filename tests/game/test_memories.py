@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.core.copies import copied
+from gamms.core.copies import copy_deep
 from gamms.game.team_memory import merge_memory as merged
 from gamms.scenario import Scenario
 
 
-def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):
+def test_nested_values_of_a_teams_memory_are_copies_too(ctx):
     def tell(state):
         state["team_memory"].setdefault("seen", {"nodes": []})["nodes"].append(state["name"])
         state["action"] = state["curr_pos"]
@@ -69,13 +69,13 @@ NESTED = st.recursive(
 
 
 @given(st.dictionaries(st.sampled_from("xyz"), NESTED, min_size=1))
-def test_copies_are_equal_and_what_is_written_into_one_is_in_no_other(memory):
+def test_copies_are_equal_and_independent(memory):
     def containers(value):
         parts = [*value.values()] if isinstance(value, dict) else [*value] if isinstance(value, (list, tuple)) else []
         own = [value] if isinstance(value, (dict, list, np.ndarray, SimpleNamespace)) else []
         return own + [one for part in parts for one in containers(part)]
 
-    copies = [copied(memory), copied(memory)]
+    copies = [copy_deep(memory), copy_deep(memory)]
     assert repr(copies) == repr([memory, memory])
     kept = [one for given in (memory, *copies) for one in containers(given)]  # so that no id is used again
     assert len({*map(id, kept)}) == len(kept)
@@ -116,7 +116,7 @@ def test_a_copy_has_containers_of_its_own_which_are_the_same_where_those_before_
     places, pairs, ways = {1, 2}, {(3, 4)}, {"a": (1, [2]), "b": (3, 4)}
     memory = {"here": places, "there": places, "board": {"visited": {5}, "seen": places}, "pairs": pairs, "ways": ways}
     memory["board"]["itself"] = memory["board"]
-    copy = copied(memory)
+    copy = copy_deep(memory)
     assert copy["here"] is copy["there"] is copy["board"]["seen"]
     assert copy["board"]["itself"] is copy["board"]
     copy["here"].add(9)

@@ -34,14 +34,14 @@ def test_a_winner_that_looks_like_a_team_or_an_agent_is_warned_about(ctx, heard,
     assert heard == said
 
 
-def test_what_a_rule_returned_is_no_rule(ctx):
+def test_the_result_of_a_rule_is_not_a_rule(ctx):
     with pytest.raises(TypeError, match=r"not None .*; pass a function itself, without calling it"):
         ctx.game.add(None)
     assert ctx.game.rules == ()
 
 
 @pytest.mark.parametrize("conflicts", [Conflicts, Conflicts(capacity=1)])
-def test_what_decides_conflicts_is_no_rule(ctx, conflicts):
+def test_a_conflict_resolver_is_not_a_rule(ctx, conflicts):
     with pytest.raises(TypeError, match=r"is not a rule: set it as ctx\.game\.conflicts\."):
         ctx.game.add(conflicts)
 

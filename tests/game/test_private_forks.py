@@ -50,7 +50,7 @@ def parts_of(fork):
         **{name: getattr(state, name) for name in ("events", "errors", "deeds", "messages", "memories")},
         **{name: getattr(state, name) for name in ("facts", "agent_facts", "team_facts", "data", "scores", "began")},
         "team_memories": (state.team_memories, dict(state.blocked)),
-        "sensors": ([sensor.data for sensor in ctx.sensor.sensors.values()], ctx.sensor.storage.described()),
+        "sensors": ([sensor.data for sensor in ctx.sensor.sensors.values()], ctx.sensor.storage.describe_sensors()),
         "attributes": [(dict(one.__dict__), one.strategy) for one in agents],
         "states": [{key: one.state[key] for key in one.state if key not in ("draw", "rng")} for one in agents],
         "settings": fork.game.plain_settings(),
@@ -84,7 +84,7 @@ HIDDEN = {
 
 
 @pytest.mark.parametrize("change", HIDDEN.values(), ids=HIDDEN)
-def test_what_an_agent_cannot_know_changes_nothing_in_its_fork(world, change):
+def test_secrets_change_nothing_in_the_fork_of_an_agent(world, change):
     world.game.step()
     here = world.game.snapshot()
     world.game.step()
@@ -96,7 +96,7 @@ def test_what_an_agent_cannot_know_changes_nothing_in_its_fork(world, change):
     assert [(name, before[name][:300], after[name][:300]) for name in before if before[name] != after[name]] == []
 
 
-def test_what_an_agent_knows_is_in_its_fork(world):
+def test_the_knowledge_of_an_agent_is_in_its_fork(world):
     world.game.data["secret"] = 1
     world.game.step()
     world.game.publish(word="fox")
@@ -127,7 +127,7 @@ def test_agents_know_these_fields_of_a_game_alone():
     }
 
 
-def test_rules_draw_again_what_no_agent_knows_and_disclose_the_rest(world):
+def test_rules_draw_secrets_again_and_disclose_the_rest(world):
     def treasure(ctx):
         pass
 

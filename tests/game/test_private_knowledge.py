@@ -49,7 +49,7 @@ def test_a_fact_for_a_team_or_an_agent_reaches_no_other(world):
     assert world.game.facts_of("cat") == {}
 
 
-def test_what_is_told_later_is_there_in_the_next_turn_and_cannot_be_changed(world):
+def test_later_facts_are_visible_and_read_only(world):
     assert facts(world)["ann"] == {}
     world.game.publish(to="red", nodes=[1, 2])
     assert facts(world)["ann"] == {"nodes": (1, 2)}
@@ -60,7 +60,7 @@ def test_what_is_told_later_is_there_in_the_next_turn_and_cannot_be_changed(worl
     assert repr(state["facts"]) == "{'nodes': (1, 2)}"
 
 
-def test_a_strategy_cannot_ask_what_others_were_told(world):
+def test_a_strategy_cannot_read_facts_told_to_others(world):
     world.game.publish(to="blue", word="fox")
     caught = []
 

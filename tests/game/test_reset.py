@@ -139,7 +139,7 @@ def settled(ctx):
         sorted(ctx.agent.get_agent("a").get_state()["sensor"]),
         (eyes.range, eyes.fov, eyes.orientation, eyes.at),
         (eyes.notice.team, eyes.notice.exclude, eyes.notice.detection),
-        sorted(ctx.visual.artists.shown()),
+        sorted(ctx.visual.artists.list_shown()),
     )
 
 
@@ -160,7 +160,7 @@ def calm(ctx, play):
     return ctx
 
 
-def test_what_a_rule_changes_in_mid_game_is_taken_back(calm):
+def test_changes_of_a_rule_in_mid_game_are_undone(calm):
     calm.game.add(lambda ctx: upset(ctx) if ctx.game.turn == 2 else None)
     before = settled(calm)
     first = calm.game.run()
@@ -173,7 +173,7 @@ def test_what_a_rule_changes_in_mid_game_is_taken_back(calm):
     assert settled(calm) == before
 
 
-def test_what_the_program_changes_between_turns_is_taken_back(calm):
+def test_changes_of_the_program_between_turns_are_undone(calm):
     before = settled(calm)
     calm.game.run(2)
     upset(calm)

@@ -186,7 +186,7 @@ def test_results_are_equal_whatever_time_they_took(ctx, play):
     assert result != "result"
 
 
-def test_what_is_collected_is_a_copy(ctx, play):
+def test_collected_values_are_copies(ctx, play):
     play("a", 0)
     log = []
     ctx.game.add(lambda ctx: log.append(ctx.game.turn))

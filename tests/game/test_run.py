@@ -26,7 +26,7 @@ def test_a_run_that_fails_leaves_a_whole_recording(town, tmp_path):
         assert recording.is_complete
 
 
-def test_a_run_records_what_sensors_saw_if_asked(town, tmp_path):
+def test_a_run_records_sensor_data_if_asked(town, tmp_path):
     ben = {"eyes": gamms.sensor.agent_range(range_m=20)}
     town.agent.create_agent("ben", start_node_id=3, sensors=ben, strategy=gamms.strategies.random_walk)
     town.game.run(max_turns=5, record=tmp_path / "game.ggr", sensed=True)

@@ -26,7 +26,7 @@ def foretold(seed, turn, name, legal):
     return Draws(DrawTable(seed, clock), name).choice(legal)
 
 
-def test_what_others_draw_can_be_foretold_by_the_seed_alone_which_is_refused(grid):
+def test_a_strategy_cannot_read_the_seed_that_foretells_draws_of_others(grid):
     with grid(side=5, seed=4) as ctx:
         seed, drawn = ctx.seed, []
 
@@ -113,7 +113,7 @@ def test_a_strategy_may_be_made_by_the_seed(grid):
         ctx.game.run(2)
 
 
-def test_what_is_refused_says_that_agents_decide(grid):
+def test_refusals_say_that_agents_decide(grid):
     with grid(side=5, seed=4) as ctx:
 
         def strategy(state):
@@ -148,11 +148,11 @@ def test_an_agent_can_compute_its_own_key_and_no_key_of_its_purpose(grid):
             ctx.agent.create_agent(name, start_node_id=0, strategy=tell)
         ctx.game.step()
     first = unmixed((unmixed(drawn["cheat"]) - gamma) % (1 << 64))
-    purpose = kernels.purpose_key(SEED, "agent")
-    names = {name: kernels.name_key(name) for name in drawn}
-    assert first == kernels.first_key(purpose, names["cheat"])
+    purpose = kernels.compute_purpose_key(SEED, "agent")
+    names = {name: kernels.compute_name_key(name) for name in drawn}
+    assert first == kernels.compute_first_key(purpose, names["cheat"])
     # As long as a first key was `mix(purpose ^ name)`, this was the key of all agents.
     computed = unmixed(first) ^ names["cheat"]
     assert computed != purpose
-    for of_other in (kernels.first_key(computed, names["other"]), draws.mix(computed ^ names["other"])):
-        assert kernels.bits_at(kernels.turn_key(of_other, 0), 0) != drawn["other"]
+    for of_other in (kernels.compute_first_key(computed, names["other"]), draws.mix(computed ^ names["other"])):
+        assert kernels.compute_bits(kernels.compute_turn_key(of_other, 0), 0) != drawn["other"]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.game import SnapshotError
-from gamms.ir.game_state import log_at
+from gamms.ir.game_state import cut_log
 from gamms.rules import Conflicts, capture_flag
 from gamms.sensor import SensorType
 from gamms.typing import AgentType
@@ -92,7 +92,7 @@ def plain(ctx):
             "quat": getattr(agent, "quat", None),
             "orientation": tuple(agent.orientation),
             "hp": list(getattr(agent, "meta", {}).get("hp", ())),
-            "progress": ctx.agent.block.progress_of(agent._row),
+            "progress": ctx.agent.block.get_progress(agent._row),
             "state": repr({key: value for key, value in agent.state.items() if key not in ("draw", "rng")}),
         }
         for agent in ctx.agent.agents.values()
@@ -107,7 +107,7 @@ def plain(ctx):
             "facts": dict(game.facts),
             "memories": {name: memory for name, memory in game.memories.items() if memory},
             "teams": game.team_memories,
-            "sensors": ctx.sensor.storage.described(),
+            "sensors": ctx.sensor.storage.describe_sensors(),
             "sensed": {name: sensor.data for name, sensor in ctx.sensor.sensors.items()},
             "nodes": sorted(ctx.graph.graph.get_nodes()),
             "faces": len(ctx.graph.obstacle_columns()[0]),
@@ -119,7 +119,7 @@ def plain(ctx):
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(before=st.integers(0, 6), after=st.integers(1, 6), global_draws=st.booleans())
-def test_what_follows_a_restored_snapshot_is_what_followed_it_before(grid, before, after, global_draws):
+def test_the_turns_after_a_restored_snapshot_are_the_same_as_before(grid, before, after, global_draws):
     with build(grid) as ctx:
         if global_draws:
             import random
@@ -153,7 +153,7 @@ def test_snapshots_are_restored_in_any_order(grid, steps):
             assert plain(ctx) == then
 
 
-def test_what_an_agent_draws_between_two_turns_is_restored(grid):
+def test_draws_of_an_agent_between_two_turns_are_restored(grid):
     with build(grid) as ctx:
         ctx.game.run(1)
         state = ctx.game.observation("a0")
@@ -225,5 +225,5 @@ def test_a_log_returns_to_any_of_its_marks(steps):
             marks.append(((log, marked), list(log)))
         else:
             mark, then = marks[step % len(marks)]
-            log, marked = log_at(log, *mark, marked), mark[1]
+            log, marked = cut_log(log, *mark, marked), mark[1]
             assert log == then

@@ -106,7 +106,7 @@ def test_draws_are_equal_if_they_draw_the_same_from_here(grid):
 
 
 @pytest.mark.parametrize("is_team", [False, True])
-def test_what_an_agent_draws_from_stays_when_others_die_and_come_and_with_another_seed(grid, is_team):
+def test_the_random_stream_of_an_agent_stays_when_others_die_and_come_and_with_another_seed(grid, is_team):
     held = {}
 
     def strategy(state):

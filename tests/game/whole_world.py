@@ -42,7 +42,7 @@ def world(cheat=lambda ctx, state: None, **settings):
     game.publish(heat=np.arange(3.0), nested={"rows": [np.zeros(2)], "log": bytearray(b"abc")})
     game.data.update(inbox=[{"seen": []}], wind=np.ones(2))
     game.scores["red"] = 1
-    game.internals.state.memory_of("other")["plan"] = [4]
+    game.internals.state.get_memory("other")["plan"] = [4]
     game.emit("begun")
     game.conflicts = Conflicts()
     game.collect("wind", lambda ctx: 0)
@@ -82,7 +82,7 @@ def public(ctx):
                 | {"position": getattr(agent, "position", None), "quat": getattr(agent, "quat", None)}
                 for agent in ctx.agent.agents.values()
             ],
-            "sensors": ctx.sensor.storage.described(),
+            "sensors": ctx.sensor.storage.describe_sensors(),
             "owners": {name: one._owner for name, one in ctx.sensor.sensors.items()},
             "graph": [getattr(columns, name) for name in columns.__dataclass_fields__],
             "obstacles": list(graph.obstacle_columns()),
@@ -103,7 +103,7 @@ def public(ctx):
             ],
             "memories": {name: memory for name, memory in game.memories.items() if memory},
             "teams": {team: memory for team, memory in game.team_memories.items() if memory},
-            "visual": ctx.visual.artists.specs(),
+            "visual": ctx.visual.artists.describe_artists(),
             "camera": [ctx.visual.viewpoint.look, ctx.visual.viewpoint.followed, len(ctx.visual.after_turn)],
             "seed": [ctx.seed, ctx.rng_state()],
             "context": [ctx.is_terminated(), ctx.record.is_open, ctx.record.record(), id(ctx.logger)],
@@ -113,7 +113,7 @@ def public(ctx):
 
 def objects(ctx):
     yield from (ctx, ctx.game, ctx.agent, *ctx.agent.agents.values(), ctx.sensor, *ctx.sensor.sensors.values())
-    yield from (sensor(ctx).notice, ctx.graph, ctx.graph.graph, ctx.visual, ctx.visual.artists.shown()["other"])
+    yield from (sensor(ctx).notice, ctx.graph, ctx.graph.graph, ctx.visual, ctx.visual.artists.list_shown()["other"])
     yield from (ctx.record, ctx.record.components)
 
 

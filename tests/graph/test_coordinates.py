@@ -79,7 +79,7 @@ def test_degrees_lead_back_to_a_centimetre(crs, north, east):
     lat, lon = ZONES[crs][0] + north, ZONES[crs][1] + east
     graph = cloud([], crs)
     again = graph.to_latlon(*graph.from_latlon(lat=lat, lon=lon))
-    assert projection.ellipsoid_lengths(np.array([[lon, lat]]), np.array([again[::-1]]))[0] < 0.01
+    assert projection.measure_on_ellipsoid(np.array([[lon, lat]]), np.array([again[::-1]]))[0] < 0.01
 
 
 @given(crs=st.sampled_from(sorted(set(ZONES) - {"EPSG:4326"})), right=st.floats(-5e4, 5e4), up=st.floats(-5e4, 5e4))
@@ -175,7 +175,7 @@ def test_zones_of_utm_and_lengths_have_the_same_bits_on_every_machine():
     lonlat = np.column_stack((steps * 7919 % 18_000 / 1_000.0 + 18.0, steps * 104_729 % 168_000 / 1_000.0 - 84.0))
     xy = projection.project(lonlat, projection.WGS84, "EPSG:32635")
     again = projection.project(xy, "EPSG:32635", projection.WGS84)
-    lengths = projection.ellipsoid_lengths(lonlat[1:], lonlat[:-1])
+    lengths = projection.measure_on_ellipsoid(lonlat[1:], lonlat[:-1])
     bits = b"".join(np.ascontiguousarray(one, "<f8").tobytes() for one in (xy, again, lengths))
     assert hashlib.sha256(bits).hexdigest()[:16] == "2bb181c0ec08571d"
 
@@ -264,7 +264,7 @@ def test_a_crs_with_false_metres_is_warned_about(caplog, tmp_path, open_ctx):
 
 def test_the_length_between_opposite_sides_of_the_globe_is_about_half_its_circumference():
     ends = [np.array([[0.0, lat], [20.0, -lat]]) for lat in (0.3, 40.0)]
-    found = np.concatenate([projection.ellipsoid_lengths(a, a * (1, -1) + (180.0, 0.0)) for a in ends])
+    found = np.concatenate([projection.measure_on_ellipsoid(a, a * (1, -1) + (180.0, 0.0)) for a in ends])
     assert np.abs(found / 20_003_931.0 - 1.0).max() < 0.01
 
 
@@ -275,7 +275,7 @@ def test_national_grids_take_all_places_of_their_country(crs):
     graph = cloud([], crs)
     again = graph.to_latlon(*graph.from_latlon(lat=lat, lon=lon))
     pairs = [np.column_stack(ends[::-1]) for ends in ((lat, lon), again)]
-    assert projection.ellipsoid_lengths(*pairs).max() < 0.01
+    assert projection.measure_on_ellipsoid(*pairs).max() < 0.01
 
 
 # -- the nearest node -------------------------------------------------------------------------------------------
@@ -365,7 +365,7 @@ def test_placed_nodes_keep_the_requested_attributes(n, radius, apart, seed):
         ({"n": 1, "radius": 5}, "radius= without near="),
     ],
 )
-def test_an_impossible_demand_says_what_is_possible(demand, hint):
+def test_an_impossible_demand_names_the_possible_values(demand, hint):
     graph = cloud([(i, 0) for i in range(10)])
     with pytest.raises(BadValue, match=hint):
         graph.place(**demand, rng=4)

@@ -58,7 +58,7 @@ def test_an_attribute_that_cannot_be_saved_leaves_the_database_as_it_was(reopene
     assert everything(reopened()) == before  # from the file, while the first context lives
 
 
-def test_what_cannot_be_saved_at_the_end_is_left_out_and_named(reopened, fill):
+def test_values_that_cannot_be_saved_at_the_end_are_left_out_and_named(reopened, fill):
     ctx = reopened()
     heard = []
     verbs = ("debug", "info", "warning", "error", "critical", "setLevel")
@@ -223,7 +223,7 @@ def test_who_changes_nothing_writes_nothing(reopened):
     assert nodes_of(reopened()) == [1, 2]
 
 
-def test_what_cannot_be_written_at_the_end_is_saved_beside(reopened, ctx):
+def test_a_map_that_cannot_be_written_at_the_end_is_saved_beside(reopened, ctx):
     lost = [reopened(), reopened()]
     winner = reopened()
     add(winner, 1)

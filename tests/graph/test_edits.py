@@ -94,7 +94,7 @@ def test_everywhere_is_everywhere_around_any_place(graph, fill, ctx):
         assert list(graph.get_nodes(d, math.inf, 0)) == [1, 2, -7, 40]
 
 
-def test_what_is_not_there_is_not_found(refused):
+def test_missing_nodes_and_edges_are_not_found(refused):
     for verb in ("get_node", "get_edge", "get_neighbors", "remove_edge", "node_attributes", "edge_attributes"):
         refused(UnknownName, verb, 99)
     refused(UnknownName, "within", 99, 1.0)

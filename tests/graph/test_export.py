@@ -70,7 +70,7 @@ def test_a_graph_without_a_crs_has_map_units_only(tmp_path):
         assert not (tmp_path / "grid.geojson").exists()
 
 
-def test_what_cannot_be_written_leaves_no_file(town, tmp_path):
+def test_a_failed_write_leaves_no_file(town, tmp_path):
     for name, error, hint in [("a.graphm", UnknownType, "Did you mean '.graphml'"), ("a", UnknownType, "without a")]:
         with pytest.raises(error, match=hint):
             town.graph.export(tmp_path / name)
@@ -218,7 +218,7 @@ def test_a_network_of_sumo_without_a_crs_says_so(tmp_path):
     assert len(lanes) == 8
 
 
-def test_a_file_for_osmnx_has_what_its_reader_converts(streets, tmp_path):
+def test_a_file_for_osmnx_has_the_attributes_that_its_reader_converts(streets, tmp_path):
     (file,) = streets.graph.export(tmp_path / "town.osmnx.graphml")
     graph = nx.read_graphml(file, node_type=int, force_multigraph=True)
     values = [*graph.nodes.values(), *(data for *_, data in graph.edges(data=True))]

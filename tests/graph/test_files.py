@@ -302,7 +302,7 @@ def test_no_forged_value_does_harm(saved):
         damaged = bytearray(data)
         for _ in range(rng.choice((1, 1, 3))):
             damaged[rng.randrange(len(damaged))] = rng.randrange(256)
-        _end_well(_sealed(packed_bytes.packed(bytes(damaged))))
+        _end_well(_sealed(packed_bytes.pack_bytes(bytes(damaged))))
 
 
 def test_no_forged_column_does_harm(saved):
@@ -364,7 +364,7 @@ def test_an_archive_is_no_graph(ctx, tmp_path):
         ctx.graph.load(tmp_path / "map.zip")
 
 
-def test_what_cannot_be_read_is_an_os_error(ctx, tmp_path):
+def test_an_unreadable_map_is_an_os_error(ctx, tmp_path):
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(OSError, match=str(tmp_path)):
             ctx.graph.load(path)
@@ -506,7 +506,7 @@ def test_keys_that_were_made_to_have_one_hash_are_refused(saved):
         data = packing.to_bytes(state | {"node_attributes": {"a": [numbers, numbers, flats]}}, "It")
         for flat in flats:
             data = _as_dict(data, flat)
-        data = _sealed(packed_bytes.packed(data))
+        data = _sealed(packed_bytes.pack_bytes(data))
         with pytest.raises(BadFile, match="made to have one hash"):
             map_file.decode(data)
 

@@ -89,7 +89,7 @@ def test_many_distances_and_those_from_the_nearest_are_single_ones_to_the_bit(pl
             assert fresh.routes.distances(sources, range(NODES), weight).tolist() == pairs
 
 
-def test_distances_up_to_a_cutoff_cost_what_is_near(city):
+def test_the_cost_of_distances_up_to_a_cutoff_depends_on_near_nodes_alone(city):
     assert 20 < len(city.distances(source=75 * 150 + 75, cutoff=50.0)) < 120  # of 22,500
     assert len(city._routes.search("length", reverse=False).find(np.array([75 * 150 + 75]), within=50.0).rows) < 120
 
@@ -117,9 +117,9 @@ def city():
 def test_a_near_path_visits_few_nodes(city):
     target, source = 75 * 150 + 75, 65 * 150 + 65
     search = city._routes.search("length")
-    path = search.path(source, target, 22500, math.inf)
+    path = search.find_path(source, target, 22500, math.inf)
     assert path.visited < 900  # of 22,500
-    assert search.path(source, target, path.visited - 1, math.inf).visited == -1
+    assert search.find_path(source, target, path.visited - 1, math.inf).visited == -1
 
 
 def test_a_path_that_is_cut_by_its_weight_is_no_path():

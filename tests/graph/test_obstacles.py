@@ -199,7 +199,7 @@ def test_after_any_changes_nearness_equals_brute_force(steps, d, x, y):
     assert len(obstacles) == len(model)
     assert [(face.id, face[1:5]) for face in obstacles] == list(model.items())
     assert [obstacles.get(id)[1:5] for id in model] == list(model.values())
-    assert list(obstacles.near(d, x, y)) == [id for id, face in model.items() if d < 0 or meets(face)]
+    assert list(obstacles.find_near(d, x, y)) == [id for id, face in model.items() if d < 0 or meets(face)]
 
 
 def test_a_hundred_thousand_faces_are_added_asked_for_and_removed_one_by_one(ctx):

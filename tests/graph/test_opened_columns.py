@@ -107,7 +107,7 @@ def test_columns_by_row_read_like_dicts():
         values[0]
     shapes = Polylines(np.array([0, 1]), np.array([0, 2]), np.array([2, 5]), np.arange(10.0).reshape(5, 2))
     assert {row: line.tolist() for row, line in shapes.items()} == {0: [[0, 1], [2, 3]], 1: [[4, 5], [6, 7], [8, 9]]}
-    assert [(i, len(line)) for i, line in shapes.among(np.array([7, 1, 0]))] == [(1, 3), (2, 2)]
+    assert [(i, len(line)) for i, line in shapes.find_among(np.array([7, 1, 0]))] == [(1, 3), (2, 2)]
     assert shapes.get(2) is None
 
 

@@ -197,7 +197,7 @@ def test_roads_are_closed_where_an_area_touches_them(town):
     assert town.graph.open_roads(name="high street") == [10]
 
 
-def test_what_cannot_be_closed_or_opened_changes_nothing(town):
+def test_edges_that_cannot_be_closed_or_opened_change_nothing(town):
     town.graph.close_roads([13])
     for call, error in [
         (town.graph.close_roads, BadValue),
@@ -239,7 +239,7 @@ def test_closed_roads_are_in_saved_maps_and_copies(town, tmp_path):
 
 def test_a_saved_map_with_closed_roads_that_are_none_is_refused(town):
     town.graph.close_roads([13])
-    contents = town.graph.storage.contents()
+    contents = town.graph.storage.get_contents()
     from gamms.graph import map_file
 
     bad = [{"length": -1.0}, {"source": "a"}, {"id": None}, {"linestring": [(0, 0)]}, {5: 1}]

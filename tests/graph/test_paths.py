@@ -164,7 +164,7 @@ def test_several_sources_or_targets_are_answered_by_the_nearest(square):
     assert square.distance_matrix([], [1]).shape == (0, 1)
 
 
-def test_a_cutoff_leaves_out_what_is_farther(square):
+def test_a_cutoff_leaves_out_farther_nodes(square):
     assert square.distances(source=1, cutoff=1) == {1: 0, 3: 1, 2: 1}
     assert square.distances(source=1, cutoff=np.inf) == square.distances(source=1)
     with pytest.raises(BadValue, match="cutoff"):

@@ -46,7 +46,12 @@ def test_ids_in_a_row_take_no_memory():
     for row in range(1_000_000, 1_001_000):
         index.add(row + 5, row)
     assert not index._others
-    assert (index.row(5), index.row(1_001_004), index.row(4), index.row(1_001_005)) == (0, 1_000_999, -1, -1)
+    assert (index.find_row(5), index.find_row(1_001_004), index.find_row(4), index.find_row(1_001_005)) == (
+        0,
+        1_000_999,
+        -1,
+        -1,
+    )
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the peak of a process")

@@ -123,7 +123,7 @@ def test_after_any_edits_the_cells_answer_as_a_scan_does(edits, place, d, target
             obstacles.add_many(new)
             model.update(zip(new.ids.tolist(), new.corners, strict=True))
         elif kind == "one":
-            id = int(obstacles.free_ids(1)[0])
+            id = int(obstacles.find_free_ids(1)[0])
             face = check_face(id, (*a, 4), (*b, 4), (*a, 0), (*b, 0), 0)
             obstacles.add(face)
             model[id] = np.array(face[1:5])
@@ -135,15 +135,17 @@ def test_after_any_edits_the_cells_answer_as_a_scan_does(edits, place, d, target
         low, high = corners.min(axis=1)[:, :2], corners.max(axis=1)[:, :2]
         meets = ((low <= np.add(place, d)) & (high >= np.subtract(place, d))).all(axis=1)
         expected = [id for id, hit in zip(model, meets.tolist(), strict=True) if hit]
-        assert list(obstacles.near(d, *place)) == expected
+        assert list(obstacles.find_near(d, *place)) == expected
         origin, targets = np.array([*place, 1.6]), np.array([[*target, 1.6], [*place, 9.0], [0.0, 0.0, 3.0]])
-        assert np.array_equal(obstacles.visible(origin, targets), kernels.visible(corners, origin, targets))
+        assert np.array_equal(obstacles.find_visible(origin, targets), kernels.find_visible(corners, origin, targets))
 
 
 def test_a_few_huge_faces_do_not_make_every_search_a_wide_one():
     obstacles = Obstacles()
     obstacles.add_many(check_faces(walls(5000, 1000.0, 0), None, 0, obstacles))
     obstacles.add_many(check_faces(walls(40, 1000.0, 1, length=1e6), None, 0, obstacles))
-    assert list(obstacles.near(5.0, 500.0, 500.0))
+    assert list(obstacles.find_near(5.0, 500.0, 500.0))
     assert len(obstacles._find_between((495.0, 495.0), (505.0, 505.0))) < 300
-    assert all(face[0] in obstacles.near(0.0, *corner[:2]) for face in islice(obstacles, 500) for corner in face[1:5])
+    assert all(
+        face[0] in obstacles.find_near(0.0, *corner[:2]) for face in islice(obstacles, 500) for corner in face[1:5]
+    )

@@ -171,8 +171,8 @@ def test_many_ascending_ids_are_found_like_any_others(seed, data):
         index.remove(id)
         del rows[id]
     asked = [*rows, -30_000, 29_999, 40_000, *range(-50, 50)]
-    assert [index.row(id) for id in asked] == [rows.get(id, -1) for id in asked]
-    assert index.rows(np.array(list(rows)), "node").tolist() == list(rows.values())
+    assert [index.find_row(id) for id in asked] == [rows.get(id, -1) for id in asked]
+    assert index.find_rows(np.array(list(rows)), "node").tolist() == list(rows.values())
 
 
 def test_an_empty_graph_is_still_a_graph():

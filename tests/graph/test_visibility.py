@@ -407,7 +407,7 @@ KEY = bytes(32)
 SOUND = VisibilityRows(np.array([2, 1], np.int32), np.array([0, 1, 1], np.int32))
 
 
-def test_what_is_encoded_is_decoded():
+def test_decoding_reverses_encoding():
     found = visibility.decode(visibility.encode(SOUND, KEY, 5.0, 1.6), KEY, 2)
     assert [column.tolist() for column in found] == [[2, 1], [0, 1, 1]]
     assert [column.dtype for column in found] == [np.int32] * 2

@@ -22,15 +22,15 @@ def wall(a, b, low=0.0, high=4.0):
 
 def is_blocked(origin, target, face):
     one = [np.array([value], np.float64) for value in (origin, target, face)]
-    blocked = bool(kernels.blocks(*one)[0])
-    assert kernels.visible(one[2], one[0][0], one[1]).tolist() == [not blocked]
+    blocked = bool(kernels.find_blocking(*one)[0])
+    assert kernels.find_visible(one[2], one[0][0], one[1]).tolist() == [not blocked]
     return blocked
 
 
 def by_brute_force(corners, origin, targets):
     n, m = len(targets), len(corners)
     origins = np.broadcast_to(origin, (n * m, 3))
-    blocked = kernels.blocks(origins, np.repeat(targets, m, axis=0), np.tile(corners, (n, 1, 1)))
+    blocked = kernels.find_blocking(origins, np.repeat(targets, m, axis=0), np.tile(corners, (n, 1, 1)))
     return ~blocked.reshape(n, m).any(axis=1)
 
 
@@ -82,7 +82,7 @@ def test_the_diagonal_between_the_two_triangles_has_no_gap():
         assert is_blocked((0.0, y, z), (10.0, y, z), wall((5, 1), (5, -1)))
 
 
-def test_from_above_a_roof_hides_what_lies_straight_below():
+def test_from_above_a_roof_hides_the_place_straight_below():
     roof = [(1, 1, 5), (-1, 1, 5), (1, -1, 5), (-1, -1, 5)]
     assert is_blocked((0, 0, 9), (0, 0, 0), roof)
     assert is_blocked((1, 1, 9), (1, 1, 0), roof)
@@ -117,7 +117,7 @@ def test_numbers_too_large_to_multiply_block_nothing_and_warn_of_nothing(huge):
 
 
 def exact_blocks(origin, target, face):
-    """What `blocks` would answer without rounding, of the decimals that were meant."""
+    """What `find_blocking` would answer without rounding, of the decimals that were meant."""
     origin, target, *corners = ([Fraction(f"{x:.6f}") for x in point] for point in (origin, target, *face))
     tr, tl, br, bl = corners
     return any(exact_hits(origin, target, *three) for three in ((tl, tr, br), (tl, br, bl)))
@@ -146,7 +146,7 @@ def dot(a, b):
 def test_every_line_is_answered_as_without_rounding():
     expected = [exact_blocks(*case[:3]) for case in ANSWERS]
     origins, targets, corners = (np.array([case[i] for case in ANSWERS]) for i in range(3))
-    assert kernels.blocks(origins, targets, corners).tolist() == expected
+    assert kernels.find_blocking(origins, targets, corners).tolist() == expected
     assert [is_blocked(*case[:3]) for case in ANSWERS] == expected
 
 
@@ -241,9 +241,9 @@ def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     there = np.array([shift, shift, 0.0])
     corners, origin, targets = (np.nan_to_num(array + there, posinf=1.0, neginf=1.0) for array in scene)
     expected = by_brute_force(corners, origin, targets).tolist()
-    assert kernels.visible(corners, origin, targets).tolist() == expected
+    assert kernels.find_visible(corners, origin, targets).tolist() == expected
     is_asked = np.arange(2 * len(targets)).reshape(2, -1) % 3 > 0
-    both = kernels.visible_from_each(corners, np.array([origin, [*origin[:2], 1.6]]), targets, is_asked)
+    both = kernels.find_visible_from_each(corners, np.array([origin, [*origin[:2], 1.6]]), targets, is_asked)
     lower = by_brute_force(corners, np.array([*origin[:2], 1.6]), targets)
     assert np.array_equal(both, is_asked & [expected, lower])
 
@@ -264,13 +264,13 @@ def test_the_fast_form_agrees_on_whole_towns(seed):
     if seed % 2:
         targets[:, 2] = 1.6
     for origin in (targets[0], *targets[1:6], corners[50, 0], (0.0, 0.0, 80.0)):
-        fast = kernels.visible(corners, np.array(origin), targets)
+        fast = kernels.find_visible(corners, np.array(origin), targets)
         assert np.array_equal(fast, by_brute_force(corners, origin, targets))
         assert not fast.all()
 
 
 @pytest.mark.parametrize("grain", [0.0, 1.0])
-def test_observers_that_look_together_see_what_each_sees(grain):
+def test_observers_that_look_together_see_the_same_as_alone(grain):
     """Walls that reach past all heights hide what is beyond them without a test; bridges and low walls do not."""
     rng = np.random.default_rng(5)
     ends = rng.uniform(-60, 60, (120, 1, 2)) + rng.uniform(-12, 12, (120, 2, 2))
@@ -282,10 +282,10 @@ def test_observers_that_look_together_see_what_each_sees(grain):
     targets[:, :2] = rng.uniform(-60, 60, (300, 2))
     targets[:60, :2] = ends[:60, 0] + at * (ends[:60, 1] - ends[:60, 0])  # on walls, at their ends and in their lines
     is_asked = rng.random((8, 300)) < 0.9
-    seen = kernels.visible_from_each(corners, targets[56:64], targets, is_asked)
+    seen = kernels.find_visible_from_each(corners, targets[56:64], targets, is_asked)
     expected = [by_brute_force(corners, origin, targets) for origin in targets[56:64]]
     assert np.array_equal(seen, is_asked & expected)
-    assert np.array_equal(kernels.visible(corners, targets[60], targets), expected[4])
+    assert np.array_equal(kernels.find_visible(corners, targets[60], targets), expected[4])
 
 
 def test_a_wall_is_looked_at_edge_on_from_every_side():
@@ -299,7 +299,9 @@ def test_a_wall_is_looked_at_edge_on_from_every_side():
         targets = np.column_stack([a + far * way, rng.choice([0.0, 1.6, 7.0], 8)])
         targets[:, :2] += rng.choice([0.0, 1e-9, 1e-12, 1e-13], (8, 2)) * rng.uniform(-1, 1, (8, 2))
         for origin in targets:
-            assert np.array_equal(kernels.visible(corners, origin, targets), by_brute_force(corners, origin, targets))
+            assert np.array_equal(
+                kernels.find_visible(corners, origin, targets), by_brute_force(corners, origin, targets)
+            )
 
 
 def test_ranges_are_expanded_in_order():
@@ -313,6 +315,6 @@ def test_more_pairs_than_are_held_at_a_time_are_answered_alike():
     corners = np.array([wall(a, -a, 0.0, rng.uniform(0, 3)) for a in rng.normal(0, 9, (500, 2))])
     targets = np.column_stack((rng.uniform(-99, 99, (700, 2)), rng.uniform(0, 9, 700)))
     origin = np.array([0.0, 0.1, 2.9])  # inside the box of every wall
-    fast = kernels.visible(corners, origin, targets)
+    fast = kernels.find_visible(corners, origin, targets)
     assert np.array_equal(fast, by_brute_force(corners, origin, targets))
     assert 0 < fast.sum() < 700

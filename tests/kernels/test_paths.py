@@ -82,15 +82,15 @@ def test_distances_on_large_graphs_are_those_of_scipy_bit_for_bit(seed):
     is_nearest=st.booleans(),
     most=st.integers(0, NODES),
 )
-def test_a_search_for_goals_finds_what_all_distances_say(edges, roots, goals, is_nearest, most):
+def test_a_search_for_goals_agrees_with_all_distances(edges, roots, goals, is_nearest, most):
     arcs, roots, goals = arcs_of(edges), np.array(roots), np.array(goals, np.int64)
     search = kernels.Search(arcs, np.arange(NODES))
     known = distances(arcs, roots)[goals]
     for _ in range(2):  # what a search leaves behind does not change the next one
-        few, visited = search.far(roots, goals, most=most)
+        few, visited = search.compute_distances(roots, goals, most=most)
         assert visited <= most
         assert visited < 0 or few.tolist() == known.tolist()
-        found, _ = search.far(roots, goals, is_nearest=is_nearest)
+        found, _ = search.compute_distances(roots, goals, is_nearest=is_nearest)
         wanted = known == known.min(initial=math.inf) if is_nearest else np.ones(len(goals), np.bool_)
         assert found[wanted].tolist() == known[wanted].tolist()
         assert (found >= known).all()
@@ -141,7 +141,7 @@ def best_path(edges, source, target, ids):
 )
 def test_steps_lead_along_the_best_path(edges, ids, target):
     arcs, goal = arcs_of([(v, u, weight) for u, v, weight in edges], nodes=6), np.array([target])
-    far, steps = (table[0].tolist() for table in kernels.route_tables(arcs, goal, np.array(ids)))
+    far, steps = (table[0].tolist() for table in kernels.compute_route_tables(arcs, goal, np.array(ids)))
     search = kernels.Search(arcs, np.array(ids))
     for source in range(6):
         path = [source]
@@ -149,7 +149,7 @@ def test_steps_lead_along_the_best_path(edges, ids, target):
             path.append(steps[path[-1]])
         best = best_path(edges, source, target, ids)
         assert (path if path[-1] == target else None) == best
-        path = search.path(source, target, 6, math.inf)
+        path = search.find_path(source, target, 6, math.inf)
         assert path.rows == (best or [])
         assert path.far == [far[row] for row in path.rows]
 
@@ -157,7 +157,7 @@ def test_steps_lead_along_the_best_path(edges, ids, target):
 def test_rounding_makes_no_detour_out_of_a_rest_that_could_be_shorter():
     """From 0 both ways are 1e16 long once rounded; from 1 the one with more edges is shorter."""
     arcs = arcs_of([(1, 0, 1e16), (3, 1, 0.2), (2, 1, 0.05), (3, 2, 0.05)], nodes=4)
-    _, steps = kernels.route_tables(arcs, np.array([3]), np.arange(4))
+    _, steps = kernels.compute_route_tables(arcs, np.array([3]), np.arange(4))
     assert steps[0].tolist() == [1, 2, 3, -1]
 
 
@@ -179,7 +179,7 @@ def bounded(costs):
 
 @given(costs=COSTS)
 def test_a_matching_costs_as_little_as_the_best_of_all(costs):
-    columns = kernels.least_matching(np.array(costs))
+    columns = kernels.find_least_matching(np.array(costs))
     assert len(set(columns)) == len(costs)
     table = bounded(costs)
     best = min(

@@ -28,7 +28,7 @@ PARTS = st.floats(-1.0, 1.0)
     ids=["unturned", "left", "about", "right", "nose down", "nose up", "on its side", "over its head"],
 )
 def test_the_heading_is_that_of_the_turned_x_axis(quat, heading):
-    assert kernels.yaw(quat) == heading
+    assert kernels.compute_heading(quat) == heading
 
 
 @given(quat=st.tuples(PARTS, PARTS, PARTS, PARTS))
@@ -41,8 +41,8 @@ def test_a_turn_and_the_one_back_cancel_each_other(quat):
 @given(angle=ANGLES)
 def test_a_turn_about_the_vertical_has_the_yaw_it_was_made_for(angle):
     heading = (cos(angle), sin(angle))
-    assert kernels.yaw(kernels.about_z(heading)) == pytest.approx(heading, abs=1e-12)
-    assert hypot(*kernels.about_z(heading)) == pytest.approx(1.0)
+    assert kernels.compute_heading(kernels.make_rotation(heading)) == pytest.approx(heading, abs=1e-12)
+    assert hypot(*kernels.make_rotation(heading)) == pytest.approx(1.0)
 
 
 @given(angle=ANGLES, pitch=st.floats(-1.5, 1.5), roll=ANGLES)
@@ -50,8 +50,8 @@ def test_pitch_and_roll_leave_the_yaw_alone(angle, pitch, roll):
     heading = (cos(angle), sin(angle))
     down = (cos(pitch / 2), 0.0, sin(pitch / 2), 0.0)
     over = (cos(roll / 2), sin(roll / 2), 0.0, 0.0)
-    turned = kernels.multiply_quaternions(kernels.about_z(heading), kernels.multiply_quaternions(down, over))
-    assert kernels.yaw(turned) == pytest.approx(heading, abs=1e-9)
+    turned = kernels.multiply_quaternions(kernels.make_rotation(heading), kernels.multiply_quaternions(down, over))
+    assert kernels.compute_heading(turned) == pytest.approx(heading, abs=1e-9)
 
 
 @given(quat=st.tuples(PARTS, PARTS, PARTS, PARTS), angle=ANGLES)
@@ -59,10 +59,12 @@ def test_turning_about_the_vertical_adds_to_the_yaw(quat, angle):
     length = hypot(*quat)
     assume(length > 1e-3)
     quat = tuple(part / length for part in quat)
-    x, y = kernels.yaw(quat)
+    x, y = kernels.compute_heading(quat)
     w, a, b, z = quat
     assume(hypot(w * w + a * a - b * b - z * z, 2 * (a * b + w * z)) > 1e-3)  # nearly vertical: hardly any yaw
-    turned = kernels.yaw(kernels.multiply_quaternions(kernels.about_z((cos(angle), sin(angle))), quat))
+    turned = kernels.compute_heading(
+        kernels.multiply_quaternions(kernels.make_rotation((cos(angle), sin(angle))), quat)
+    )
     assert turned == pytest.approx((x * cos(angle) - y * sin(angle), x * sin(angle) + y * cos(angle)), abs=1e-9)
 
 
@@ -70,6 +72,6 @@ def test_turning_about_the_vertical_adds_to_the_yaw(quat, angle):
 def test_a_heading_has_length_one_or_none_and_a_turn_and_its_opposite_are_the_same(quat):
     length = hypot(*quat)
     quat = tuple(part / length for part in quat)
-    heading = kernels.yaw(quat)
+    heading = kernels.compute_heading(quat)
     assert heading == (0.0, 0.0) or hypot(*heading) == pytest.approx(1.0)
-    assert kernels.yaw(tuple(-part for part in quat)) == heading
+    assert kernels.compute_heading(tuple(-part for part in quat)) == heading

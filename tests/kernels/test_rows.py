@@ -27,10 +27,10 @@ def test_no_rows_are_grouped_into_empty_groups():
 @given(ids=st.lists(st.integers(0, 9), max_size=12), wanted=st.lists(st.integers(-1, 10), max_size=8))
 def test_a_row_is_the_first_that_has_the_id(ids, wanted):
     known, asked = np.array(ids, np.int64), np.array(wanted, np.int64)
-    found = kernels.rows_of(known, asked, np.argsort(known, kind="stable"))
+    found = kernels.find_rows(known, asked, np.argsort(known, kind="stable"))
     assert found.tolist() == [ids.index(id) if id in ids else -1 for id in wanted]
     ascending = sorted(ids)
-    found = kernels.rows_of(np.sort(known), asked)
+    found = kernels.find_rows(np.sort(known), asked)
     assert found.tolist() == [ascending.index(id) if id in ids else -1 for id in wanted]
 
 
@@ -38,7 +38,7 @@ def test_a_row_is_the_first_that_has_the_id(ids, wanted):
 def test_chosen_runs_come_one_after_the_other(lengths, data):
     offsets = np.cumsum([0, *lengths])
     chosen = data.draw(st.lists(st.integers(0, len(lengths) - 1), max_size=8))
-    places, ends = kernels.chosen_runs(offsets, np.array(chosen, np.int64))
+    places, ends = kernels.select_runs(offsets, np.array(chosen, np.int64))
     runs = [places[begin:end].tolist() for begin, end in pairwise(ends.tolist())]
     assert runs == [list(range(offsets[run], offsets[run + 1])) for run in chosen]
 
@@ -52,7 +52,7 @@ def test_chosen_runs_come_one_after_the_other(lengths, data):
 def test_the_cone_is_where_the_wrapped_angle_is_at_most_half_the_opening(offsets, angle, length, fov):
     heading = (length * math.cos(angle), length * math.sin(angle))
     dx, dy = np.array(offsets, float).reshape(-1, 2).T
-    seen = kernels.in_cone(dx, dy, heading, fov)
+    seen = kernels.find_in_cone(dx, dy, heading, fov)
     for x, y, is_seen in zip(dx.tolist(), dy.tolist(), seen.tolist(), strict=True):
         off = abs(math.remainder(math.atan2(y, x) - math.atan2(heading[1], heading[0]), 2 * math.pi))
         if abs(off - fov / 2) > 1e-9:  # closer to the rim the other tests look
@@ -66,16 +66,16 @@ def test_the_rim_of_the_cone_is_inside(quarter, eighths):
     fov = eighths * math.pi / 4
     rims = [heading - fov / 2, heading + fov / 2]
     dx, dy = 7.0 * np.cos(rims), 7.0 * np.sin(rims)
-    assert kernels.in_cone(dx, dy, (math.cos(heading), math.sin(heading)), fov).all()
+    assert kernels.find_in_cone(dx, dy, (math.cos(heading), math.sin(heading)), fov).all()
 
 
 def test_just_outside_the_rim_is_outside():
     angles = np.array([0.5001, -0.5001, 3.0, -3.0])
-    assert not kernels.in_cone(np.cos(angles), np.sin(angles), (1.0, 0.0), 1.0).any()
+    assert not kernels.find_in_cone(np.cos(angles), np.sin(angles), (1.0, 0.0), 1.0).any()
 
 
 def test_the_observer_sees_its_own_place():
-    assert kernels.in_cone(np.array([0.0, -0.0]), np.array([-0.0, 0.0]), (0.0, -1.0), 0.0).all()
+    assert kernels.find_in_cone(np.array([0.0, -0.0]), np.array([-0.0, 0.0]), (0.0, -1.0), 0.0).all()
 
 
 def ring_from(starts, ends, row):
@@ -96,4 +96,4 @@ def test_closed_rings_are_lines_one_after_the_other_that_end_where_they_began(st
         begin = ring_from(starts, ends, row)
         if begin is not None and (not rings or begin >= rings[-1][1]):
             rings.append([begin, row + 1])
-    assert kernels.closed_rings(np.array(starts).reshape(-1, 2), np.array(ends).reshape(-1, 2)).tolist() == rings
+    assert kernels.find_closed_rings(np.array(starts).reshape(-1, 2), np.array(ends).reshape(-1, 2)).tolist() == rings

@@ -71,7 +71,7 @@ def test_a_server_that_sends_the_key_back_gets_it_nowhere(server, tmp_path, capl
     assert KEY not in caplog.text
 
 
-def test_a_key_is_not_in_what_a_strategy_prints_and_copies(strategy_of, tmp_path):
+def test_a_key_is_not_in_printed_or_copied_strategies(strategy_of, tmp_path):
     import copy
 
     strategy = strategy_of()

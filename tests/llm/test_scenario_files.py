@@ -69,7 +69,7 @@ def test_only_the_strategy_may_be_named(server, tmp_path):
         ({"max_cost": 1}, "max_cost needs price_in and price_out"),
     ],
 )
-def test_what_a_file_says_wrongly_is_named_without_a_key(server, tmp_path_factory, given, message):
+def test_errors_in_a_file_are_named_without_a_key(server, tmp_path_factory, given, message):
     tmp_path = tmp_path_factory.mktemp("game")
     (tmp_path / "elsewhere.jsonl").symlink_to(tmp_path.parent / "calls.jsonl")
     with pytest.raises(ScenarioError, match=message) as raised:

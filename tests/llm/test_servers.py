@@ -78,7 +78,7 @@ def endless(first, again, stopped):
     ],
     ids=["answer", "headers", "error of ours", "error of the server"],
 )
-def test_what_has_no_end_is_cut_off(server, strategy_of, stopped, first, again, outcome):
+def test_endless_answers_are_cut_off(server, strategy_of, stopped, first, again, outcome):
     server.script = endless(first, again, stopped)
     with new_game(strategy_of(attempts=1)) as ctx:
         assert outcomes(ctx.game.run(1)) == [outcome]

@@ -51,7 +51,7 @@ def test_a_game_that_is_reset_may_spend_as_much_again(strategy_of):
         assert ctx.game.run(3) == first
 
 
-def test_a_game_that_goes_back_has_spent_what_it_had_then(server, strategy_of):
+def test_a_game_that_goes_back_has_the_spending_of_that_turn(server, strategy_of):
     with new_game(strategy_of(max_calls=3)) as ctx:
         ctx.game.run(1)
         here = ctx.game.snapshot()

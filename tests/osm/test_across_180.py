@@ -42,7 +42,7 @@ def length(graph):
     [BOX, [*BOX], np.array(BOX), TWO_BOXES, shapely.geometry.mapping(TWO_BOXES)],
     ids=lambda clip: type(clip).__name__,
 )
-def test_a_box_across_180_degrees_is_what_lies_between_its_sides(road, clip):
+def test_a_box_across_180_degrees_is_the_area_between_its_sides(road, clip):
     graph = graph_from_file(road, NO_CUT, clip=clip)
     assert length(graph) == 426.4
     found = report(graph, road)

@@ -79,7 +79,7 @@ def test_lines_past_a_building_stay(square_with):
         {"landuse": "residential"},
     ],
 )
-def test_what_people_walk_below_or_above_is_in_no_ones_way(square_with, tags):
+def test_areas_that_people_walk_below_or_above_do_not_block_ways(square_with, tags):
     assert len(lines_across(walked(square_with(IN_THE_MIDDLE, tags=tags)))) == 2
 
 

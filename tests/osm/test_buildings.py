@@ -81,7 +81,7 @@ def edges_between(*rings):
     return {frozenset(pair) for ring in points for pair in pairwise(ring)}
 
 
-def test_a_courtyard_has_walls_and_what_stands_in_it_too(walls):
+def test_a_courtyard_has_walls_and_so_have_buildings_in_it(walls):
     ways = [(BLOCK, {}), (COURT, {}), (KIOSK, {})]
     faces = walls(ways, [([(100, "outer"), (101, "inner"), (102, "outer")], BUILDING)])
     assert edges_of(faces) == edges_between(BLOCK, COURT, KIOSK)
@@ -93,7 +93,7 @@ def test_rings_are_joined_from_pieces_in_any_order_and_direction(walls):
     assert edges_of(walls(ways, [(members, BUILDING)])) == edges_between(BLOCK, COURT)
 
 
-def test_what_encloses_nothing_is_no_wall(walls):
+def test_incomplete_outlines_make_no_walls(walls):
     ways = [([1, 2, 3, 4], BUILDING), ([1, 2, 1], BUILDING), ([1, 2, 999, 1], BUILDING), ([1, 1, 1, 1], BUILDING)]
     relations = [
         ([(100, "outer")], BUILDING),

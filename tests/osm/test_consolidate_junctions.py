@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms.osm
-from gamms.osm.network import components, make_network_of_lines, select_roads
+from gamms.osm.network import find_components, make_network_of_lines, select_roads
 from gamms.osm.topology import consolidate, count_road_ends, find_chains
 
 place = st.integers(-400, 400).map(lambda n: n / 16 + n * n / 1e5)
@@ -44,7 +44,7 @@ def networks(draw):
 
 
 def parts(net):
-    return len(np.unique(components(net.sources, net.targets, len(net.xy))))
+    return len(np.unique(find_components(net.sources, net.targets, len(net.xy))))
 
 
 def test_it_stays_four_junctions_when_the_tolerance_is_smaller():

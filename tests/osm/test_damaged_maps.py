@@ -22,7 +22,7 @@ from gamms.osm import (
     report,
     scenery_from_file,
 )
-from gamms.osm.osmium_reader import pbf_has_repeats
+from gamms.osm.osmium_reader import has_pbf_repeats
 
 MODES = [None, *gamms.osm.modes()]
 ROAD = {"highway": "residential"}
@@ -428,7 +428,7 @@ OF_OVERPASS = {
 
 @pytest.mark.parametrize("pack", [bytes, gzip.compress, bz2.compress], ids=["plain", "gzip", "bzip2"])
 @pytest.mark.parametrize("what", OF_OVERPASS)
-def test_what_overpass_adds_to_a_map_is_passed_over(tmp_path, what, pack):
+def test_additions_of_overpass_to_a_map_are_skipped(tmp_path, what, pack):
     file = tmp_path / "map.osm"
     file.write_bytes(pack(f'<osm version="0.6"><note>a &gt; b</note><meta/>{OF_OVERPASS[what]}</osm>'.encode()))
     assert lengths(file) == [55.5, 55.5]
@@ -490,4 +490,4 @@ def test_the_ids_of_a_pbf_file_are_those_that_osmium_reads(write, tmp_path, ids,
     for kind in (0, len(ids), 2 * len(ids)):
         again = things[kind : kind + 1] if is_repeated else []
         file = recoded(write(*things, *again), tmp_path / f"map{kind}.osm.pbf")
-        assert pbf_has_repeats(file) == bool(again)
+        assert has_pbf_repeats(file) == bool(again)

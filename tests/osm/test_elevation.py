@@ -112,7 +112,7 @@ def test_a_file_of_another_size_is_refused_before_it_is_read(tmp_path, size):
         Elevation(path).heights(np.array([(24.5, 60.5)]))
 
 
-def test_what_is_not_there_is_named(heights, tmp_path):
+def test_missing_height_files_are_named(heights, tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere"):
         Elevation(tmp_path / "nowhere")
     with pytest.raises(BadType, match="elevation"):

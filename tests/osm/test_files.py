@@ -102,7 +102,7 @@ def test_the_graph_says_how_it_was_made(make_map, cross):
     assert (graph["mode"], graph["strong"]) == ("bike", True)
 
 
-def test_the_default_tolerance_merges_what_is_less_than_a_metre_apart(make_map, cross):
+def test_the_default_tolerance_merges_nodes_less_than_a_metre_apart(make_map, cross):
     cross |= {5: (60.17, 24.941015), 6: (60.1695, 24.941015)}  # 5 is 0.8 m from node 2
     path = make_map(cross, ([1, 2, 5, 3], ROAD), ([2, 4], ROAD), ([5, 6], ROAD))
     assert graph_from_file(path, NO_CUT).number_of_nodes() == 5

@@ -13,7 +13,7 @@ import gamms.osm
 from gamms.errors import BadValue
 from gamms.graph.map_file import load
 from gamms.osm import constants
-from gamms.progress import progress
+from gamms.progress import show_progress
 
 
 class Terminal(io.StringIO):
@@ -79,7 +79,7 @@ def test_progress_shows_on_a_terminal_after_a_while(monkeypatch):
     monkeypatch.setattr(sys, "stderr", terminal := Terminal())
     now = [7.0]
     monkeypatch.setattr("gamms.progress.time", SimpleNamespace(monotonic=lambda: now[0]))
-    with progress(0.02) as show:
+    with show_progress(0.02) as show:
         show("soon")
         now[0] += 0.05
         show("late")

@@ -68,7 +68,7 @@ def test_a_byte_order_mark_is_passed_over(write):
     assert load(write(b"\xef\xbb\xbf" + json.dumps(line(A, B)).encode())).number_of_nodes() == 2
 
 
-def test_properties_never_replace_what_is_ours(write):
+def test_properties_never_replace_our_own(write):
     data = load(write(line(A, B, id="x", length=3, linestring="y", geometry=1, u_of_edge=1, self=2))).edges[0, 1]
     assert (data["id"], data["u_of_edge"], data["self"]) == (0, 1, 2)
     assert data["length"] == pytest.approx(55.5, rel=0.01)

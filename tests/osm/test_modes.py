@@ -404,7 +404,7 @@ def test_streets_without_a_way_back_are_refused(make_map, cross):
         graph_from_file(path, osm_type="drive")
 
 
-def test_the_report_names_what_closed_ways(make_map, cross):
+def test_the_report_names_the_reasons_for_closed_ways(make_map, cross):
     ways = ([2, 3], {"highway": "footway"}), ([2, 4], street(access="private")), ([4, 3], {"highway": "footway"})
     path = make_map(cross, ([1, 2], street()), *ways)
     found = report(graph_from_file(path, 10.0, osm_type="drive"), path)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms import kernels
-from gamms.osm.network import along, components, join_directions, make_network_of_lines, make_two_way
+from gamms.osm.network import find_components, join_directions, make_network_of_lines, make_two_way, measure_along
 from gamms.osm.topology import simplify
 
 coordinate = st.integers(-40, 40).map(lambda n: n / 4)
@@ -36,18 +36,18 @@ def slow_components(pairs, count):
 @given(st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), max_size=25))
 def test_components_are_named_after_their_first_row(pairs):
     a, b = np.array(pairs, np.int64).reshape(-1, 2).T
-    assert components(a, b, 20).tolist() == slow_components(pairs, 20)
+    assert find_components(a, b, 20).tolist() == slow_components(pairs, 20)
 
 
 def test_components_of_a_long_shuffled_chain_take_few_rounds():
     rows = np.random.default_rng(1).permutation(100_000)
-    assert not components(rows[:-1], rows[1:], 100_000).any()
+    assert not find_components(rows[:-1], rows[1:], 100_000).any()
 
 
 @settings(deadline=None)
 @given(st.lists(st.integers(-3, 3)))
 def test_numbers_are_given_in_first_seen_order(keys):
-    numbers, firsts = kernels.first_seen(np.array(keys, np.int64))
+    numbers, firsts = kernels.number_by_appearance(np.array(keys, np.int64))
     order = list(dict.fromkeys(keys))
     assert numbers.tolist() == [order.index(key) for key in keys]
     assert firsts.tolist() == [keys.index(key) for key in order]
@@ -86,7 +86,7 @@ def test_simplifying_keeps_the_total_length_and_needs_one_go(roads, xy, two_way)
     full = make_two_way(full) if two_way else full
     simple = simplify(full)
     assert simple.lengths.sum() == pytest.approx(full.lengths.sum())
-    drawn = [along(one.offsets, one.points)[one.offsets[1:] - 1].sum() for one in (full, simple)]
+    drawn = [measure_along(one.offsets, one.points)[one.offsets[1:] - 1].sum() for one in (full, simple)]
     assert drawn[0] == pytest.approx(drawn[1])
     assert (simple.points[simple.offsets[:-1]] == simple.xy[simple.sources]).all()
     assert (simple.points[simple.offsets[1:] - 1] == simple.xy[simple.targets]).all()

@@ -82,7 +82,7 @@ def test_an_area_without_roads_is_named(streets):
 # -- reports of parts -------------------------------------------------------------------------------------------
 
 
-def test_a_report_knows_what_a_filter_left_out(streets):
+def test_a_report_counts_roads_left_out_by_a_filter(streets):
     graph = graph_from_file(streets, retain_all=True, filter={"highway": ["residential"]}, **WHOLE)
     found, whole = report(graph, streets), report(graph_from_file(streets, retain_all=True, **WHOLE), streets)
     assert found.is_faithful
@@ -104,7 +104,7 @@ def test_a_filter_that_is_a_function_has_to_be_given_again(streets):
 
 
 @pytest.mark.parametrize("mode", [None, "bike", "drive_service"])
-def test_a_report_knows_what_lies_outside_of_an_area(mode):
+def test_a_report_counts_roads_outside_of_an_area(mode):
     file = Path(__file__).parent.parent / "osm_online/data/kluuvi.osm.gz"
     corners = [(24.940, 60.167), (24.948, 60.167), (24.948, 60.172), (24.940, 60.172)]
     graph = graph_from_file(file, osm_type=mode, clip=corners, filter={"highway": ["service", "footway", "tertiary"]})

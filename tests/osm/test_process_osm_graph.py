@@ -12,7 +12,7 @@ from shapely import LineString
 
 import gamms
 from gamms.errors import BadType, BadValue
-from gamms.ir.projection import ellipsoid_lengths
+from gamms.ir.projection import measure_on_ellipsoid
 from gamms.osm import consolidate, load, obstacle_from_file, process_osm_graph, resample_columns
 
 
@@ -52,7 +52,7 @@ def drawn(place, crs, **data):
     graph = nx.MultiDiGraph(crs=crs)
     graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(xy.tolist()))
     graph.add_edge(0, 2, geometry=LineString(xy), **data)
-    return graph, float(ellipsoid_lengths(lonlat[:-1], lonlat[1:]).sum())
+    return graph, float(measure_on_ellipsoid(lonlat[:-1], lonlat[1:]).sum())
 
 
 FALSE_METRES = ["EPSG:3857", 3857, "EPSG:3395", "ESRI:54009", "EPSG:6933", "EPSG:3035"]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue
-from gamms.osm.network import along, compute_offsets, extend_to_ends, make_network_of_lines, reverse_points
+from gamms.osm.network import compute_offsets, extend_to_ends, make_network_of_lines, measure_along, reverse_points
 from gamms.osm.topology import count_pieces, cut_polylines, resample
 
 coordinate = st.integers(-1000, 1000).map(lambda n: n / 8)
@@ -102,7 +102,7 @@ def test_led_polylines_start_and_end_at_their_nodes(cases):
     led, result, grown = extend_to_ends(offsets, points, start, end)
     assert (result[led[:-1]] == start).all()
     assert (result[led[1:] - 1] == end).all()
-    before, after = along(offsets, points)[offsets[1:] - 1], along(led, result)[led[1:] - 1]
+    before, after = measure_along(offsets, points)[offsets[1:] - 1], measure_along(led, result)[led[1:] - 1]
     assert after == pytest.approx(before + grown, abs=1e-6)
 
 

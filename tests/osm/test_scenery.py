@@ -13,7 +13,7 @@ from gamms.limits import MemoryBudget
 from gamms.strategies import stay
 from gamms.visual.constants import Layer
 from gamms.visual.themes import THEMES
-from gamms.web.columns import drawn_map
+from gamms.web.columns import encode_drawn_map
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_all_of_a_map_is_on_its_ground_in_pictures_and_in_pages(buildings):
     margin = 0.005 * np.ptp(ground, axis=0).max()
     assert (ground.min(axis=0) + margin < of_map[len(ground) :].min(axis=0)).all()
     assert (of_map[len(ground) :].max(axis=0) < ground.max(axis=0) - margin).all()
-    shown = Decoder(MemoryBudget(1 << 30, "A map")).value(drawn_map(packed))
+    shown = Decoder(MemoryBudget(1 << 30, "A map")).decode(encode_drawn_map(packed))
     box = shown["base_map"]["ground"] * shown["step"]
     assert np.allclose(box.T, [ground.min(axis=0), ground.max(axis=0)], atol=0.1)
 
@@ -86,7 +86,7 @@ def test_a_field_of_view_over_water_has_the_hue_of_its_team(helsinki, theme, tea
     assert (tinted.argmax(axis=1) == channel).mean() > 0.95
 
 
-def test_what_is_drawn_is_what_would_be_an_obstacle(helsinki):
+def test_exactly_the_obstacles_are_drawn(helsinki):
     with gamms.create_context(seed=1) as ctx:
         gamms.osm.helsinki(ctx, buildings=True)
         walls, drawn = ctx.graph.obstacle_columns(), helsinki.graph.scenery_columns().buildings

@@ -76,12 +76,12 @@ def area(points):
         {"natural": "tree_row"},
     ],
 )
-def test_what_lies_below_the_ground_or_is_of_no_kind_is_left_out(read, tags):
+def test_underground_and_unknown_areas_are_left_out(read, tags):
     _, scenery = read(streets().way((50, 50), (150, 50), **tags))
     assert len(scenery.kinds) == 0
 
 
-def test_what_lies_far_away_is_cut_off(read):
+def test_distant_parts_of_areas_are_cut_off(read):
     ctx, scenery = read(streets().area(200, 100, 5_000, 100, natural="water").area(3_000, 0, 90, 90, leisure="park"))
     [shape] = shapes(scenery, SceneryKind.WATER)
     assert area(shape) == pytest.approx(220 * 100, rel=0.04)

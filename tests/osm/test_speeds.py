@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.osm import graph_from_file, graph_from_xml, modes
-from gamms.osm.speeds import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, speed_kph
+from gamms.osm.speeds import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, compute_speed_kph
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ from gamms.osm.speeds import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, speed_kph
     ],
 )
 def test_a_sign_is_read(maxspeed, kph):
-    assert speed_kph({"highway": "service", "maxspeed": maxspeed}) == pytest.approx(kph)
+    assert compute_speed_kph({"highway": "service", "maxspeed": maxspeed}) == pytest.approx(kph)
 
 
 @pytest.mark.parametrize("key", ["zone:maxspeed", "maxspeed:type", "source:maxspeed", "zone:traffic"])
@@ -76,9 +76,9 @@ def test_a_sign_is_read(maxspeed, kph):
 )
 def test_a_zone_gives_the_speed_of_a_road_without_a_sign(key, value, kph):
     road = {"highway": "primary", key: value}
-    assert speed_kph(road) == pytest.approx(kph)
+    assert compute_speed_kph(road) == pytest.approx(kph)
     assert modes()["drive"](road).speed_kph == pytest.approx(kph)
-    assert speed_kph({**road, "maxspeed": "70"}) == 70.0
+    assert compute_speed_kph({**road, "maxspeed": "70"}) == 70.0
     assert modes()["drive"].ignored_values(road) == []
 
 
@@ -93,8 +93,8 @@ def test_zones_may_differ_by_direction(make_map, cross):
 
 
 def test_a_living_street_in_a_traffic_zone_keeps_its_own_limit():
-    assert speed_kph({"highway": "living_street", "zone:traffic": "DE:urban"}) == 10.0
-    assert speed_kph({"highway": "living_street", "zone:maxspeed": "DE:20"}) == 20.0
+    assert compute_speed_kph({"highway": "living_street", "zone:traffic": "DE:urban"}) == 10.0
+    assert compute_speed_kph({"highway": "living_street", "zone:maxspeed": "DE:20"}) == 20.0
 
 
 NO_SPEEDS = [None, "", "signals", "variable", "none", "DE:none", "fast", "0", "-50", "999", "1e9", "٣٠", "30 parsecs"]
@@ -103,7 +103,7 @@ NO_SPEEDS += ["nan", math.nan, True, [], {}, [[]], "[", "[]", "[,]", ";;", 1 << 
 
 @pytest.mark.parametrize("maxspeed", NO_SPEEDS)
 def test_an_invalid_speed_is_replaced_by_that_of_the_road_class(maxspeed):
-    assert speed_kph({"highway": "residential", "maxspeed": maxspeed}) == SPEED_OF_HIGHWAY_KPH["residential"]
+    assert compute_speed_kph({"highway": "residential", "maxspeed": maxspeed}) == SPEED_OF_HIGHWAY_KPH["residential"]
 
 
 @pytest.mark.parametrize(
@@ -112,26 +112,31 @@ def test_an_invalid_speed_is_replaced_by_that_of_the_road_class(maxspeed):
 )
 def test_only_on_motorways_and_trunk_roads_no_limit_means_130(highway, kph):
     for none in ("none", "None ", "DE:none", "unlimited"):
-        assert speed_kph({"highway": highway, "maxspeed": none}) == kph
+        assert compute_speed_kph({"highway": highway, "maxspeed": none}) == kph
     assert modes()["drive"]({"highway": highway, "maxspeed": "none"}).speed_kph == kph
 
 
 @given(st.text(alphabet="0123456789.,;|[]'\"-: kmphRO", max_size=20), st.sampled_from(["residential", "motorway"]))
 def test_whatever_a_sign_says_the_speed_is_possible(text, highway):
-    assert 0.0 < speed_kph({"highway": highway, "maxspeed": text}) <= 300.0
+    assert 0.0 < compute_speed_kph({"highway": highway, "maxspeed": text}) <= 300.0
 
 
 def test_the_class_may_be_unknown_or_several():
-    assert speed_kph({}) == speed_kph({"highway": "dreamway"}) == speed_kph({"highway": 3}) == UNKNOWN_SPEED_KPH
+    assert (
+        compute_speed_kph({})
+        == compute_speed_kph({"highway": "dreamway"})
+        == compute_speed_kph({"highway": 3})
+        == UNKNOWN_SPEED_KPH
+    )
     for several in (["dreamway", "steps", "primary"], "dreamway; Steps;primary", "['dreamway', 'steps', 'primary']"):
-        assert speed_kph({"highway": several}) == SPEED_OF_HIGHWAY_KPH["steps"]
+        assert compute_speed_kph({"highway": several}) == SPEED_OF_HIGHWAY_KPH["steps"]
 
 
 @pytest.mark.parametrize(
     ("given", "kph"), [(12.5, 12.5), (np.int64(12), 12.0), (0, 50.0), (-1, 50.0), ("12", 12.0), (math.inf, 50.0)]
 )
 def test_a_given_speed_is_kept_if_it_is_one(given, kph):
-    assert speed_kph({"speed_kph": given, "maxspeed": "50"}) == kph
+    assert compute_speed_kph({"speed_kph": given, "maxspeed": "50"}) == kph
 
 
 def test_every_speed_in_the_table_is_positive():

@@ -218,7 +218,7 @@ def test_a_place_of_nonsense_is_one_clear_error(server, tmp_path, what):
     assert nothing_is_kept(tmp_path)
 
 
-def test_what_can_be_read_is_no_nonsense(server):
+def test_unusual_but_readable_answers_are_accepted(server):
     def change(data):
         data.update(remark="", osm3s={})
         data["elements"] += [{"type": "way", "id": 1, "nodes": []}, {"type": "count", "id": 0}]

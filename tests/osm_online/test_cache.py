@@ -131,10 +131,10 @@ def test_settings_of_osmnx_count_where_the_program_uses_it(server, settings, mon
 
 
 def test_servers_hear_of_gamms_even_where_osmnx_is_in_use(settings, osmnx):
-    assert settings.setting("http_user_agent").startswith("GAMMS")
-    assert settings.setting("cache_folder") is None
+    assert settings.get_setting("http_user_agent").startswith("GAMMS")
+    assert settings.get_setting("cache_folder") is None
     osmnx.settings.http_user_agent = "my game"
-    assert settings.setting("http_user_agent") == "my game"
+    assert settings.get_setting("http_user_agent") == "my game"
 
 
 def test_an_installed_osmnx_has_the_settings_that_are_read(settings):

@@ -109,13 +109,13 @@ def test_agents_that_are_searched_in_batches_play_as_in_games(tag):
 
 def test_of_actions_that_bring_as_much_the_one_that_was_tried_less_is_tried_next():
     trials = _PairedTrials(4)
-    assert [trials.next() for action in (1, 2, 3) for _ in [trials.note(action, 1.0)]] == [2, 3, 1]
+    assert [trials.choose_next() for action in (1, 2, 3) for _ in [trials.note(action, 1.0)]] == [2, 3, 1]
     for action in (1, 1, 2):
         trials.note(action, 1.0)
-    assert trials.next() == 3
+    assert trials.choose_next() == 3
     for action in (2, 3, 3):
         trials.note(action, 2.0 if action == 2 else 1.0)
-    assert trials.next() == 2  # all were tried thrice
+    assert trials.choose_next() == 2  # all were tried thrice
 
 
 def test_exp3_chooses_as_auer_cesa_bianchi_freund_and_schapire_have_it():
@@ -123,7 +123,7 @@ def test_exp3_chooses_as_auer_cesa_bianchi_freund_and_schapire_have_it():
     node.offer(["a", "b", "c"])
     node.weights = [0.0, 12.0, -3.0]
     shares = [exp(0.2 / 3 * gain) for gain in node.weights]
-    assert node.chances() == pytest.approx([0.8 * share / sum(shares) + 0.2 / 3 for share in shares])
+    assert node.compute_chances() == pytest.approx([0.8 * share / sum(shares) + 0.2 / 3 for share in shares])
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_exp3_chooses_as_auer_cesa_bianchi_freund_and_schapire_have_it():
         ((5, 5, 5), 0.9, 2),
     ],
 )
-def test_what_exp3_has_tried_most_is_done_most(counts, chance, action):
+def test_exp3_chooses_the_most_tried_action_most_often(counts, chance, action):
     node = _TreeNode()
     node.offer(["a", "b", "c"])
     node.counts = list(counts)
@@ -272,16 +272,16 @@ def test_garbage_is_not_collected_while_a_decision_has_a_limit(tag, options):
 def test_a_search_without_time_follows_the_policies_only_if_all_its_agents_have_one():
     pace, game = SearchPace(), object()
     pace.follow(game, {"ann": gamms.strategies.stay, "bob": gamms.strategies.stay})
-    assert pace.knows({"ann": {"fork": game}})
-    assert not pace.knows({"ann": {"fork": game}, "cat": {"fork": game}})
+    assert pace.has_policies({"ann": {"fork": game}})
+    assert not pace.has_policies({"ann": {"fork": game}, "cat": {"fork": game}})
 
 
-def test_a_search_tells_apart_where_others_are_seen_and_not_what_is_seen_of_the_map():
+def test_a_search_distinguishes_seen_positions_and_ignores_seen_parts_of_the_map():
     sensors = {"eyes": (SensorType.AGENT_RANGE, {"bob": 5, "ann": 4}), "map": (SensorType.NEIGHBOR, [3, 4])}
     assert _observe_state({"curr_pos": 3, "sensor": sensors}) == (3, ("ann", 4), ("bob", 5))
 
 
-def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):
+def test_without_time_for_an_iteration_the_policy_decides(tag):
     east = mcts(seconds=1e-9, rollout=lambda state: state.update(action=state["curr_pos"] + 1))
     with tag.build(strategies={"ann": east}) as ctx:
         ctx.game.step()

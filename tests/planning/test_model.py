@@ -124,7 +124,7 @@ def test_worlds_other_turns_and_other_seeds_draw_otherwise(tag):
 # -- no future is foreseen -------------------------------------------------------------------------------------------
 
 
-def test_what_is_drawn_in_a_model_is_the_same_under_any_seed_of_the_game(tag):
+def test_draws_in_a_model_do_not_depend_on_the_seed_of_the_game(tag):
     stay = {"blue": lambda state: state.update(action=state["curr_pos"])}
     found = []
     for seed in (3, 4):
@@ -141,7 +141,7 @@ def test_what_is_drawn_in_a_model_is_the_same_under_any_seed_of_the_game(tag):
 
 
 @pytest.mark.parametrize("rule", ["opponents", "conflicts", "detection", "rules"])
-def test_what_the_game_draws_next_is_foreseen_no_better_than_by_chance(line, rule):
+def test_a_model_does_not_foresee_the_next_draws_of_the_game(line, rule):
     """The next draws of the game, and those of a model of the same turn, are two independent coins."""
     pairs = []
     line.agent.get_agent("bob").current_node_id = 2
@@ -203,7 +203,7 @@ HIDDEN = {
 
 
 @pytest.mark.parametrize("change", HIDDEN.values(), ids=HIDDEN)
-def test_what_an_agent_cannot_know_changes_nothing_in_its_model(tag, change):
+def test_secrets_change_nothing_in_the_model_of_an_agent(tag, change):
     def before(ctx, turn):
         if turn == 1:
             change(ctx)

@@ -189,7 +189,7 @@ def _change_value(chance, parts):
     found = [part for part in parts if part[0] != blocks.TURNS and part[1]]
     part = chance.choice(found or parts)
     value, _ = packing.unpack_parts(part[1], MOST)
-    part[1] = packed_bytes.packed(damaged(chance, value))
+    part[1] = packed_bytes.pack_bytes(damaged(chance, value))
 
 
 def _change_column(chance, parts):
@@ -205,14 +205,14 @@ def _change_column(chance, parts):
     else:
         number = chance.choice([-1, 2**40, -(2**63), 2**63 - 1, *NUMBERS, *FORMS])
         column[chance.randrange(len(column))] = number
-    part[1] = packed_bytes.packed(data) + packed_bytes.packed(b"".join(map(packed_bytes.column, table)))
+    part[1] = packed_bytes.pack_bytes(data) + packed_bytes.pack_bytes(b"".join(map(packed_bytes.encode_column, table)))
 
 
 def _columns_of(reader, counts):
     _, turns, moves, events = counts
-    table = [reader.column(size) for size in (turns, turns, moves)]
+    table = [reader.read_column(size) for size in (turns, turns, moves)]
     rows = len(np.unique(np.cumsum(table[2])))
-    return table + [reader.column(size) for size in (rows, moves - rows, events, events, events)]
+    return table + [reader.read_column(size) for size in (rows, moves - rows, events, events, events)]
 
 
 def _tracks_of(reader, kinds):
@@ -220,11 +220,11 @@ def _tracks_of(reader, kinds):
     for kind, (nodes, floats) in sorted(FORMS.items()):
         size = int(np.count_nonzero(kinds == kind))
         if size:
-            numbers = reader.column(size)
+            numbers = reader.read_column(size)
             yield numbers
             rows = len(np.unique(np.cumsum(numbers)))
             for _ in range(nodes + floats):
-                yield from (reader.column(each) for each in (rows, size - rows))
+                yield from (reader.read_column(each) for each in (rows, size - rows))
 
 
 def _shuffle(chance, parts):

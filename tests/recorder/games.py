@@ -85,7 +85,7 @@ def everything(ctx):
         **{name: getattr(ctx.game.internals.state, name) for name in ("deeds", "messages", "blocked")},
         "private": [dict(ctx.game.internals.state.agent_facts), dict(ctx.game.internals.state.team_facts)],
         "world": ctx.graph.storage.pack(),
-        "sensors": ctx.sensor.storage.described(),
+        "sensors": ctx.sensor.storage.describe_sensors(),
         "components": {
             name: dict(vars(ctx.record.get_component(name))["__recorded_component_"])
             for name in ctx.record.component_iter()

@@ -42,32 +42,32 @@ def file_of(*parts, header=None):
 
 
 def turns_of(counts, *table, data=b""):
-    return blocks.TURNS, packed_bytes.packed(data) + packed_bytes.packed(b"".join(table)), counts
+    return blocks.TURNS, packed_bytes.pack_bytes(data) + packed_bytes.pack_bytes(b"".join(table)), counts
 
 
 def number(one):
-    return packed_bytes.column(np.array([one]))
+    return packed_bytes.encode_column(np.array([one]))
 
 
 BOMBS = {
     "a header that promises much": lambda: file_of(header=promised(2**62, zeros(0))),
     "a header that inflates to much": lambda: file_of(header=promised(2**25, zeros(2**28))),
     "a header that promises little": lambda: file_of(header=promised(2**20, zeros(2**28))),
-    "a header of lists": lambda: file_of(header=packed_bytes.packed(b"\x91" * 2**20)),
+    "a header of lists": lambda: file_of(header=packed_bytes.pack_bytes(b"\x91" * 2**20)),
     "a header of empty lists": lambda: file_of(
-        header=packed_bytes.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x20\0\0" + b"\xd4\x01\x90" * 2**21)
+        header=packed_bytes.pack_bytes(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x20\0\0" + b"\xd4\x01\x90" * 2**21)
     ),
     "a header of many items": lambda: file_of(
-        header=packed_bytes.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
+        header=packed_bytes.pack_bytes(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
     ),
     "a header that is many values": lambda: file_of(
-        header=packed_bytes.packed(b"\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
+        header=packed_bytes.pack_bytes(b"\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
     ),
     "more moves than can be": lambda: file_of(turns_of([0, 1, 2**32 - 1, 0])),
     "more turns than can be": lambda: file_of(turns_of([0, 2**32 - 1, 0, 0])),
     "moves that are not there": lambda: file_of(turns_of([0, 1, 2**22, 0], b"\1\2\0")),
     "moves that inflate to more": lambda: file_of(
-        (blocks.TURNS, packed_bytes.packed(b"") + promised(2**24, zeros(2**28)), [0, 1, 2**22, 0])
+        (blocks.TURNS, packed_bytes.pack_bytes(b"") + promised(2**24, zeros(2**28)), [0, 1, 2**22, 0])
     ),
     "values that inflate to more": lambda: file_of((blocks.TURNS, promised(2**24, zeros(2**28)), [0, 1, 0, 1])),
     "events that promise much": lambda: file_of(
@@ -90,7 +90,7 @@ def test_a_bomb_is_refused_without_much_memory(bomb):
         tracemalloc.stop()
 
 
-def test_what_is_so_regular_that_it_looks_like_a_bomb_is_read_again(monkeypatch):
+def test_a_regular_recording_that_looks_like_a_bomb_is_read_again(monkeypatch):
     monkeypatch.setattr(limits, "_FLOOR", 1 << 23)
     header = {"a": bytes(2**22), "b": np.zeros(2**19)}
     data = written([[1, 2, (3, bytes(2**22))]], header)
@@ -130,7 +130,7 @@ def test_keys_that_were_made_to_have_one_hash_are_refused():
     with pytest.raises(BadFile, match="made to have one hash"):
         packing.from_bytes(packing.to_bytes(many, "It"))
     with pytest.raises(BadCbor, match="made to have one hash"):
-        CborReader(cbor2.dumps(many)).item()
+        CborReader(cbor2.dumps(many)).read_item()
 
 
 @pytest.mark.parametrize("count", [500, 5_000])

@@ -40,7 +40,7 @@ def test_the_recorded_seed_and_strategies_give_the_recorded_end(played):
     assert table["error"].tolist() == [None]
 
 
-def test_each_seed_of_each_combination_is_a_row_of_what_resume_gives(played):
+def test_each_seed_of_each_combination_is_a_row_of_resume(played):
     file, _ = played
     with recorder.open(file) as recording:
         table = recording.branch(5, strategies={"red": [None, wait], "blue": {"still": wait}}, seeds=[1, 2])
@@ -72,7 +72,7 @@ def test_the_game_may_be_built_by_the_caller(played):
             recording.branch(5, build=range(3))
 
 
-def test_a_recording_without_a_scenario_asks_for_what_builds_the_game(tmp_path):
+def test_a_recording_without_a_scenario_asks_for_a_function_that_builds_the_game(tmp_path):
     with gamms.create_context(seed=3) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
         ctx.record.start(tmp_path / "game.ggr")

@@ -89,7 +89,7 @@ def columns_of(ctx):
 
 
 def values_of(ctx):
-    found = ctx.record.components.recorded()[1]
+    found = ctx.record.components.get_recorded()[1]
     fields = {
         name: {field: one for field, one in values.items() if field != "name"} for name, (_, values) in found.items()
     }

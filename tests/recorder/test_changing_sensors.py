@@ -56,7 +56,7 @@ def shown(ctx):
     carried = {
         name: {key: one.sensor_id for key, one in agent.sensors.items()} for name, agent in ctx.agent.agents.items()
     }
-    return ctx.sensor.storage.described(), carried
+    return ctx.sensor.storage.describe_sensors(), carried
 
 
 def play(turns, also=lambda ctx, turn: None):
@@ -122,7 +122,7 @@ def test_a_reset_takes_sensors_back_in_the_recording_too(turns, data):
             assert shown(ctx) == states[turn]
 
 
-def test_a_context_that_is_resumed_into_keeps_what_a_recording_cannot_hold():
+def test_a_resumed_context_keeps_values_that_a_recording_cannot_hold():
     data, _ = play([[("delete", "a", None), ("create", "b", "AGENT_RANGE")], [("range", "b", 20.0)]])
     with grid() as ctx:
         for name in ("a", "b", "own"):
@@ -157,10 +157,10 @@ def test_a_game_that_changes_no_sensor_asks_for_none():
             agent = ctx.agent.create_agent(name, start_node_id=0, sensors=["a"])
             agent.register_strategy(lambda state: state.update(action=max(state["legal"])))
         storage, asked = ctx.sensor.storage, []
-        described = storage.described
+        described = storage.describe_sensors
         ctx.record.start(io.BytesIO())
         ctx.game.step()
-        object.__setattr__(storage, "described", lambda: asked.append(1) or described())
+        object.__setattr__(storage, "describe_sensors", lambda: asked.append(1) or described())
         ctx.game.run(5)
         assert asked == []
         ctx.sensor.get_sensor("a").range = 12.0

@@ -52,7 +52,7 @@ def game(tmp_path):
 # -- info -------------------------------------------------------------------------------------------------------
 
 
-def test_info_says_what_is_missing_of_a_recording_that_was_cut_off(game):
+def test_info_names_the_missing_part_of_a_recording_that_was_cut_off(game):
     game.write_bytes(game.read_bytes()[:-30])
     assert "was not finished" in run("info", game).stdout
 
@@ -367,7 +367,7 @@ def test_a_replay_says_who_ended_where(game):
     ],
     ids=" ".join,
 )
-def test_what_is_made_of_an_unfinished_recording_says_what_is_missing(game, tmp_path, arguments, monkeypatch):
+def test_files_made_of_an_unfinished_recording_name_its_missing_part(game, tmp_path, arguments, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command, *rest = arguments
     assert run(command, game, *rest).exit_code == 0
@@ -403,7 +403,7 @@ def test_version_2_is_replayed_too():
 # -- games of the command line ----------------------------------------------------------------------------------
 
 
-def test_what_a_team_knew_becomes_a_recording(tmp_path):
+def test_the_knowledge_of_a_team_becomes_a_recording(tmp_path):
     with gamms.create_context(logger_config=QUIET) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
         ctx.sensor.create_sensor("near", gamms.sensor.SensorType.NEIGHBOR)

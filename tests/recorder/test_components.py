@@ -123,7 +123,7 @@ class Slots:
         ({"count": int}, 3),
     ],
 )
-def test_what_cannot_be_a_component_is_refused_and_unchanged(components, log, struct, cls):
+def test_a_class_that_cannot_be_a_component_is_refused_and_unchanged(components, log, struct, cls):
     before = dict(vars(cls)) if isinstance(cls, type) else None
     with pytest.raises(BadType):
         components.component(struct=struct)(cls)

@@ -158,7 +158,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("opcode_name", "data"), REFUSED, ids=[f"{n} {str(data)[:50]}" for n, data in REFUSED])
-def test_what_a_recording_may_not_do_changes_nothing(replayed, opcode_name, data):
+def test_forbidden_records_change_nothing(replayed, opcode_name, data):
     replayed.add_component("foreign", type("Foreign", (), {})())
     before = list(replayed._on_event)
     with pytest.raises(RecordingError):
@@ -170,7 +170,7 @@ def test_what_a_recording_may_not_do_changes_nothing(replayed, opcode_name, data
     assert vars(replayed.get_component("foreign")) == {}
 
 
-def test_what_1_0_0_wrote_and_refused_is_passed_over(replayed):
+def test_records_that_1_0_0_wrote_and_refused_are_skipped(replayed):
     before = list(replayed._on_event)
     bogus = [
         ("COMPONENT_CREATE", {"name": "g", "type": KEY}),
@@ -197,7 +197,7 @@ def test_a_recording_declares_a_bounded_number_of_classes(components, monkeypatc
 
 
 @pytest.mark.parametrize("game", ["components", "refused"])
-def test_a_recording_of_1_0_0_reaches_what_1_0_0_reached(components, game):
+def test_a_recording_of_1_0_0_reaches_the_state_of_1_0_0(components, game):
     reached = json.loads((SAMPLES / "states.json").read_text())["games"][game]["end"]
     for record in version2.read(io.BytesIO((SAMPLES / f"{game}.ggr").read_bytes())):
         name = OpCodes(record["opCode"]).name
@@ -240,7 +240,7 @@ def test_a_replay_equals_the_game_and_reports_the_same(programme):
 
     again = played(registry._on_event)
     assert again._on_event == registry._on_event
-    for copy in (again, played(registry.since((set(), {})))):
+    for copy in (again, played(registry.list_events_since((set(), {})))):
         assert state(copy) == state(registry)
         assert list(copy._component_registry) == list(registry._component_registry)
 

@@ -62,7 +62,7 @@ def test_every_log_is_read_as_it_was_added(game, turns, size, keyframes):
 
 @FEWER
 @given(games, st.integers(1, 4), st.data())
-def test_arrays_and_events_say_what_the_logs_say(game, turns, data):
+def test_arrays_and_events_agree_with_the_logs(game, turns, data):
     reader = opened(written(game, turns=turns))
     start = data.draw(st.integers(0, len(game)))
     stop = data.draw(st.integers(start, len(game)))
@@ -86,7 +86,7 @@ def test_unknown_blocks_are_skipped():
     game = walk(2, 4)
     data = written(game, turns=2, close=False)
     key = blocks.decode_head(data[8 : 8 + blocks.HEAD_SIZE]).crc
-    stranger = blocks.block(ord("Z"), b"of a later version", key, blocks.BlockCounts(2))
+    stranger = blocks.make_block(ord("Z"), b"of a later version", key, blocks.BlockCounts(2))
     first = blocks.decode_head(data[8 : 8 + blocks.HEAD_SIZE]).end + 8
     assert logs_of(opened(data[:first] + stranger + data[first:])) == game
 
@@ -145,9 +145,9 @@ def test_impossible_blocks_are_refused(options):
 
 def test_a_block_of_more_bytes_than_its_head_can_say_is_refused(monkeypatch):
     monkeypatch.setattr(blocks, "MOST_BODY", 10)
-    assert blocks.block(1, bytes(10), 0, blocks.BlockCounts())[blocks.HEAD_SIZE :] == bytes(10)
+    assert blocks.make_block(1, bytes(10), 0, blocks.BlockCounts())[blocks.HEAD_SIZE :] == bytes(10)
     with pytest.raises(BadValue, match="11 bytes cannot be recorded at once; at most 10 can"):
-        blocks.block(1, bytes(11), 0, blocks.BlockCounts())
+        blocks.make_block(1, bytes(11), 0, blocks.BlockCounts())
 
 
 def test_a_closed_recording_takes_nothing_more():

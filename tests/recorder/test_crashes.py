@@ -112,7 +112,7 @@ def test_one_wrong_byte_is_noticed(place, byte):
     assert is_noticed != is_same
 
 
-def test_what_follows_a_finished_recording_is_mentioned():
+def test_bytes_after_a_finished_recording_are_mentioned():
     reader, logs = read_all(written(MIXED) + b"more")
     assert logs == MIXED
     assert "are lost" in reader.warning

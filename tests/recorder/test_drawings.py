@@ -102,10 +102,10 @@ def test_a_replay_without_the_program_shows_the_same_pictures(declares, tmp_path
     assert copied(path.read_bytes()) == path.read_bytes()
 
 
-def test_what_is_drawn_beside_an_agent_goes_with_it_in_a_film_of_the_replay():
+def test_drawings_beside_an_agent_move_with_it_in_a_film_of_the_replay():
     def place(ctx, share):
-        commands = ctx.visual.artists.shown()["mine"]
-        return ArtistGroup(ctx, {"mine": commands}).commands(share).points.tolist()
+        commands = ctx.visual.artists.list_shown()["mine"]
+        return ArtistGroup(ctx, {"mine": commands}).draw_artists(share).points.tolist()
 
     def beside(ctx, data):
         ctx.visual.render_circle(*ctx.visual.drawing.position_of("a", data["_alpha"]), 1.0)
@@ -163,7 +163,7 @@ def test_a_drawer_or_legend_that_fails_is_logged_and_the_game_goes_on(ctx, monke
     assert b"<circle" in replayed(data)[0].visual.picture(".svg")
 
 
-def test_what_is_too_much_for_a_recording_is_left_out_with_a_warning(ctx, monkeypatch):
+def test_drawings_too_large_for_a_recording_are_left_out_with_a_warning(ctx, monkeypatch):
     said = []
     monkeypatch.setattr(ctx.logger, "warning", lambda words, *_: said.append(words))
     monkeypatch.setattr("gamms.ir.draw.MOST_POINTS", 3)

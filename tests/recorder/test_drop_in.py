@@ -67,7 +67,7 @@ def test_a_second_start_is_refused_and_disturbs_nothing(ctx, tmp_path):
 
 
 @pytest.mark.parametrize("path", [None, 5, b"game", ["game"], io.StringIO(), object()])
-def test_what_is_neither_a_path_nor_a_binary_stream_is_refused(ctx, path):
+def test_an_invalid_path_or_stream_is_refused(ctx, path):
     with pytest.raises(TypeError, match="path or a binary stream"):
         ctx.record.start(path)
     with pytest.raises(TypeError, match="path or a binary stream"):

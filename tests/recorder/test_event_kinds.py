@@ -51,7 +51,7 @@ def test_the_records_of_version_2_are_those_of_its_operation_codes():
 
 
 @pytest.mark.parametrize("kind", [kind for kind in ALL if kind.records is not None], ids=lambda kind: kind.name)
-def test_what_stands_for_an_event_in_version_2_is_of_version_2(kind):
+def test_replacements_of_events_in_version_2_are_of_version_2(kind):
     values = {"name": "anna", "agent_name": "anna", "kwargs": {"start_node_id": 4}, "node_id": 5}
     if kind.is_tuple:
         data = (3, *(float(i) for i in range(1, len(kind.fields))))
@@ -201,7 +201,7 @@ def test_events_come_to_the_same_live_and_detached(programme):
             replayer.apply(kind, data)
             detached.apply_event(kind, data)
         live = capture_state(ctx) | pack_components(ctx)
-        np.testing.assert_equal(comparable(detached.keyframe(0)), comparable(live))
+        np.testing.assert_equal(comparable(detached.make_keyframe(0)), comparable(live))
 
 
 def test_an_event_that_cannot_happen_changes_nothing_and_is_not_noted():

@@ -90,11 +90,11 @@ def changed(data, change):
     """A recording whose first block of turns has another body; `change` gets the values in it and the columns."""
     parts = parts_of(data)
     part = next(part for part in parts if part[0] == blocks.TURNS)
-    part[1] = b"".join(map(packed_bytes.packed, change(*packing.unpack_parts(part[1], 1 << 20, has_columns=True))))
+    part[1] = b"".join(map(packed_bytes.pack_bytes, change(*packing.unpack_parts(part[1], 1 << 20, has_columns=True))))
     return rebuilt(random.Random(0), parts)
 
 
-KIND, EMPTY, ONE = (packed_bytes.column(np.array([number])) for number in (TURN, 0, 1))
+KIND, EMPTY, ONE = (packed_bytes.encode_column(np.array([number])) for number in (TURN, 0, 1))
 
 
 @pytest.mark.parametrize(

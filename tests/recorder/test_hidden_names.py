@@ -135,12 +135,12 @@ def test_neither_do_streams():
     of_blue, of_red = [Audience(team) for team in ("blue", "red")]
     ctx.record.follow(streams)
     for audience in (of_blue, of_red):
-        streams.of(audience)
+        streams.get_stream(audience)
     played(ctx, provenance=PROVENANCE)
     streams.end()
     sent = [
         b"".join(map(zlib.decompress, chain(one.opening, *(messages for messages, _ in one._parts))))
-        for one in map(streams.of, (of_blue, of_red))
+        for one in map(streams.get_stream, (of_blue, of_red))
     ]
     assert secrets_in(sent[0]) == []
     assert b"zqnote" in secrets_in(sent[1])

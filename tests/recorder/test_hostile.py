@@ -86,7 +86,7 @@ def test_no_value_of_a_recording_takes_more_memory_than_is_allowed(name, monkeyp
 
 
 @pytest.mark.usefixtures("low_floor")
-def test_what_unpacks_to_too_much_says_so():
+def test_a_file_that_unpacks_to_too_much_is_refused():
     with pytest.raises(RecordingError, match=r"damaged at byte \d+: it unpacks to more than 1 MiB of values"):
         opened(hostile.recording([[]] * 40_000, turns=1 << 16))
 

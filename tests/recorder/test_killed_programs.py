@@ -20,7 +20,7 @@ def test_a_file_that_cannot_be_written_when_the_context_ends_does_not_keep_it_op
     assert not ctx.record.is_open
 
 
-def test_a_full_disk_at_the_end_does_not_hide_what_ended_the_block():
+def test_a_full_disk_at_the_end_does_not_hide_the_error_of_the_block():
     ctx, disk = grid_context(), Disk()
     with pytest.raises(ZeroDivisionError) as caught, ctx:
         ctx.record.start(disk)

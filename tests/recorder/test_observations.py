@@ -124,7 +124,7 @@ def test_the_table_of_sensor_data_has_nodes_and_agents(game):
 
 
 @pytest.mark.parametrize("given", [[1, 2, 3], {"anna": 5}, {"nodes": {1: None}, "edges": []}])
-def test_what_a_function_returns_is_not_taken_for_nodes_or_agents(given):
+def test_the_result_of_a_function_is_not_taken_for_nodes_or_agents(given):
     stream = io.BytesIO()
     with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
@@ -196,7 +196,7 @@ def test_agents_are_listed_once_unless_looks_differ_about_their_nodes():
         (agent, [sensed.make_look(name, SensorType.AGENT, data, numbers, numbers) for name, data in own.items()])
         for agent, own in reports
     ]
-    data = sensed.columns_of(looks, FieldTable(), 0)
+    data = sensed.make_columns(looks, FieldTable(), 0)
     assert data["seen"].tolist() == [1, 2, 300]
     assert data["seen_at"].tolist() == [9, 70_000, 4]
     assert data["ids"].tolist() == [2, 1, 7, 9, 2, 0, 1]
@@ -330,7 +330,7 @@ def test_recordings_have_the_nodes_that_sensors_cover(lookouts):
         ctx.graph.storage.unpack(recording.graph.packed)
         read = {}
         for turn, fields in fields_in(recording):
-            covered = {key: one.nodes(ctx.graph.graph).tolist() for key, one in fields.items() if one is not None}
+            covered = {key: one.list_nodes(ctx.graph.graph).tolist() for key, one in fields.items() if one is not None}
             assert covered == turns[turn], turn
             read[turn] = fields
         assert len({tuple(nodes) for one in turns for nodes in one.values()}) > 100

@@ -111,7 +111,7 @@ def commands(path, folder):
 
 @pytest.mark.parametrize("made", FIELDS.values(), ids=FIELDS.keys())
 @pytest.mark.parametrize("value", [EVIL, HUGE], ids=["codes", "digits"])
-def test_commands_print_what_can_be_read_and_no_tracebacks(made, value, tmp_path, caplog):
+def test_commands_print_readable_text_and_no_tracebacks(made, value, tmp_path, caplog):
     path = tmp_path / "game.ggr"
     path.write_bytes(made(value))
     for command in commands(path, tmp_path):

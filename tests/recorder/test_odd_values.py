@@ -62,7 +62,7 @@ def heard(ctx):
 @pytest.mark.parametrize(
     "value", [object(), {1, object}, [object()], {"a": {1, object}}], ids=["object", "set", "list", "dict"]
 )
-def test_what_is_not_plain_of_a_map_is_left_out_with_one_warning(ctx, heard, value):
+def test_map_values_that_are_not_plain_are_left_out_with_one_warning(ctx, heard, value):
     def play(ctx):
         for id in (20, 21, 22):
             ctx.graph.graph.add_node({"id": id, "x": 0.0, "y": 0.0, "foo": value if id > 20 else 7, "bar": id})
@@ -77,7 +77,7 @@ def test_what_is_not_plain_of_a_map_is_left_out_with_one_warning(ctx, heard, val
     assert copied(data) == data
 
 
-def test_what_is_not_plain_at_the_start_is_left_out_with_one_warning(ctx, heard, tmp_path):
+def test_values_that_are_not_plain_at_the_start_are_left_out_with_one_warning(ctx, heard, tmp_path):
     for id in (20, 21):
         ctx.graph.graph.add_node({"id": id, "x": 0.0, "y": 0.0, "owner": object()})
     ctx.agent.create_agent("a", start_node_id=20, brain=object(), size=3)

@@ -40,7 +40,7 @@ def a_bit_of_everything(ctx):
 
 
 @VERSIONS
-def test_d13_what_is_refused_is_not_in_the_file(version):
+def test_d13_refused_calls_are_not_in_the_file(version):
     def play(ctx):
         ctx.agent.create_agent("a", start_node_id=0)
         a = ctx.agent.get_agent("a")
@@ -89,7 +89,7 @@ class Colour(enum.IntEnum):
 
 
 @VERSIONS
-def test_d14_what_cannot_be_written_is_left_out_and_the_rest_is_whole(version):
+def test_d14_unwritable_values_are_left_out_and_the_rest_is_whole(version):
     def play(ctx):
         meta = {"plan": print, "team": Colour.RED, "goal": np.int64(4), "inner": {"f": lambda: 0, "x": (1, 2)}}
         ctx.agent.create_agent("a", start_node_id=0, meta=meta, brain=object(), strategy=print, color=(1, 2, 3))
@@ -135,7 +135,7 @@ def test_d17_the_file_says_on_which_map_by_which_version_and_seed_it_was_made(ct
     assert header["package"]
     again = replayed(data)[0]
     assert again.graph.storage.pack() == ctx.graph.storage.pack()
-    assert again.sensor.storage.described() == ctx.sensor.storage.described()
+    assert again.sensor.storage.describe_sensors() == ctx.sensor.storage.describe_sensors()
     for private in (os.uname().nodename, str(Path.home()), str(tmp_path)):
         assert private.encode() not in data
 

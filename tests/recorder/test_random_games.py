@@ -236,7 +236,7 @@ def without_what_a_pause_hides(programme):
 
 @EXAMPLES
 @given(programmes, programmes)
-def test_a_replay_comes_to_what_the_game_came_to(before, after):
+def test_a_replay_reaches_the_end_of_the_game(before, after):
     data, ctx = game_of(before, [*after, ("play",)])
     again, _ = replayed(data)
     assert everything(again) == everything(ctx)

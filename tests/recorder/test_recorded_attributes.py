@@ -83,7 +83,7 @@ def test_a_replay_sets_attributes_and_writes_them_again(ctx):
             assert second.detached(2).agents.columns["attributes"] == [{"seen": [2, {"x": (1.5, None)}]}]
 
 
-def test_what_cannot_be_written_is_no_longer_in_the_recording(ctx, caplog):
+def test_an_attribute_that_becomes_unwritable_leaves_the_recording(ctx, caplog):
     agent = ctx.agent.create_agent("a", start_node_id=0, strategy=stay, tool=1)
 
     def lend(ctx):
@@ -127,7 +127,7 @@ def test_a_team_sees_the_attributes_of_its_own_agents_alone(ctx):
 
 
 @pytest.mark.parametrize("name", ["_block", "get_state", "name"])
-def test_a_recording_cannot_set_what_a_program_may_not(ctx, name):
+def test_a_recording_cannot_set_read_only_attributes(ctx, name):
     ctx.agent.create_agent("a", start_node_id=0)
     replayer = Replayer(ctx)
     replayer.state.agents.names = {0: "a"}
@@ -148,7 +148,7 @@ class Heard:
         self.values += [data["values"] for kind, data in kinds.list_events(log) if kind == kinds.AGENT_ATTRIBUTE]
 
 
-def test_followers_hear_of_what_is_set_after_they_began(ctx):
+def test_followers_hear_of_attributes_set_after_they_began(ctx):
     agent, follower = ctx.agent.create_agent("a", start_node_id=0), Heard()
     ctx.record.start(io.BytesIO())
     agent.energy = 1

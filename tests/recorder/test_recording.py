@@ -109,7 +109,7 @@ def test_a_turn_that_is_not_there_is_refused(rec, turn):
         rec.state("1")
 
 
-def test_what_came_after_the_last_turn_is_no_turn():
+def test_events_after_the_last_turn_are_not_a_turn():
     with context() as ctx:
         ctx.agent.create_agent("anna", start_node_id=0, strategy=wander)
         stream = io.BytesIO()
@@ -143,7 +143,7 @@ def test_each_table_has_its_columns(rec):
 @example(start=None, stop=1)
 @example(start=1, stop=2)
 @given(start=st.none() | st.integers(0, 12), stop=st.none() | st.integers(0, 12))
-def test_a_range_of_turns_is_what_a_filter_gives(game, start, stop):
+def test_a_range_of_turns_equals_a_filter(game, start, stop):
     rec = recorder.open(io.BytesIO(game[0]))
 
     def is_in(turn):
@@ -203,7 +203,7 @@ def blank(agents):
 
 @settings(deadline=None)
 @given(programmes(), st.integers(1, 9), st.integers(1, 4), st.data())
-def test_many_moves_at_once_do_what_they_do_one_by_one(events, most, turns, data):
+def test_many_moves_at_once_equal_single_moves(events, most, turns, data):
     with context() as ctx:
         begin = capture_state(ctx)
     game = []

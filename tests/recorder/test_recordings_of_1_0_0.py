@@ -57,7 +57,7 @@ def rounded(states):
 
 
 @pytest.mark.parametrize("game", [game for game in GAMES if game not in ("refused", "tags")])
-def test_a_replay_reaches_what_1_0_0_reached_turn_by_turn(game):
+def test_a_replay_reaches_the_states_of_1_0_0_turn_by_turn(game):
     ctx, turns, error = world(), [], None
     try:
         for record in ctx.record.replay(SAMPLES / f"version2/{game}.ggr"):
@@ -70,7 +70,7 @@ def test_a_replay_reaches_what_1_0_0_reached_turn_by_turn(game):
     assert error == GAMES[game]["error"]
 
 
-def test_what_1_0_0_wrote_and_could_not_replay_comes_to_what_the_game_came_to():
+def test_recordings_that_1_0_0_could_not_replay_end_as_the_game_ended():
     ctx = world()
     list(ctx.record.replay(SAMPLES / "version2/refused.ggr"))
     assert reached(ctx, "refused") == GAMES["refused"]["end"]

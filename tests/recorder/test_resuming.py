@@ -286,7 +286,7 @@ def test_a_replay_leaves_the_game_where_it_was():
 # -- what cannot be ---------------------------------------------------------------------------------------------
 
 
-def test_what_does_not_fit_is_refused(recording):
+def test_resuming_refuses_unknown_turns_and_strategies(recording):
     with pytest.raises(BadValue, match="no state after 21 turns"):
         recording.resume(21)
     with pytest.raises(UnknownName, match="red"):
@@ -335,7 +335,7 @@ def test_a_context_is_as_it_was_when_a_damaged_recording_cannot_be_resumed():
     parts = parts_of(stream.getvalue())
     for part in parts:
         if part[0] != blocks.TURNS and part[1]:
-            part[1] = packed_bytes.packed(packing.unpack_parts(part[1], 1 << 20)[0].replace(b"visible", b"visibly"))
+            part[1] = packed_bytes.pack_bytes(packing.unpack_parts(part[1], 1 << 20)[0].replace(b"visible", b"visibly"))
     crafted = recorder.open(io.BytesIO(rebuilt(Random(1), parts)))
     with make() as ctx, make() as other:
         with pytest.raises(RecordingError, match="'visible'"):

@@ -189,7 +189,7 @@ def test_a_stream_has_all_turns_after_each_and_a_copy_replays_while_it_goes_on(t
 # -- what goes wrong --------------------------------------------------------------------------------------------
 
 
-def test_what_goes_wrong_in_the_background_is_raised_by_the_next_turn(tmp_path):
+def test_background_errors_are_raised_by_the_next_turn(tmp_path):
     with new_game() as ctx:
         ctx.record.start(tmp_path / "game")
         step(ctx, 0)
@@ -293,7 +293,7 @@ def test_a_start_that_cannot_be_written_leaves_the_old_file(tmp_path, monkeypatc
     assert files_of(tmp_path) == before
 
 
-def test_what_is_recorded_or_replayed_cannot_be_overwritten(tmp_path):
+def test_open_recordings_cannot_be_overwritten(tmp_path):
     fcntl = pytest.importorskip("fcntl")
     assert fcntl
     with new_game() as ctx, new_game() as other:

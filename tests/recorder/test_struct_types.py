@@ -40,7 +40,7 @@ HINTS = [(text, hint) for text, hints in {**OF_1_0_0, **OF_OURS}.items() for hin
 
 @pytest.mark.parametrize(("text", "hint"), HINTS, ids=str)
 def test_a_hint_is_written_as_1_0_0_writes_it(text, hint):
-    assert str(parse_hint(hint).or_none()) == text
+    assert str(parse_hint(hint).make_optional()) == text
 
 
 @pytest.mark.parametrize("text", [*OF_1_0_0, *OF_OURS])
@@ -78,11 +78,11 @@ hints = st.recursive(
 @given(hints)
 def test_every_type_survives_its_text(hint):
     try:
-        found = parse_hint(hint).or_none()
+        found = parse_hint(hint).make_optional()
     except BadType:
         return  # nested too deep
     assert parse(str(found)) == found
-    assert found.fits(None)
+    assert found.is_valid(None)
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,9 @@ def test_any_text_is_a_type_or_refused(text):
     ids=str,
 )
 def test_values_are_distinguished(hint, fitting, others):
-    field = parse_hint(hint).or_none()
-    assert all(field.fits(value) for value in [None, *fitting])
-    assert not any(field.fits(value) for value in others)
+    field = parse_hint(hint).make_optional()
+    assert all(field.is_valid(value) for value in [None, *fitting])
+    assert not any(field.is_valid(value) for value in others)
 
 
 @pytest.mark.parametrize(
@@ -158,11 +158,11 @@ def test_values_are_distinguished(hint, fitting, others):
     ids=str,
 )
 def test_arrays_take_the_declared_shape(hint, given, shaped):
-    found = parse_hint(hint).or_none().shaped(given)
+    found = parse_hint(hint).make_optional().convert(given)
     assert found == shaped
     assert type(found) is type(shaped)
 
 
 def test_a_list_is_copied():
     value = [1, 2]
-    assert parse_hint(list[int]).shaped(value) is not value
+    assert parse_hint(list[int]).convert(value) is not value

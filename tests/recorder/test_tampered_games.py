@@ -104,7 +104,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("name", "path", "value", "message"), WRONG, ids=lambda one: str(one)[:40])
-def test_resume_says_what_is_wrong_with_the_stored_values(name, path, value, message):
+def test_resume_names_the_error_in_the_stored_values(name, path, value, message):
     game = recorded(GAMES[name])
     data = game.changed(path, value)
     assert data != game.written(game.begin)

@@ -100,7 +100,7 @@ plain = st.recursive(
 
 
 @given(st.lists(st.tuples(st.integers(0, 2**64 - 1), plain), max_size=5), st.sampled_from([1, 7, 1 << 16]))
-def test_what_is_written_is_read_and_written_again_alike(values, block):
+def test_written_values_are_read_and_written_again_alike(values, block):
     records = [
         {"timestamp": time, "opCode": CREATE, "data": {"name": "a", "kwargs": {"meta": value}}}
         for time, value in values
@@ -119,7 +119,7 @@ def test_plain_data_is_read_as_cbor2_reads_it(value):
 @given(st.floats(allow_nan=True, width=16), st.sampled_from("efd"))
 def test_floats_of_every_width_are_read(value, width):
     head = {"e": b"\xf9", "f": b"\xfa", "d": b"\xfb"}[width]
-    found = version2.CborReader(head + struct.pack(">" + width, value)).item()
+    found = version2.CborReader(head + struct.pack(">" + width, value)).read_item()
     assert struct.pack(">d", found) == struct.pack(">d", value) or found != found
 
 
@@ -168,7 +168,7 @@ def test_nothing_is_read_before_the_first_record_is_asked_for():
     assert stream.tell() == 0
 
 
-def test_what_follows_the_last_record_is_not_read():
+def test_bytes_after_the_last_record_are_not_read():
     assert read(file_of(MOVE, END, b"\xff\xff nonsense")) == [MOVE, END]
 
 
@@ -265,7 +265,7 @@ def test_a_tag_stays_closed_and_is_written_again(value):
     assert written(records) == data
 
 
-def test_numbers_and_sets_are_what_they_were():
+def test_large_numbers_and_sets_survive_version_2():
     value = {"big": 2**100, "low": -(2**100), "set": {1, (2, 3), "x"}, "sets": {frozenset({1})}}
     record = {"timestamp": 1, "opCode": CREATE, "data": {"name": "a", "kwargs": value}}
     assert read(written([record, END]))[0] == record
@@ -346,7 +346,7 @@ UNRECORDABLE = {
 
 
 @pytest.mark.parametrize(("value", "error"), UNRECORDABLE.values(), ids=UNRECORDABLE)
-def test_what_cannot_be_recorded_leaves_the_file_as_it_was(value, error):
+def test_values_that_cannot_be_recorded_leave_the_file_unchanged(value, error):
     stream = io.BytesIO()
     writer = Version2Writer(stream)
     writer.write(1, MOVE["opCode"], MOVE["data"])

@@ -46,7 +46,7 @@ def test_a_replay_looks_the_same(ctx, tmp_path):
     assert copied(data) == data
 
 
-def test_what_is_declared_after_the_start_looks_the_same(ctx, tmp_path):
+def test_drawings_declared_after_the_start_look_the_same(ctx, tmp_path):
     def play(ctx):
         a_game(ctx)
         ctx.visual.remove_artist("disc")
@@ -63,7 +63,7 @@ def test_what_is_declared_after_the_start_looks_the_same(ctx, tmp_path):
     assert copied(data) == data
 
 
-def test_what_is_declared_in_the_first_turn_is_in_the_header_whenever_it_is_written(tmp_path):
+def test_drawings_declared_in_the_first_turn_are_in_the_header_whenever_it_is_written(tmp_path):
     def play(ctx):
         ctx.visual.set_graph_visual(node_size=4.5)
         a_game(ctx)

@@ -186,7 +186,7 @@ def test_a_walk_that_a_scenario_names_is_played_by_the_reference():
         ({"channels": {"radio": {"range_m": 5, "line_of_sight": True}}}, "line_of_sight"),
     ],
 )
-def test_what_is_not_in_the_subset_is_refused_by_name(changes, named):
+def test_features_outside_the_subset_are_refused_by_name(changes, named):
     grid = gamms.scenario.Scenario(
         seed=1, map={"grid": {"width": 3, "height": 3}}, teams={"red": {"count": 2}, "blue": {"count": 1}}
     )

@@ -25,7 +25,7 @@ from gamms.core import draws
 game = gamms.scenario.from_gallery("grid_tag").replace(max_turns=12)
 result = game.play(seed=3, record="game.ggr")
 said = hashlib.sha256(pathlib.Path("game.ggr").read_bytes()).hexdigest()
-print(gamms.__file__, gamms.core.is_compiled, draws.first_key(1, 2), result.scores, said)
+print(gamms.__file__, gamms.core.is_compiled, draws.compute_first_key(1, 2), result.scores, said)
 """
 
 

@@ -73,7 +73,7 @@ def test_files_of_gamms_1_among_ours_are_refused_at_import(tmp_path, first):
     assert f"pip uninstall gamms {DISTRIBUTION}" in done.stderr
 
 
-def test_the_recipe_of_conda_installs_what_the_project_needs():
+def test_the_recipe_of_conda_installs_the_requirements_of_the_project():
     recipe = yaml.safe_load((ROOT / "tools" / "conda" / "recipe.yaml").read_text(encoding="utf-8"))
     build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
     requirements = recipe["requirements"]

@@ -27,8 +27,8 @@ def draw(ctx):
 
 def draw_artists(ctx, *names):
     """Return the kinds and the points of what artists draw."""
-    shown = ctx.visual.artists.shown()
-    plain = ArtistGroup(ctx, {name: shown[name] for name in names if name in shown}).commands().to_plain()
+    shown = ctx.visual.artists.list_shown()
+    plain = ArtistGroup(ctx, {name: shown[name] for name in names if name in shown}).draw_artists().to_plain()
     return plain["kind"].tolist(), plain["points"].round(6).tolist()
 
 
@@ -276,12 +276,12 @@ def test_fog_and_pages_know_that_a_side_knows_of_the_events_of_its_cut(raid):
 
     def list_known(ctx):
         events = ctx.visual.drawing.events
-        return [event for event in events.of_turn() if "red" in events.find_witnesses(event)]
+        return [event for event in events.list_last() if "red" in events.find_witnesses(event)]
 
     in_fog = watch_recording(raid, "red", list_known)[1:]
     header = {**raid.header, "world": raid.graph.packed}
     in_page = []
-    with Painter(header, raid.detached(0).keyframe(0)) as painter:
+    with Painter(header, raid.detached(0).make_keyframe(0)) as painter:
         for log in raid.logs(1, raid.turns + 1):
             painter.add(log)
             in_page.append(list_known(painter._ctx))

@@ -51,7 +51,7 @@ def game(tmp_path_factory):
     return path
 
 
-def test_what_artists_draw_is_rendered_but_not_in_fog_for_it_may_tell_too_much(tmp_path):
+def test_drawings_of_artists_are_rendered_but_not_in_fog_because_they_may_tell_too_much(tmp_path):
     with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
         ctx.graph.add_nodes([0, 1], x=[0.0, 10.0], y=[0.0, 0.0])
         ctx.graph.add_edges([0, 1], [0, 1], [1, 0])
@@ -85,7 +85,7 @@ def test_a_film_has_the_turns_that_were_asked_for(game, tmp_path):
     assert len(film_of(tmp_path / "game.mp4")) == 6 + 30  # the last one is held for a second
 
 
-def test_without_options_the_command_makes_what_the_function_makes(game, tmp_path):
+def test_without_options_the_command_makes_the_same_as_the_function(game, tmp_path):
     run(game, tmp_path / "command.svg")
     rendering.render(game, tmp_path / "function.svg")
     assert (tmp_path / "command.svg").read_bytes() == (tmp_path / "function.svg").read_bytes()
@@ -209,7 +209,7 @@ def test_in_the_fog_others_are_seen_near_the_team_only(game):
         def look():
             fog = looking.setdefault("fog", None) or looking.update(fog=Fog(ctx, "red")) or looking["fog"]
             fog.look()
-            shown = ctx.visual.artists.shown()
+            shown = ctx.visual.artists.list_shown()
             seen.append([name for name in ("blue_0", "blue_1") if name in shown])
 
         looking = {}
@@ -295,7 +295,7 @@ def test_the_fog_dims_seen_ground_and_darkens_the_rest(game, tmp_path):
         (["x.png", "--follow", "red_0", "--view", "-1"], "positive width"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_sentence(game, tmp_path, monkeypatch, arguments, hint):
+def test_impossible_renderings_end_in_one_sentence(game, tmp_path, monkeypatch, arguments, hint):
     monkeypatch.chdir(tmp_path)
     done = run(game, *arguments)
     assert done.exit_code == 1
@@ -349,11 +349,11 @@ def test_a_pointed_camera_no_longer_follows_and_one_that_is_gone_is_not_missed()
         ctx.graph.add_nodes([0, 1], x=[0.0, 10.0], y=[0.0, 0.0])
         ctx.agent.create_agent("anna", start_node_id=1)
         ctx.visual.follow("anna", 5.0)
-        assert ctx.visual.viewpoint.camera(100, 50).left == 7.5
+        assert ctx.visual.viewpoint.make_camera(100, 50).left == 7.5
         ctx.agent.delete_agent("anna")
-        assert ctx.visual.viewpoint.camera(100, 50).left == 7.5
+        assert ctx.visual.viewpoint.make_camera(100, 50).left == 7.5
         ctx.visual.look_at_all()
-        assert ctx.visual.viewpoint.camera(100, 50) is None
+        assert ctx.visual.viewpoint.make_camera(100, 50) is None
         with pytest.raises(KeyError, match="anna"):
             ctx.visual.follow("anna", 5.0)
 
@@ -375,7 +375,7 @@ def duel(tmp_path):
 
 def shown_by_fog(ctx, kind):
     """Who is drawn, and of which sensors something is."""
-    visible = {name for name, artist in ctx.visual.artists.shown().items() if artist.get_visible()}
+    visible = {name for name, artist in ctx.visual.artists.list_shown().items() if artist.get_visible()}
     return {name for name in visible if name.startswith(kind)}
 
 

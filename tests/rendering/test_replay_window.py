@@ -57,7 +57,7 @@ def test_a_recording_is_shown_turn_by_turn_and_stays_until_it_is_closed(recordin
 
 @pytest.mark.parametrize("has_captions", [True, False])
 @pytest.mark.parametrize("is_command", [True, False])
-def test_what_happens_is_said_in_the_window_of_a_replay_unless_it_is_turned_off(
+def test_captions_are_shown_in_the_window_of_a_replay_unless_turned_off(
     recording, monkeypatch, has_captions, is_command
 ):
     pytest.importorskip("pygame")

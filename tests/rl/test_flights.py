@@ -95,7 +95,7 @@ DEEDS = {"drop": {"node": "node"}, "mark": {"whom": "agent"}}
 
 
 @pytest.mark.parametrize(("team", "deeds"), [("drones", {}), ("drones", DEEDS), ("cars", {})])
-def test_saved_policies_do_alone_what_they_did_in_their_environment(team, deeds, tmp_path):
+def test_saved_policies_act_alone_as_in_their_environment(team, deeds, tmp_path):
     agents = scene(drones=2, cars=2).to_dict()["teams"]["red"]["agents"]
     teams = {"drones": {"agents": agents[:2]}, "cars": {"agents": agents[2:]}}
     runner = {"agents": [{"name": "blue_0", "node": 9, "strategy": "gamms.strategies:random_walk"}]}
@@ -110,7 +110,7 @@ def test_saved_policies_do_alone_what_they_did_in_their_environment(team, deeds,
     weight = np.random.default_rng(0).normal(size=(numbers, entries))
     rl.save_policy(Sequential(Linear(weight)), tmp_path / "it.safetensors", env)
     played = game.build(3, {team: rl.policy(tmp_path / "it.safetensors")})
-    evaluate = read_network(Sequential(Linear(weight))).logits(numbers)
+    evaluate = read_network(Sequential(Linear(weight))).make_logits(numbers)
     with played:
         for _ in range(5):
             chosen = {}

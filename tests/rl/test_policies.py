@@ -174,7 +174,7 @@ def together(view):
     return np.concatenate((view["xy"] - others, np.repeat(kept[view.games][:, None], view.node.shape[1], 1)), axis=2)
 
 
-def test_what_a_team_observes_together_is_the_same_in_a_game_alone(tmp_path):
+def test_observations_of_a_team_are_the_same_in_a_game_alone(tmp_path):
     file = tmp_path / "together.safetensors"
     with rl.Learners(scene(), 3, teams=["red"], observation=together) as learners:
         rl.save_policy(network(6), file, learners)
@@ -233,7 +233,7 @@ def test_a_network_that_is_asked_for_each_action_gets_as_many_entries_of_each(en
         Network(Architecture(["observation"], ["linear"], shared=2), {}).check(entries, 5)
 
 
-def test_what_cannot_be_saved_is_refused_by_name(tmp_path):
+def test_values_that_cannot_be_saved_are_refused_by_name(tmp_path):
     with pytest.raises(BadValue, match=r"saved as .safetensors or .onnx, not as 'red.pkl'"):
         rl.save_policy(network(), tmp_path / "red.pkl", scene(), team="red")
     with pytest.raises(MissingFolder, match="There is no folder"):

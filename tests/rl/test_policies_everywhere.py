@@ -48,7 +48,7 @@ def played_by(ctx):
         return ctx.game.run()
 
 
-def test_agents_and_teams_take_what_makes_strategies(maker):
+def test_agents_and_teams_take_functions_that_make_strategies(maker):
     expected = scene().play(seed=3, strategies={"red": maker})
     registered, set_there, commanded = (scene().build(seed=3) for _ in range(3))
     for agent in [*registered.agent.teams["red"]]:
@@ -67,7 +67,7 @@ def test_agents_and_teams_take_what_makes_strategies(maker):
     assert maker not in made
 
 
-def test_searches_play_ahead_with_what_makes_strategies(maker):
+def test_searches_play_ahead_with_functions_that_make_strategies(maker):
     red = mcts(4, depth=3, rollout=maker, opponents=chase)
     with scene(max_turns=3).build(seed=3, strategies={"red": red, "blue": mcts(4, opponents={"red": maker})}) as ctx:
         assert ctx.game.run().turns <= 3

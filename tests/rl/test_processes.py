@@ -66,7 +66,7 @@ def test_games_in_two_processes_are_those_of_one_and_a_killed_process_is_named()
     two.close()
 
 
-def test_what_a_process_raises_is_raised_with_its_name_and_closes_the_environment():
+def test_an_error_of_a_process_is_raised_with_its_name_and_closes_the_environment():
     env = rl.vector_env(scene(), num_games=2, team="red", reward=failing_reward, workers=2)
     env.reset(seed=1)
     with pytest.raises(ArithmeticError, match="no reward in turn 1") as raised:
@@ -78,7 +78,7 @@ def test_what_a_process_raises_is_raised_with_its_name_and_closes_the_environmen
         env.step(np.zeros(4, np.int64))
 
 
-def test_what_processes_share_is_in_memory_only_where_there_is_enough(monkeypatch, tmp_path):
+def test_shared_data_of_processes_is_in_memory_only_where_there_is_enough(monkeypatch, tmp_path):
     monkeypatch.setattr(processes, "_MEMORY", str(tmp_path))
     free = disk_usage(tmp_path).free
     for share, is_there in ((0.25, True), (0.75, False)):
@@ -87,7 +87,7 @@ def test_what_processes_share_is_in_memory_only_where_there_is_enough(monkeypatc
         file.unlink()
 
 
-def test_what_cannot_be_played_by_processes_is_refused():
+def test_environments_that_processes_cannot_play_are_refused():
     with pytest.raises(BadValue, match="workers is 3, and there are 2 games"):
         rl.vector_env(scene(), num_games=2, team="red", workers=3)
     with pytest.raises(BadValue, match="workers must be"):

@@ -154,7 +154,7 @@ def test_batches_are_played_by_tensors_as_by_arrays():
         assert [tensors.result(game) for game in range(4)] == [arrays.result(game) for game in range(4)]
 
 
-def test_tensors_share_the_memory_of_what_an_observation_gives():
+def test_tensors_share_the_memory_of_observations():
     given = []
 
     def place(view):
@@ -179,7 +179,7 @@ def test_observations_that_must_not_be_written_are_copied():
     assert nodes.max() == 5.0
 
 
-def test_what_is_written_into_tensors_does_not_change_the_games():
+def test_writing_into_tensors_does_not_change_the_games():
     played, changed = (rl.torchrl_env(scene(), num_games=4, seed=3) for _ in range(2))
     states = [played.reset(), changed.reset()]
     for _ in range(12):

@@ -121,7 +121,7 @@ def test_a_reset_game_draws_the_same_numbers(ctx):
     assert where() != first
 
 
-def test_what_a_resolver_raises_says_in_which_turn(ctx):
+def test_an_error_of_a_resolver_names_the_turn(ctx):
     def refuse(contest, ctx):
         raise ZeroDivisionError
 

@@ -126,7 +126,7 @@ def test_few_and_many_agents_are_compared_alike(spots, limit, split):
         assert pairs(ctx, euclid=limit) == expected
 
 
-def test_a_game_keeps_what_is_near_for_a_few_distances_alone(road):
+def test_a_game_caches_near_nodes_for_a_few_distances_alone(road):
     ctx = road(anna=("red", 3), bob=("blue", 4))
     ctx.game.step()
     for metres in range(1, 60):

@@ -66,9 +66,9 @@ def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_square_below_agents
     agent.set_state()
     game.visual.simulate()
     game.visual.drawing.motion.begin_turn()
-    shown = game.visual.artists.shown()
+    shown = game.visual.artists.list_shown()
     share = {name: shown[name] for name in ("flags", "flags beneath")}
-    half = ArtistGroup(game, share).commands(0.5)
+    half = ArtistGroup(game, share).draw_artists(0.5)
     corners = np.diff(half.offsets)
     poles = half.points[half.offsets[:-1][corners == 3]]
     assert poles.tolist() == [[0.0, 0.0], [85.0, 0.0]]
@@ -112,7 +112,7 @@ def test_of_very_many_flags_and_territories_only_some_are_drawn(game):
 
 
 @pytest.mark.parametrize("kept", [5, {"land": 3}, {"land": {"red": 4}}, {"land": {"red": "1..x"}}])
-def test_what_a_program_keeps_under_the_same_names_does_no_harm(game, kept):
+def test_values_of_a_program_under_the_same_names_do_no_harm(game, kept):
     game.game.data["territories"] = kept
     game.game.data["flags"] = {"bases": 3, "carriers": {}}
     assert len(game.visual.draw_commands()) > 0

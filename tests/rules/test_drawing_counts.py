@@ -6,7 +6,7 @@ import pytest
 import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import cooldown, discover, hold, resource
-from gamms.visual.legend import blocks_of
+from gamms.visual.legend import list_blocks
 
 RULES = {
     "held": lambda: hold([4, 5], 4),
@@ -50,8 +50,8 @@ def share_of(arc):
 
 
 def signs(ctx):
-    shown = ctx.visual.artists.shown()
-    return {row.sign for block in blocks_of(ctx, shown) if hasattr(block, "rows") for row in block.rows}
+    shown = ctx.visual.artists.list_shown()
+    return {row.sign for block in list_blocks(ctx, shown) if hasattr(block, "rows") for row in block.rows}
 
 
 def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill):

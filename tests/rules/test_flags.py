@@ -55,7 +55,7 @@ def test_no_agent_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_
     assert flag_events(ctx) == [(2, "take", "r")]
 
 
-def test_two_such_rules_keep_apart_what_they_remember(road):
+def test_two_such_rules_have_separate_memories(road):
     ctx = road(r=("red", 7, 8, 7))
     ctx.game.add(capture_flag({"blue": 8}, goal=None))
     ctx.game.add(capture_flag({"blue": 7}, key="decoys", score=-1, goal=None))

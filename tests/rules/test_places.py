@@ -129,7 +129,7 @@ def with_eyes(ctx, kind="range", metres=20.0, **agents):
     return ctx
 
 
-def test_what_members_of_a_team_discover_in_one_turn_is_counted_once_and_known_together(road):
+def test_discoveries_of_a_team_in_one_turn_are_counted_once_and_shared(road):
     ctx = with_eyes(road(a=("red", 3), b=("red", 5)))
     ctx.graph.add_nodes([10], [40.0], [0.0])  # where node 4 is
     ctx.game.add(discover([1, 4, 7, 10]))

@@ -80,7 +80,7 @@ def test_all_that_is_exported_is_in_the_table():
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_what_a_function_makes_prints_as_the_call(ctx, name):
+def test_the_result_of_a_factory_prints_as_the_call(ctx, name):
     make, printed = CALLS[name]
     made = make(ctx)
     assert repr(made) == printed

@@ -86,7 +86,7 @@ def test_nothing_is_refused_any_more_when_the_rule_is_removed(road):
     assert ctx.agent.get_agent("a").current_node_id == 1
 
 
-def test_what_is_just_enough_is_enough(road):
+def test_a_resource_that_is_just_enough_is_enough(road):
     ctx = road(a=("red", 0, 1, 2, 3))
     ctx.game.add(resource("fuel", 0.3, per_edge=0.1))  # 0.3 - 0.1 - 0.1 is less than 0.1
     assert ctx.game.run(3).agents["a"]["node"] == 3
@@ -206,7 +206,7 @@ def city():
         ([2, 2, 2], {"speed": 2}, {"taxi": [3, 3, 3], "bus": [4, 4, 4], "toll": [2.5, 2.5, 2.5]}),
     ],
 )
-def test_an_edge_costs_what_its_attribute_says(city, actions, options, left):
+def test_an_edge_costs_the_value_of_its_attribute(city, actions, options, left):
     drive_by(city, *actions, **options)
     for name in left:
         city.game.add(resource(name, 5, per_edge=name))

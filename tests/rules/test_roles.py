@@ -350,7 +350,7 @@ def test_roles_have_priorities_of_their_own_in_conflicts(road, order, winner):
     assert [agent.name for agent in ctx.game.agents if agent.current_node_id == 4] == [winner]
 
 
-def test_priorities_name_what_they_lack_or_have_twice(road):
+def test_errors_of_priorities_name_missing_and_repeated_teams(road):
     for twice in (["red", "red"], [TRUCK, "red", TRUCK]):
         with pytest.raises(BadValue, match="twice"):
             by_priority(twice)

@@ -98,7 +98,7 @@ def test_all_shipped_rules_with_parameters_that_name_teams_are_tried_here():
     assert named - {"contacts"} == {rule.__name__ for rule in MENTIONED}
 
 
-def test_what_is_changed_after_a_refusal_belongs_to_the_start_of_the_game(game):
+def test_changes_after_a_refusal_belong_to_the_start_of_the_game(game):
     game.add(tag("red", "green"))
     with pytest.raises(UnknownName):
         game.run(3)

@@ -71,7 +71,7 @@ def test_a_wrong_argument_ends_in_one_sentence(folder, arguments, code, hint):
         ("within: 30", "within: 5", "teams.red: only 1 of 3 agents could be placed, within 5 of node 0."),
     ],
 )
-def test_a_check_names_what_is_wrong(folder, old, new, hint):
+def test_a_check_names_the_error(folder, old, new, hint):
     file = folder / "little.yaml"
     file.write_text(file.read_text().replace(old, new))
     done = run("scenario", "check", "little.yaml")

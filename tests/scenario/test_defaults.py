@@ -26,7 +26,7 @@ def test_a_recording_says_every_parameter_of_a_rule(made):
     assert said[1] == {"rule": "referee:count_turns", "with": {"step": 1}, "phase": "after", "name": None}
 
 
-def test_what_is_written_out_says_the_same_game(made, folder):
+def test_a_scenario_that_is_written_out_is_the_same_game(made, folder):
     for change in (
         {},
         {"teams.red.strategy": "players"},

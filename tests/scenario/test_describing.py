@@ -9,9 +9,9 @@ from gamms import cli, scenario
 from gamms.errors import BadType
 from gamms.ir.schema import Audience
 from gamms.scenario import Scenario
-from gamms.scenario.describing import _texts_of, as_page
-from gamms.scenario.spec import keys_of, list_mappings
-from gamms.text import entries_of, paragraphs_of
+from gamms.scenario.describing import _get_texts, as_page
+from gamms.scenario.spec import list_keys, list_mappings
+from gamms.text import parse_entries, split_paragraphs
 
 SECTIONS = [
     "## 1 Purpose and patterns",
@@ -82,12 +82,12 @@ def test_every_game_of_the_gallery_is_described_with_every_key_of_the_schema(nam
 
 def test_every_key_has_a_meaning_and_no_text_is_without_a_key():
     for kind in list_mappings():
-        texts = _texts_of(kind)
-        assert all(texts.get(key) for key in keys_of(kind)), kind
-        assert set(entries_of(kind.__doc__)) <= set(keys_of(kind)), kind
+        texts = _get_texts(kind)
+        assert all(texts.get(key) for key in list_keys(kind)), kind
+        assert set(parse_entries(kind.__doc__)) <= set(list_keys(kind)), kind
 
 
-def test_the_map_the_starts_and_what_is_drawn_are_in_the_description():
+def test_the_map_the_starts_and_the_random_draws_are_in_the_description():
     game = walk()
     text = unescaped(game.describe())
     assert "| nodes | 20 |" in text
@@ -165,9 +165,9 @@ def test_docstrings_are_read_by_sections():
     Raises:
         BadValue: never.
     """
-    assert paragraphs_of(docs) == ["Do it well.", "More `words`."]
-    assert entries_of(docs) == {"first": "one: two and three.", "a": "both.", "b": "both."}
-    assert (paragraphs_of(None), entries_of(None)) == ([], {})
+    assert split_paragraphs(docs) == ["Do it well.", "More `words`."]
+    assert parse_entries(docs) == {"first": "one: two and three.", "a": "both.", "b": "both."}
+    assert (split_paragraphs(None), parse_entries(None)) == ([], {})
 
 
 # -- differences --------------------------------------------------------------------------------------------------

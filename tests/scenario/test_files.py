@@ -10,7 +10,7 @@ import yaml
 
 from gamms import scenario
 from gamms.scenario import ScenarioError
-from gamms.scenario.documents import from_json, from_yaml
+from gamms.scenario.documents import parse_json, parse_yaml
 
 
 @pytest.fixture(params=["CSafeLoader", "SafeLoader"])
@@ -21,14 +21,14 @@ def parser(request, monkeypatch):
 
 
 @pytest.mark.usefixtures("parser")
-def test_an_alias_stands_for_what_its_anchor_named():
-    assert from_yaml("a: &x [1, {b: 2}]\nc: {d: *x}\ne: &x 3\nf: *x") == {
+def test_an_alias_stands_for_the_value_of_its_anchor():
+    assert parse_yaml("a: &x [1, {b: 2}]\nc: {d: *x}\ne: &x 3\nf: *x") == {
         "a": [1, {"b": 2}],
         "c": {"d": [1, {"b": 2}]},
         "e": 3,
         "f": 3,
     }
-    assert from_yaml("&k name: 1\nb: *k") == {"name": 1, "b": "name"}
+    assert parse_yaml("&k name: 1\nb: *k") == {"name": 1, "b": "name"}
 
 
 @pytest.mark.usefixtures("parser")
@@ -36,7 +36,7 @@ def test_values_behind_aliases_count_as_often_as_they_are_there():
     bomb = "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 30))
     began = time.process_time()
     with pytest.raises(ScenarioError, match="line 7: with its aliases the file has over 500,000 values"):
-        from_yaml(bomb)
+        parse_yaml(bomb)
     assert time.process_time() - began < 5.0
 
 
@@ -49,9 +49,9 @@ def test_values_behind_aliases_count_as_often_as_they_are_there():
         ("a: b: c\n", "line 1, column 5: mapping values are not allowed"),
     ],
 )
-def test_what_is_not_yaml_is_reported_by_its_line(text, hint):
+def test_invalid_yaml_is_reported_by_its_line(text, hint):
     with pytest.raises(ScenarioError) as raised:
-        from_yaml(text)
+        parse_yaml(text)
     assert str(raised.value).startswith(f"this is not YAML: {hint}")
     assert "unicode string" not in str(raised.value)
 
@@ -71,9 +71,9 @@ COLUMN = "Put all keys of a mapping into the same column; a list has items with 
         ("a: [1, 2\nb: 3\n", "'b: 3'", "Close each bracket, and put a comma between items."),
     ],
 )
-def test_what_is_not_yaml_is_reported_with_a_way_out(text, line, way_out):
+def test_invalid_yaml_is_reported_with_a_way_out(text, line, way_out):
     with pytest.raises(ScenarioError) as raised:
-        from_yaml(text)
+        parse_yaml(text)
     assert str(raised.value).endswith(f" in {line}. {way_out}")
 
 
@@ -108,7 +108,7 @@ def test_what_is_not_yaml_is_reported_with_a_way_out(text, line, way_out):
 @pytest.mark.usefixtures("parser")
 def test_yaml_that_is_more_than_data_is_refused(text, hint):
     with pytest.raises(ScenarioError, match=r"^") as raised:
-        from_yaml(text)
+        parse_yaml(text)
     assert hint in str(raised.value)
 
 
@@ -140,7 +140,7 @@ def test_the_time_to_read_a_file_is_bounded_by_its_size(tmp_path, text):
 )
 def test_json_that_is_no_json_is_refused(text):
     with pytest.raises(ScenarioError):
-        from_json(text)
+        parse_json(text)
 
 
 @pytest.mark.parametrize(

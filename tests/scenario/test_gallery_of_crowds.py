@@ -84,7 +84,7 @@ def test_fire_spreads_to_all_trees_beside_it_that_no_firefighter_has_reached():
         assert not protected & set(game.data["forest"]["burning"]), "a tree stays protected"
 
 
-def test_people_believe_what_they_hear_first():
+def test_people_believe_the_first_rumor_that_they_hear():
     with scenario.from_gallery("rumors").build(seed=3) as ctx:
         result = ctx.game.run()
         heard = {}

@@ -161,7 +161,7 @@ class Referee:
     def note(self, ctx):
         end = ctx.game.turn
         moves = ctx.game.internals.state.moves
-        tracks = {slot.name: moves.track(i) for i, slot in enumerate(moves.slots)}
+        tracks = {slot.name: moves.get_track(i) for i, slot in enumerate(moves.slots)}
         tagged = {event["other"] for event in ctx.game.events if event["turn"] == end and event["kind"] == "tag"}
         for agent in ctx.agent.teams["experts"]:
             name = agent.name

@@ -164,7 +164,7 @@ def test_no_function_of_others_is_called(folder, made, canary, name):
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name.partition(":")[0] not in ("helper", "helper.py")])
-def test_a_check_refuses_what_a_build_would(folder, made, canary, name):
+def test_a_check_refuses_the_same_as_a_build(folder, made, canary, name):
     call = {"function": name, "with": hostile(canary)[name]}
     with pytest.raises(ScenarioError, match=r"^facts\.x"):
         made({"facts": {"x": call}}).check()
@@ -181,7 +181,7 @@ def test_the_command_line_refuses_it_too(folder, canary):
         assert "imports" not in done.stdout
 
 
-def test_the_folder_offers_what_its_files_define(folder, made):
+def test_the_folder_offers_the_functions_of_its_files(folder, made):
     (folder / "helper.py").write_text(HELPER)
     (folder / "gamms.py").write_text("def local(state): state['action'] = state['curr_pos']\n")
     for name in ("helper:local", "helper.py:local", "helper:Own", "gamms.py:local"):
@@ -195,7 +195,7 @@ def test_a_check_never_runs_a_file_that_is_named_as_gamms_is(folder, made):
     made({"rules.1": "gamms.py:rule"}).check()
 
 
-def test_what_a_file_only_imports_is_reported_by_a_check(folder, made):
+def test_a_check_reports_functions_that_a_file_only_imports(folder, made):
     (folder / "helper.py").write_text(HELPER)
     with pytest.raises(ScenarioError, match=r"'system' is not defined in .*helper\.py, only imported there"):
         made({"teams.red.strategy": "helper:system"}).check()
@@ -213,12 +213,12 @@ def test_no_package_on_the_way_to_a_file_leads_out_of_the_folder(folder, made):
             made({"teams.red.strategy": name}).check()
 
 
-def test_what_the_caller_replaces_is_not_imported(folder, made):
+def test_replaced_functions_are_not_imported(folder, made):
     (folder / "players.py").write_text("raise RuntimeError('this was run')\ndef wander(state): pass\n")
     assert made().play(strategies={"red": gamms.strategies.stay}).agents["red_0"]["moves"] == 0
 
 
-def test_a_package_offers_what_its_entry_points_name(made, package):
+def test_a_package_offers_the_functions_of_its_entry_points(made, package):
     name = package("PACKAGE.players:raid", "PACKAGE:walk", "PACKAGE.players:system", "yaml", "os:system")
     made({"teams.red.strategy": f"{name}.players:raid"}).play()
     made({"teams.red.strategy": f"{name}:walk"}).play()
@@ -236,7 +236,7 @@ def test_an_entry_point_that_names_a_module_offers_its_functions(made, package):
 
 
 @pytest.mark.parametrize("name", ["os", "subprocess", "builtins", "gamms", "gamms.osm", "__main__", "a b", "", "../x"])
-def test_what_is_never_offered_cannot_be_allowed(made, name):
+def test_invalid_packages_cannot_be_allowed(made, name):
     with pytest.raises(BadValue):
         Scenario(allow=[name], **made().to_dict())
     with pytest.raises(BadType):
@@ -280,7 +280,7 @@ def test_a_recording_names_no_code_of_others(tmp_path, made, canary, name):
 
 
 @pytest.mark.parametrize(("key", "value"), [("allow", ["yaml"]), ("folder", "/tmp"), ("file", "x")])
-def test_a_recording_cannot_say_what_its_reader_allows(tmp_path, little, key, value):
+def test_a_recording_cannot_allow_packages_for_its_reader(tmp_path, little, key, value):
     with pytest.raises(recorder.RecordingError, match=f"sets '{key}'"):
         recorder.open(recorded(tmp_path, {**little, key: value}))
 

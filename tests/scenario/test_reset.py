@@ -146,7 +146,7 @@ def recorded(ctx):
         ctx.record.stop()
         states = [agent.state for agent in ctx.agent.create_iter()]
         shown = [(state["sensor"], repr(state["facts"])) for state in states if state]
-        return result, file.getvalue(), repr(shown), list(ctx.visual.artists.shown())
+        return result, file.getvalue(), repr(shown), list(ctx.visual.artists.list_shown())
 
 
 @settings(max_examples=4)
@@ -267,7 +267,7 @@ def changed_game_after_reset(game, change):
     return first
 
 
-def test_what_the_program_has_changed_before_the_first_turn_stays(tmp_path):
+def test_changes_of_the_program_before_the_first_turn_stay(tmp_path):
     (tmp_path / "drawing.py").write_text(CODE)
     game = Scenario(folder=tmp_path, **GRID, **GAMES["what functions draw"])
 
@@ -297,7 +297,7 @@ def test_what_the_program_has_changed_before_the_first_turn_stays(tmp_path):
     assert first.agent.get_agent("red_1").strategy is mine
 
 
-def test_what_the_program_has_changed_stays_where_only_places_are_drawn():
+def test_changes_of_the_program_stay_where_only_places_are_drawn():
     game = Scenario(
         **GRID, **GAMES["random places"], rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]
     )

@@ -31,7 +31,7 @@ HUGE = [
 
 
 @pytest.mark.parametrize(("changes", "message"), HUGE, ids=[str(changes)[:60] for changes, _ in HUGE])
-def test_what_no_memory_holds_is_refused_at_once(folder, little, changes, message):
+def test_scenarios_too_large_for_memory_are_refused_at_once(folder, little, changes, message):
     (folder / "line.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [ONE]}))
     for path, value in changes.items():
         *way, last = path.split(".")

@@ -249,7 +249,7 @@ MISSING = FOUND_BY_CHECK + FOUND_BY_BUILDING
 
 
 @pytest.mark.parametrize(("changes", "path", "hint"), MISSING, ids=[str(changes) for changes, _, _ in MISSING])
-def test_what_is_not_there_is_reported_when_the_game_is_built(made, changes, path, hint):
+def test_missing_things_are_reported_when_the_game_is_built(made, changes, path, hint):
     little = made(changes)
     with pytest.raises(ScenarioError) as raised:
         little.build()
@@ -325,7 +325,7 @@ def test_a_scenario_describes_its_values(made, little):
     assert repr(one) == "Scenario('little', red: 3, blue: 2)"
 
 
-def test_what_is_given_is_copied(made, little):
+def test_given_values_are_copied(made, little):
     one = made()
     one.to_dict()["teams"]["red"]["count"] = 99
     little["teams"]["red"]["count"] = 99
@@ -401,7 +401,7 @@ def test_a_key_of_the_data_that_no_code_names_is_warned_about(made, folder):
     assert made({}, data={"price": 1}).warnings() == []
 
 
-def test_what_a_rule_of_gamms_keeps_counts_as_named(made):
+def test_the_memory_of_a_shipped_rule_counts_as_named(made):
     rules = [{"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 5}}}]
     assert made({}, rules=rules, data={"flags": {}}).warnings() == []
     rules[0]["with"]["key"] = "flags_of_mine"

@@ -40,7 +40,7 @@ def game(agents, radius, with_sensor=lambda i: True, seed=3):
 
 @given(data=st.data())
 @settings(max_examples=12)
-def test_agents_see_what_each_would_see_by_itself(data):
+def test_agents_together_see_the_same_as_each_by_itself(data):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(views, "_MOST_WORDS", data.draw(st.sampled_from([1, 900, 4000, 1 << 24])))
         agents = data.draw(st.lists(st.integers(0, SIDE * SIDE - 1), min_size=1, max_size=24))

@@ -189,7 +189,7 @@ class TestDerived:
         assert seen == ["cleo"]
         assert ctx.agent.get_agent("anna").get_state()["sensor"]["nearest"][1] == "cleo"
 
-    def test_what_an_agent_would_read_now_is_read_from_there(self, ctx):
+    def test_data_from_a_place_is_computed_there(self, ctx):
         sensor = derived(NeighborSensor, lambda near, place: (place, len(near)))(ctx, "degree")
         sensor.sense(0)
         assert sensor.data_from(4, None) == (4, 5)

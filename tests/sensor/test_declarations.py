@@ -27,8 +27,8 @@ def test_every_kind_has_a_factory_that_declares_it(town, kind):
     factory = getattr(gamms.sensor, kind.lower())
     declared = town.sensor.from_declaration("declared", factory())
     created = town.sensor.create_sensor("created", kind)
-    assert KINDS[SensorType[kind]].keywords_of(declared) == KINDS[SensorType[kind]].keywords_of(created)
-    assert set(inspect.signature(factory).parameters) == KINDS[SensorType[kind]].names() - {"sensor_range"}
+    assert KINDS[SensorType[kind]].list_keywords(declared) == KINDS[SensorType[kind]].list_keywords(created)
+    assert set(inspect.signature(factory).parameters) == KINDS[SensorType[kind]].list_names() - {"sensor_range"}
 
 
 def test_a_declared_sensor_needs_no_id(town):

@@ -31,7 +31,7 @@ def is_inside(outline, x, y, slack):
 
 @given(places, places, radii)
 def test_the_corners_of_a_disc_are_as_far_away_as_the_eye_reaches(x, y, radius):
-    outline = fov_geometry.disc(x, y, radius)
+    outline = fov_geometry.make_disc(x, y, radius)
     assert outline.shape == (48, 2)
     np.testing.assert_allclose(np.hypot(*(outline - (x, y)).T), radius, rtol=1e-9, atol=1e-9)
 
@@ -51,17 +51,19 @@ def test_a_sector_is_its_centre_and_an_arc_that_its_heading_halves(x, y, radius,
 
 @pytest.mark.parametrize(("heading", "fov"), [((0.0, 0.0), 1.0), ((1.0, 0.0), 2 * pi), ((1.0, 0.0), 7.0)])
 def test_an_agent_that_sees_all_around_sees_a_disc(heading, fov):
-    assert fov_geometry.make_sector(1.0, 2.0, 3.0, heading, fov).tolist() == fov_geometry.disc(1.0, 2.0, 3.0).tolist()
+    assert (
+        fov_geometry.make_sector(1.0, 2.0, 3.0, heading, fov).tolist() == fov_geometry.make_disc(1.0, 2.0, 3.0).tolist()
+    )
 
 
-def test_what_is_in_sight_ends_at_a_wall_and_goes_on_beside_it():
+def test_the_view_ends_at_a_wall_and_goes_on_beside_it():
     outline = fov_geometry.find_area_in_sight(lambda points: points[:, 0] <= 3.0, 1.0, 2.0, 5.0, (0.0, 0.0), 1.0)
     assert outline[:, 0].max() == pytest.approx(3.0, abs=0.01)
     assert outline[:, 0].min() == pytest.approx(-4.0, abs=0.01)
 
 
 def test_an_endless_view_has_no_outline():
-    assert fov_geometry.disc(0.0, 0.0, inf).shape == (0, 2)
+    assert fov_geometry.make_disc(0.0, 0.0, inf).shape == (0, 2)
     assert fov_geometry.make_sector(0.0, 0.0, inf, (1.0, 0.0), 1.0).shape == (0, 2)
     assert fov_geometry.make_footprint((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), inf, 1.0).shape == (0, 2)
 
@@ -130,7 +132,7 @@ def test_where_no_ground_is_seen_the_shadow_of_the_cone_stands_in():
 def test_a_cone_that_opens_to_a_half_space_or_more_counts_as_a_ball():
     assert (
         fov_geometry.make_footprint((1.0, 2.0, 3.0), (0.0, 0.0, -1.0), 5.0, pi).tolist()
-        == fov_geometry.disc(1.0, 2.0, 5.0).tolist()
+        == fov_geometry.make_disc(1.0, 2.0, 5.0).tolist()
     )
 
 
@@ -144,7 +146,7 @@ def test_the_blind_have_a_footprint_without_extent():
 def test_edges_become_polylines_and_those_without_one_are_left_out():
     straight = OSMEdge(0, 0, 1, 5.0, [(0.0, 0.0), (5.0, 0.0)])
     bare, bent = OSMEdge(1, 0, 1, 5.0), OSMEdge(2, 1, 2, 5.0, [(5.0, 0.0), (6.0, 1.0), (5.0, 2.0)])
-    lines, offsets = fov_geometry.polylines([straight, bare, bent])
+    lines, offsets = fov_geometry.join_polylines([straight, bare, bent])
     drawn = [lines[begin:end].tolist() for begin, end in pairwise(offsets)]
     assert drawn == [[[0, 0], [5, 0]], [[5, 0], [6, 1], [5, 2]]]
-    assert fov_geometry.polylines([])[0].shape == (0, 2)
+    assert fov_geometry.join_polylines([])[0].shape == (0, 2)

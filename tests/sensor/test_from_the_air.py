@@ -69,7 +69,7 @@ def test_without_an_owner_and_a_place_nothing_is_seen(ctx):
 
 
 @pytest.mark.parametrize("metres", [0.0, 2.0, 5.0, inf])
-def test_many_looks_at_one_moment_see_what_the_first_does(ctx, drone, metres):
+def test_many_looks_at_one_moment_see_the_same(ctx, drone, metres):
     for number in range(12):
         flyer = ctx.agent.create_agent(f"flyer_{number}", type=AgentType.AERIAL, start_node_id=0, speed=1.0)
         flyer.position = (number - 5.0, number % 3, 2.0)

@@ -49,7 +49,7 @@ def test_functions_of_every_shape_are_called_with_what_they_take(ctx):
 
 
 @pytest.mark.parametrize("fn", [None, 5, "fuel", lambda a, b, c: 0, lambda node_id, *, key: 0])
-def test_what_cannot_be_called_so_is_refused(ctx, fn):
+def test_functions_with_wrong_parameters_are_refused(ctx, fn):
     with pytest.raises(TypeError, match=r"The function of sensor 'fuel' must take \(\), \(node_id\) or"):
         ctx.sensor.from_function("fuel", fn)
     assert ctx.sensor.sensors == {}

@@ -72,7 +72,7 @@ def test_who_is_in_a_tunnel_sees_and_is_seen_there_alone(world):
     tunnels=st.lists(st.integers(0, 2), min_size=5, max_size=5),
     wall_at=st.floats(-20.0, 20.0),
 )
-def test_tables_say_what_sensors_see(heights, tunnels, wall_at):
+def test_tables_hold_the_data_of_sensors(heights, tunnels, wall_at):
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
         for node, (height, tunnel) in enumerate(zip(heights, tunnels, strict=True)):
             ctx.graph.graph.add_node({"id": node, "x": 40.0 * node, "y": 0.0, "z": height, "underground": tunnel})

@@ -54,7 +54,7 @@ def test_many_looks_are_the_single_ones(kind, data):
     sensors = []
     contexts = [world(5), world(5)]
     for ctx in contexts:
-        sensor = ctx.sensor.create_sensor("s", kind, **given, **(filters if "team" in KINDS[kind].names() else {}))
+        sensor = ctx.sensor.create_sensor("s", kind, **given, **(filters if "team" in KINDS[kind].list_names() else {}))
         if owner is not None and (owner == "drone" or "AERIAL" not in kind.name):
             ctx.agent.get_agent(owner).register_sensor("s", sensor)
             ctx.agent.get_agent("a1").orientation = (0.6, 0.8)

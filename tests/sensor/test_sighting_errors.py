@@ -101,12 +101,12 @@ def test_a_false_alarm_bears_the_name_of_an_agent_that_is_looked_for_and_not_not
 @given(seen=st.sets(st.integers(0, 11)), count=st.integers(0, 14), size=st.integers(1, 12), turn=st.integers(0, 9))
 def test_false_alarms_go_to_the_highest_lots_of_those_that_are_not_seen(seen, count, size, turn):
     look, names = LookDraws(5, "s", "a3", turn, 1), [f"a{i}" for i in range(size)]
-    among = PossibleFalseAlarms(names, kernels.name_keys(names))
-    found = look.false_alarms(count, among, {f"a{i}" for i in seen}, np.array([7, 8, 9]))
+    among = PossibleFalseAlarms(names, kernels.compute_name_keys(names))
+    found = look.draw_false_alarms(count, among, {f"a{i}" for i in seen}, np.array([7, 8, 9]))
     left = [name for name in names if name != "a3" and int(name[1:]) not in seen]
     for i in range(min(count, len(left))):
-        purpose = kernels.purpose_key(5, "false alarm", "s", "a3", i)
-        left.remove(max(left, key=lambda name: kernels.draw_bits(purpose, kernels.name_key(name), turn, 1)))
+        purpose = kernels.compute_purpose_key(5, "false alarm", "s", "a3", i)
+        left.remove(max(left, key=lambda name: kernels.draw_bits(purpose, kernels.compute_name_key(name), turn, 1)))
         assert [*found][i] not in left
     assert len(found) == min(count, len(found) + len(left))
     assert {*found.values()} <= {7, 8, 9}
@@ -206,7 +206,7 @@ def test_many_looks_report_what_single_ones_do(kind, errors, number):
     assert len(many) == 3 * number
 
 
-def test_a_strategy_that_looks_changes_nothing_of_what_is_reported_later():
+def test_a_strategy_that_looks_does_not_change_later_reports():
     def play(strategy):
         with field(["anna", "bert"]) as ctx:
             sensor = watch(ctx, position_noise_m=2.0, false_alarm_rate=0.5, detection=0.5, delay_turns=1)
@@ -239,7 +239,7 @@ def test_without_a_game_a_delayed_sensor_says_what_to_do():
         assert len(sensor.view_from(0, None).agents) == 0  # a picture may be drawn
 
 
-def test_a_picture_of_what_a_sensor_would_report_changes_nothing():
+def test_a_picture_of_a_possible_report_changes_nothing():
     def play(*, is_drawn):
         found = []
         with field(["anna"]) as ctx:

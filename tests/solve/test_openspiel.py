@@ -31,7 +31,7 @@ def ours(solution, game, turned):
         for player, team in enumerate(solution.table.setup.teams):
             nodes = {tuple(one.nodes.items()): one.share for one in solution.policy(team, places, state.turn)}
             row = [
-                nodes.get(tuple(solution.table.actions_of(state.number, player, action).items()), 0.0)
+                nodes.get(tuple(solution.table.name_actions(state.number, player, action).items()), 0.0)
                 for action in state.legal_actions(player)
             ]
             shares[state.information_state_string(player)] = row

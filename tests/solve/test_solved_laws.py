@@ -111,7 +111,7 @@ def test_values_and_strategies_with_agents_sorted_are_those_with_agents_apart(ga
     assert len(solution.table) <= len(apart)
     for state in np.flatnonzero(np.diff(apart.offsets)).tolist():
         turn = int(apart.level[state])
-        places = apart.named(np.where(apart.alive[state], apart.nodes[state], -1).tolist())
+        places = apart.name_nodes(np.where(apart.alive[state], apart.nodes[state], -1).tolist())
         try:
             value = every.value_at(places, turn)
         except BadValue:
@@ -127,9 +127,9 @@ def sure(table, stages, state, turn, side, policy):
     """Return the value that a policy of a team that moves first, or simultaneously, guarantees in a state."""
     rows, columns = table.sizes[state].tolist()
     grid = (table.offsets[state] + np.arange(rows * columns)).reshape(1, rows, columns)
-    payoffs = stages.payoffs(StateGroup(np.array([state]), grid), stages.left(turn, side))[0]
+    payoffs = stages.compute_payoffs(StateGroup(np.array([state]), grid), stages.count_turns_left(turn, side))[0]
     payoffs = payoffs if side == 0 else -payoffs.T
-    number_of = {tuple(table.actions_of(state, side, one).items()): one for one in range(len(payoffs))}
+    number_of = {tuple(table.name_actions(state, side, one).items()): one for one in range(len(payoffs))}
     gains = [choice.share * payoffs[number_of[tuple(sorted_as(choice.nodes, number_of))]] for choice in policy]
     return (1 - 2 * side) * sum(gains).min()
 

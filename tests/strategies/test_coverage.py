@@ -65,7 +65,7 @@ def test_a_mate_that_dies_between_two_turns_has_no_part_in_the_second(world):
     assert targets[1] in (1, 6)
 
 
-def test_what_the_sensors_cover_counts_as_visited_by_sight(world):
+def test_nodes_covered_by_sensors_count_as_visited_by_sight(world):
     agent = world.add("anna", 14, sweep(world.ctx, [14, 15, 20, 35], by_sight=True), sight=15.0, team="red")
     world.ctx.game.step()
     assert {14, 15, 20} <= world.ctx.game.team_memories["red"]["sweep"]["visited"]

@@ -79,7 +79,7 @@ def lines_of(code, *words, cwd):
 
 
 @ON_LINUX
-def test_what_a_system_cannot_enforce_is_said(tmp_path):
+def test_limits_that_a_system_cannot_enforce_are_named(tmp_path):
     known = {
         (0, True): ["files can be read"],
         (1, True): [],

@@ -119,7 +119,7 @@ def test_copies_of_entries_are_out_of_reach_while_they_play_and_published_afterw
         assert not (folder / "out" / "scratch").exists()
 
 
-def test_what_is_said_of_a_copy_names_where_it_is_published(folder):
+def test_errors_in_a_copied_entry_name_the_published_file(folder):
     (folder / "odd.py").write_text("class Odd(Exception): pass\ndef odd(state): raise Odd(__file__, Odd)\n")
     table = run(grid(), entries={"odd": "odd.py:odd", "stay": "stay.py:stay"}, seeds=[1], out="out")
     assert table.rows[0]["details"] == {"red": "Odd: ('entries/00/odd.py', <class 'odd.Odd'>)"}
@@ -237,7 +237,7 @@ def test_the_programs_of_the_page_play(folder):
     assert faults(table) == {name: {} for name in given}
 
 
-def test_strategies_of_a_package_are_entries_and_what_is_written_beside_answers_is_no_fault_within_its_bounds(folder):
+def test_strategies_of_a_package_are_entries_and_limited_output_beside_answers_is_no_fault(folder):
     (folder / "chat.py").write_text("def chat(state):\n    print('hm')\n    state['action'] = state['curr_pos']\n")
     given = {"chat": "chat.py:chat", "walk": "gamms.strategies:random_walk"}
     assert faults(run(grid(), entries=given, seeds=[1], out="out", move_seconds=20.0)) == {"chat": {}, "walk": {}}

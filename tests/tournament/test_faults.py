@@ -251,7 +251,7 @@ def test_a_program_loses_by_its_fault(launchers, deed, kind):
     assert (row["faults"], row["winner"]) == ({"red": kind}, "blue"), row["details"]
 
 
-def test_what_an_entry_raises_is_in_its_log_and_in_the_row(launchers):
+def test_errors_of_an_entry_are_in_its_log_and_in_the_row(launchers):
     row, logs = played(launchers, "fail", "python")
     assert row["details"] == {"red": "ValueError: no idea"}
     assert b'raise ValueError("no idea")' in logs["red"]

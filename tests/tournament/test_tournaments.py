@@ -222,7 +222,7 @@ def test_a_cluster_of_ray_gives_the_same_table(folder):
     assert there.rows == played("here", workers=4, record=False).rows == played("alone", record=False).rows
 
 
-def test_a_file_says_what_is_played(folder):
+def test_a_file_describes_a_tournament(folder):
     (folder / "cup.yaml").write_text(
         "scenario: game.yaml\nentries: {hunt: entries.py:hunt, fail: entries.py:fail}\nseeds: 0:2\nmove_seconds: 20\n"
     )
@@ -254,7 +254,7 @@ def test_a_file_says_what_is_played(folder):
         ({"memory_mb": 8}, BadValue, "memory_mb must be at least 64"),
     ],
 )
-def test_what_cannot_be_played_is_refused(folder, options, error, message):
+def test_invalid_tournaments_are_refused(folder, options, error, message):
     with pytest.raises(error, match=message):
         played(**options)
 
@@ -402,7 +402,7 @@ def test_a_table_needs_the_names_of_all_entries():
         Table([], "good")
 
 
-def test_the_page_escapes_what_entries_have_chosen(tmp_path):
+def test_the_page_escapes_names_chosen_by_entries(tmp_path):
     evil = "<script>alert(1)</script>"
     rows = [{**row(evil, "b", "blue", faults=("red",)), "details": {"red": f"'\"><img src=x onerror={evil}>"}}]
     write_page(Table(rows, [evil, "b"]), tmp_path, evil)

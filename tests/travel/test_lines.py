@@ -27,8 +27,11 @@ def test_places_on_edges_are_found_together_as_one_by_one(drawn):
         drawn = [drawn[id] for id in columns.edge_ids.tolist()]
         begin, end = (np.array([one[place] for one in drawn]) for place in (2, 3))
         expected = [find_point_along(line, one[2]) for line, one in zip(flat, drawn, strict=True)]
-        assert list(zip(*(column.tolist() for column in Lines(columns).at(edges, begin)), strict=True)) == expected
+        assert (
+            list(zip(*(column.tolist() for column in Lines(columns).find_points(edges, begin)), strict=True))
+            == expected
+        )
         corners = [cut_line(line, *one[2:]) for line, one in zip(flat, drawn, strict=True)]
-        which, *found = (column.tolist() for column in Lines(columns).corners(edges, begin, end))
+        which, *found = (column.tolist() for column in Lines(columns).find_corners(edges, begin, end))
         assert which == [number for number, line in enumerate(corners) for _ in line]
         assert list(zip(*found, strict=True)) == [corner for line in corners for corner in line]

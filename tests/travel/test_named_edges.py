@@ -372,7 +372,7 @@ def test_recordings_of_games_whose_actions_name_no_edge_have_no_more_than_before
     stream.seek(0)
     with recorder.open(stream) as recording:
         assert sorted(step["event"] for step in recording.steps()) == ["GAME_TURN", "MOVE", "MOVE", "MOVE"]
-        assert "named_edges" not in recording.detached(3).keyframe(3)
+        assert "named_edges" not in recording.detached(3).make_keyframe(3)
         assert recording.table("edges")["edge"].tolist() == []
 
 
@@ -381,13 +381,13 @@ def test_pictures_show_the_agent_on_the_edge(town, recorded):
     town.game.step()
     motion = town.visual.drawing.motion
     motion.begin_turn()
-    assert motion.position_of("ann", 0.5) == pytest.approx((25.0, 30.0))
+    assert motion.find_position("ann", 0.5) == pytest.approx((25.0, 30.0))
     town.game.step()
     town.game.step()
     motion.begin_turn()
-    assert motion.position_of("ann", 0.5) == pytest.approx((25.0, 0.0))
-    trail = motion.past(3)[-1]
-    assert trail.paths.at(0.5)[trail.rows["ann"]].tolist() == pytest.approx([25.0, 30.0])
+    assert motion.find_position("ann", 0.5) == pytest.approx((25.0, 0.0))
+    trail = motion.list_past(3)[-1]
+    assert trail.paths.find_points(0.5)[trail.rows["ann"]].tolist() == pytest.approx([25.0, 30.0])
 
 
 # -- arrays -----------------------------------------------------------------------------------------------------------

@@ -36,10 +36,10 @@ def test_paths_and_distances_are_those_of_the_graph_whatever_agents_remember(edg
         patch.setattr(travel, "_REMEMBERED", most)
         for agent, source, target in pairs:
             far = graph.distance(source, target, "cost")
-            ways, start, goal = roads.ways(agent), roads.row(source), roads.row(target)
-            assert core.distance(ways, agent, start, goal) == far
+            ways, start, goal = roads.get_ways(agent), roads.find_row(source), roads.find_row(target)
+            assert core.compute_distance(ways, agent, start, goal) == far
             way = [start]
-            while (node := core.following(ways, agent, way[-1], goal)) != way[-1]:
+            while (node := core.find_next_node(ways, agent, way[-1], goal)) != way[-1]:
                 way.append(node)
             path = graph.shortest_path(source, target, "cost") if far < inf else [source]
             assert [IDS[node] for node in way] == path

@@ -561,11 +561,11 @@ def test_frames_of_a_turn_follow_an_agent_along_its_edges():
     motion = ctx.visual.drawing.motion
     motion.begin_turn()
     shares = (0.0, 0.25, 0.5, 1.0)
-    assert [motion.position_of("anna", share)[0] for share in shares] == pytest.approx([20.0, 22.5, 25.0, 30.0])
+    assert [motion.find_position("anna", share)[0] for share in shares] == pytest.approx([20.0, 22.5, 25.0, 30.0])
     ctx.game.respawn("anna")
     ctx.visual.simulate()
     motion.begin_turn()
-    assert motion.position_of("anna", 0.0) == (0.0, 0.0)  # it did not go there
+    assert motion.find_position("anna", 0.0) == (0.0, 0.0)  # it did not go there
 
 
 # -- strategies -------------------------------------------------------------------------------------------------------

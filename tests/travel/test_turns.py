@@ -170,7 +170,7 @@ def test_waiting_keeps_the_last_edge_and_a_place_by_a_rule_has_none(corner):
     assert [legal for _, legal, _ in seen] == [(0, 1), (1, 2), (1, 2)]
     assert [edges for *_, edges in seen] == [(0,), (2,), (2,)]
     agent.current_node_id = 3
-    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (3, 1)}
+    assert corner.game.internals.parts.turns.list_legal(["car"]) == {"car": (3, 1)}
     agent.current_node_id = 2
     corner.game.step()
     agent.current_node_id = 1
@@ -231,10 +231,10 @@ def test_snapshots_forks_and_resets_keep_the_edges_driven(corner):
     car, _ = follow(1)
     corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
     corner.game.step()
-    legal = corner.game.internals.parts.turns.legal
+    legal = corner.game.internals.parts.turns.list_legal
     before = corner.game.snapshot()
     with corner.game.fork(0).ctx as fork:
-        assert fork.game.internals.parts.turns.legal(["car"]) == {"car": (1, 2)}
+        assert fork.game.internals.parts.turns.list_legal(["car"]) == {"car": (1, 2)}
     corner.agent.get_agent("car").strategy = lambda state: state.update(action=2)
     corner.game.step()
     assert legal(["car"]) == {"car": (2, 1)}
@@ -255,7 +255,7 @@ def test_a_resumed_recording_knows_by_which_edge_agents_came(corner, tmp_path):
     with gamms.recorder.open(tmp_path / "game.ggr") as recording:
         for turn, legal in enumerate([(0, 1), (1, 2), (1, 2), (2, 1)]):
             with recording.resume(turn) as again:
-                assert again.game.internals.parts.turns.legal(["car"]) == {"car": legal}
+                assert again.game.internals.parts.turns.list_legal(["car"]) == {"car": legal}
 
 
 def test_a_closed_road_behind_an_agent_lets_it_begin_there(corner):
@@ -263,9 +263,9 @@ def test_a_closed_road_behind_an_agent_lets_it_begin_there(corner):
     corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
     corner.game.step()
     corner.graph.close_roads([0])
-    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (1, 0, 2, 3)}
+    assert corner.game.internals.parts.turns.list_legal(["car"]) == {"car": (1, 0, 2, 3)}
     corner.graph.open_roads([0])
-    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (1, 2)}
+    assert corner.game.internals.parts.turns.list_legal(["car"]) == {"car": (1, 2)}
 
 
 def test_a_road_behind_an_agent_that_is_closed_to_its_mode_lets_it_begin_there(corner):
@@ -287,7 +287,7 @@ def test_a_road_that_opens_while_an_agent_drives_on_a_forbidden_path_stays_forbi
     for _ in range(2):
         corner.game.step()
     corner.graph.open_roads([3])
-    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (2,)}
+    assert corner.game.internals.parts.turns.list_legal(["car"]) == {"car": (2,)}
 
 
 def test_an_edge_from_a_node_to_itself_keeps_no_agent_from_turning_back(corner):
@@ -433,7 +433,7 @@ def test_a_batch_goes_on_with_the_edges_driven(town, speed):
     with drive_in(town, speed=speed).build(seed=5) as ctx:
         for _ in range(4):
             ctx.game.step()
-        legal = ctx.game.internals.parts.turns.legal(["cars_0", "cars_1"])
+        legal = ctx.game.internals.parts.turns.list_legal(["cars_0", "cars_1"])
 
         def check_legal(games):
             for row in games.observe("cars")["legal"]:
@@ -472,7 +472,7 @@ def test_given_actions_are_legal_by_the_edges_driven(town):
         for _ in range(12):
             legal = games.observe("cars")["legal"]
             for number in range(3):
-                known = games.context(number).game.internals.parts.turns.legal(["cars_0", "cars_1"])
+                known = games.context(number).game.internals.parts.turns.list_legal(["cars_0", "cars_1"])
                 shown = {f"cars_{place}": tuple(row[row >= 0].tolist()) for place, row in enumerate(legal[number])}
                 assert shown == known
             games.step({"cars": rng.integers(0, (legal >= 0).sum(axis=-1))})
@@ -532,7 +532,7 @@ def test_drivers_make_no_forbidden_turn(seed, speeds):
 
 def test_with_a_speed_the_legal_nodes_are_those_of_all_drives_that_obey(corner):
     agent = corner.agent.create_agent("car", start_node_id=0, speed=2.5, mode=CAR)
-    legal = corner.game.internals.parts.turns.legal
+    legal = corner.game.internals.parts.turns.list_legal
     assert legal(["car"]) == {"car": (0, 1, 2)}  # the turn from 0 over 1 to 3 is forbidden
     agent.speed = 4.0
     assert legal(["car"]) == {"car": (0, 1, 2, 3)}  # 0, 1, 2, and back over 1 to 3
@@ -548,13 +548,13 @@ def test_with_a_speed_below_one_the_turn_counts_where_the_agent_arrives(corner):
     seen = []
     for _ in range(4):
         corner.game.step()
-        seen.append((agent.current_node_id, corner.game.internals.parts.turns.legal(["car"])["car"]))
+        seen.append((agent.current_node_id, corner.game.internals.parts.turns.list_legal(["car"])["car"]))
     assert seen == [(0, (0, 1)), (1, (1, 2)), (1, (1, 2)), (2, (2, 1))]
 
 
 def test_a_loop_back_to_its_node_forgets_nothing_and_a_return_to_it_does(corner):
     car = corner.agent.create_agent("car", start_node_id=1, speed=2.0, mode=CAR, team="b")
-    legal = corner.game.internals.parts.turns.legal
+    legal = corner.game.internals.parts.turns.list_legal
     for action in ([2, 1], 1):  # then it waits
         car.strategy = lambda state, action=action: state.update(action=action)
         corner.game.step()
@@ -1074,7 +1074,7 @@ def test_shipped_strategies_by_metres_make_no_forbidden_turn(seed):
 def test_the_legal_nodes_by_metres_are_those_of_all_walks_that_obey(corner):
     corner.game.speed_unit = "metres"
     agent = corner.agent.create_agent("car", start_node_id=0, speed=25.0, mode=CAR)
-    legal = corner.game.internals.parts.turns.legal
+    legal = corner.game.internals.parts.turns.list_legal
     assert legal(["car"]) == {"car": (0, 1, 2)}  # the turn from 0 over 1 to 3 is forbidden
     agent.speed = 40.0
     assert legal(["car"]) == {"car": (0, 1, 2, 3)}  # 0, 1, 2, and back over 1 to 3
@@ -1143,18 +1143,18 @@ def test_a_game_by_metres_is_the_same_in_a_batch_from_a_snapshot_and_in_its_reco
         ctx.record.start(tmp_path / "game.ggr")
         known = []
         for _ in range(8):
-            known.append(ctx.game.internals.parts.turns.legal([agent.name for agent in ctx.agent.create_iter()]))
+            known.append(ctx.game.internals.parts.turns.list_legal([agent.name for agent in ctx.agent.create_iter()]))
             ctx.game.step()
         ctx.record.stop()
     with gamms.recorder.open(tmp_path / "game.ggr") as recording:
         for turn, legal in enumerate(known):
             with recording.resume(turn) as again:
-                assert again.game.internals.parts.turns.legal([*legal]) == legal
+                assert again.game.internals.parts.turns.list_legal([*legal]) == legal
 
 
 def test_after_a_return_by_metres_an_agent_begins_there_and_a_loop_back_to_its_node_forgets_nothing(corner):
     corner.game.speed_unit = "metres"
-    legal = corner.game.internals.parts.turns.legal
+    legal = corner.game.internals.parts.turns.list_legal
     go = {"action": [2, 1]}
     car = corner.agent.create_agent(
         "car", start_node_id=1, speed=20.0, mode=CAR, team="b", strategy=lambda state: state.update(go)

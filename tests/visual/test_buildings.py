@@ -117,7 +117,7 @@ def test_a_courtyard_is_a_hole_whichever_way_its_walls_run(yard):
     assert areas(columns(walls(SQUARE, 3.0), walls(yard, 3.0))) == [84.0]
 
 
-def test_what_stands_in_a_courtyard_is_a_footprint():
+def test_a_building_in_a_courtyard_is_a_footprint():
     inner = [(4.0, 4.0), (6.0, 4.0), (6.0, 6.0), (4.0, 6.0)]
     assert areas(columns(walls(SQUARE, 3.0), walls(YARD, 3.0), walls(inner, 3.0))) == [84.0, 4.0]
 
@@ -160,7 +160,7 @@ def test_rings_never_share_a_line_and_are_closed_chains(lines):
     places = np.array(lines, np.float64).reshape(-1, 2)
     starts, ends = places[:, :1], places[:, 1:]
     last = 0
-    for begin, end in kernels.closed_rings(starts, ends).tolist():
+    for begin, end in kernels.find_closed_rings(starts, ends).tolist():
         assert last <= begin <= end - 3
         assert (starts[begin + 1 : end] == ends[begin : end - 1]).all()
         assert starts[begin] == ends[end - 1]

@@ -52,7 +52,7 @@ def test_an_event_is_a_sentence_about_the_agent_to_whom_it_happens():
     assert words_of([{"kind": "tag", "agent": "blue_3", "other": "red_1"}]) == ["red_1 is tagged by blue_3"]
 
 
-def test_what_happens_to_an_agent_in_a_turn_is_one_sentence():
+def test_all_events_of_an_agent_in_a_turn_are_one_sentence():
     events = [
         {"kind": "tag", "agent": "blue_3", "other": "red_1", "node": 7},
         {"kind": "eliminated", "agent": "blue_0"},
@@ -68,7 +68,7 @@ def test_an_event_without_a_sentence_is_its_kind_and_agent():
 
 
 @pytest.mark.parametrize("event", [{"kind": "tag", "agent": "anna"}, {"kind": "take", "agent": "anna"}])
-def test_an_event_of_a_known_kind_that_lacks_what_its_sentence_needs_is_not_made_up(event):
+def test_an_event_without_the_fields_of_its_sentence_is_not_made_up(event):
     assert words_of([event]) == [f"anna: {event['kind']}"]
 
 
@@ -101,14 +101,17 @@ def test_scores_stand_beside_the_turn_where_there_is_no_legend(duel):
 def test_a_caption_has_the_colour_of_its_team(duel):
     duel.game.add(emits([("dusk", {"agent": "blue_1"}), ("dawn", {})]))
     duel.game.step()
-    told = Captions(duel, duel.visual.drawing).now()
+    told = Captions(duel, duel.visual.drawing).make_captions()
     assert [line.color for line in told.lines] == [duel.visual.drawing.group_colors()["blue"], None]
 
 
-def test_what_is_too_much_for_the_lines_is_counted(duel):
+def test_captions_beyond_the_last_line_are_counted(duel):
     duel.game.add(emits([(kind, {}) for kind in ("one", "two", "three", "four")]))
     duel.game.step()
-    assert [line.words for line in Captions(duel, duel.visual.drawing).now().lines] == ["one", "two, and 2 more"]
+    assert [line.words for line in Captions(duel, duel.visual.drawing).make_captions().lines] == [
+        "one",
+        "two, and 2 more",
+    ]
 
 
 def test_a_side_gets_captions_of_its_agents_and_of_those_that_it_saw_in_the_turn(duel):
@@ -118,14 +121,14 @@ def test_a_side_gets_captions_of_its_agents_and_of_those_that_it_saw_in_the_turn
     told = []
     for turn in (0, 2, 1):
         views.note(turn, "blue", ["red_0"])
-        told.append([line.words for line in Captions(duel, duel.visual.drawing).now("blue").lines])
+        told.append([line.words for line in Captions(duel, duel.visual.drawing).make_captions("blue").lines])
     assert told == [["blue_1 is tagged by red_1"]] * 2 + [["red_0: storm", "blue_1 is tagged by red_1"]]
 
 
 def test_the_paper_s_loop_is_counted(duel):
     for _ in range(3):
         duel.visual.simulate()
-    assert Captions(duel, duel.visual.drawing).now().turn == 3
+    assert Captions(duel, duel.visual.drawing).make_captions().turn == 3
 
 
 def test_a_film_without_captions_has_no_card(duel, tmp_path):

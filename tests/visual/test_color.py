@@ -4,7 +4,7 @@ import pytest
 
 from gamms.errors import BadType, BadValue
 from gamms.visual import Color, string_to_color
-from gamms.visual.appearance import rgba
+from gamms.visual.appearance import parse_color
 
 
 @pytest.mark.parametrize(
@@ -32,9 +32,9 @@ def test_an_invalid_color_is_refused(text):
 
 
 def test_components_are_clipped_and_alpha_is_full_by_default():
-    assert rgba((300, -5, 12.4)) == (255, 0, 12, 255)
-    assert rgba((1, 2, 3, 4)) == (1, 2, 3, 4)
-    assert rgba("cyan") == (*Color.Cyan, 255)
+    assert parse_color((300, -5, 12.4)) == (255, 0, 12, 255)
+    assert parse_color((1, 2, 3, 4)) == (1, 2, 3, 4)
+    assert parse_color("cyan") == (*Color.Cyan, 255)
 
 
 @pytest.mark.parametrize(
@@ -43,4 +43,4 @@ def test_components_are_clipped_and_alpha_is_full_by_default():
 )
 def test_an_impossible_color_is_refused(color, error):
     with pytest.raises(error):
-        rgba(color)
+        parse_color(color)

@@ -13,7 +13,7 @@ from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.obstacles import OTHER_OBSTACLE
 from gamms.visual import Circle, render_circle, render_rectangle
 from gamms.visual.drawers.graph import find_typical_edge_length
-from gamms.visual.drawers.streets import find_distinct_roads, find_median, polylines
+from gamms.visual.drawers.streets import find_distinct_roads, find_median, join_polylines
 
 
 def points_of(commands, kind):
@@ -48,7 +48,7 @@ def test_every_street_is_drawn_exactly_once(columns_of, edges, random):
         if random.random() < 0.5
     }
     columns = columns_of(xy, edges, bends)
-    points, offsets = polylines(columns, find_distinct_roads(columns))
+    points, offsets = join_polylines(columns, find_distinct_roads(columns))
     drawn = [points[begin:end].tolist() for begin, end in pairwise(offsets)]
     streets = [
         bends[row].tolist() if row in bends else [xy[source].tolist(), xy[target].tolist()]
@@ -64,7 +64,7 @@ def test_bent_and_straight_streets_come_in_the_order_that_was_asked_for(columns_
     bends = {row: np.array([(0.0, 0.0), (2.0, row), (4.0, 0.0)]) for row, bent in enumerate(is_bent) if bent}
     columns = columns_of(xy, [(0, 1)] * len(is_bent), bends)
     rows = random.sample(range(len(is_bent)), len(is_bent))
-    points, offsets = polylines(columns, np.array(rows, np.int64))
+    points, offsets = join_polylines(columns, np.array(rows, np.int64))
     lines = [points[begin:end].tolist() for begin, end in pairwise(offsets.tolist())]
     assert lines == [bends.get(row, xy).tolist() for row in rows]
 
@@ -131,7 +131,7 @@ def test_a_circle_is_described_by_data_or_by_a_circle(ctx, data):
     assert circle.color.tolist() == [[9, 9, 9, 255]]
 
 
-def test_a_shape_says_what_its_data_lacks(ctx):
+def test_a_shape_names_its_missing_data(ctx):
     with pytest.raises(BadValue, match="lacks width, height; it has"):
         render_rectangle(ctx, {"x": 1, "y": 2})
 

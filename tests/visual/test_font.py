@@ -16,7 +16,7 @@ def inked(words: str, font_px: int) -> np.ndarray:
     """Return how much ink is in each column of a picture, from where the words begin."""
     canvas = Canvas(600, 80)
     canvas.fill((255, 255, 255, 255))
-    canvas.text(words, 10, 10, font_px, (0, 0, 0, 255), edge=(255, 255, 255))
+    canvas.draw_text(words, 10, 10, font_px, (0, 0, 0, 255), edge=(255, 255, 255))
     return (255.0 - canvas.pixels()[:, 10:, 0]).sum(axis=0)
 
 

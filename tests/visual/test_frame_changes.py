@@ -66,8 +66,8 @@ def test_each_frame_equals_a_fresh_painting(city, case, frames_per_turn, monkeyp
     witness = Witness()
     monkeypatch.setitem(FILMS._factories, ".mp4", witness)
     painted = []
-    at = Frames.at
-    monkeypatch.setattr(Frames, "at", lambda self, share: painted.append(share) or at(self, share))
+    at = Frames.paint_frame
+    monkeypatch.setattr(Frames, "paint_frame", lambda self, share: painted.append(share) or at(self, share))
     film = city.visual.film(tmp_path / "x.mp4", 10, *SIZE, frames_per_turn=frames_per_turn, title="Walk")
     differences = []
     add = witness.add
@@ -89,7 +89,7 @@ def test_each_frame_equals_a_fresh_painting(city, case, frames_per_turn, monkeyp
     assert all(witness.changes)
 
 
-def test_what_stays_in_place_is_no_change(city, monkeypatch, tmp_path):
+def test_frames_of_agents_that_stay_do_not_change(city, monkeypatch, tmp_path):
     witness = Witness()
     monkeypatch.setitem(FILMS._factories, ".mp4", witness)
     film = city.visual.film(tmp_path / "x.mp4", 10, *SIZE, frames_per_turn=4, title="Nobody walks", note="today")

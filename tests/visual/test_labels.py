@@ -180,7 +180,7 @@ def test_agents_that_part_glide_apart_without_a_jump(square):
 
 def centers(ctx, share):
     """Where the dots of all agents are, in pixels."""
-    artists = ctx.visual.artists.shown()
+    artists = ctx.visual.artists.list_shown()
     ctx.visual.draw_commands(share)
     looks = [artists[name].data["agent_data"] for name in ctx.agent.agents]
     return find_dots(looks, Camera(400, 400, 0.0, 40.0, 10.0)).centers
@@ -212,7 +212,7 @@ def test_names_cover_no_flag_and_no_goal(square):
     for agent in square.agent.create_iter():
         agent.register_strategy(lambda state: state.update(action=state["curr_pos"]))
     square.game.step()
-    artists, view = square.visual.artists.shown(), Camera(400, 400, -5.0, 35.0, 10.0)
+    artists, view = square.visual.artists.list_shown(), Camera(400, 400, -5.0, 35.0, 10.0)
     square.visual.draw_commands()
     layout = Layout(PAGE, sign_boxes(square, artists, view))
     found = Labels().place(view, 1.0, square, artists, True, layout)

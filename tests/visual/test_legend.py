@@ -8,7 +8,7 @@ import gamms
 from gamms.errors import BadType
 from gamms.ir.draw import DrawKind
 from gamms.visual.camera import Camera
-from gamms.visual.legend import Legend, LegendRow, LegendRows, grow_blocks, make_block, make_plain_block, together
+from gamms.visual.legend import Legend, LegendRow, LegendRows, grow_blocks, make_block, make_plain_block, merge_blocks
 from gamms.visual.page import Page, PageStyle
 
 FIRE = LegendRows("", (LegendRow((200, 0, 0), "fire", "3"),))
@@ -46,9 +46,9 @@ def test_a_small_picture_has_no_legend(ctx):
     assert (ctx.visual.frame(60, 40) == before).all()
 
 
-def test_what_would_be_too_long_is_counted():
+def test_rows_of_a_legend_beyond_the_limit_are_counted():
     rows = LegendRows("", tuple(LegendRow((0, 0, 0), f"team {number}") for number in range(40)))
-    commands = Page(1280, 720, (rows,), PageStyle()).commands(Camera(1280, 720, 0.0, 0.0, 1.0))
+    commands = Page(1280, 720, (rows,), PageStyle()).make_commands(Camera(1280, 720, 0.0, 0.0, 1.0))
     assert commands.text[-1] == "and 29 more"
 
 
@@ -63,17 +63,21 @@ TURN = LegendRows("turn 3", ())
 
 
 def texts(*blocks, width=640, height=400):
-    return Page(width, height, blocks, PageStyle()).commands(Camera(width, height, 0.0, 0.0, 1.0)).text
+    return Page(width, height, blocks, PageStyle()).make_commands(Camera(width, height, 0.0, 0.0, 1.0)).text
 
 
 def test_rows_without_a_title_are_one_block_in_which_nothing_is_said_twice():
-    assert together([TURN, TEAMS, FIRE, FLAG, FLAG]) == (TURN, LegendRows("", TEAMS.rows + FLAG.rows, "score"), FIRE)
+    assert merge_blocks([TURN, TEAMS, FIRE, FLAG, FLAG]) == (
+        TURN,
+        LegendRows("", TEAMS.rows + FLAG.rows, "score"),
+        FIRE,
+    )
 
 
 def test_in_a_film_no_row_of_the_legend_moves():
-    first = together([TEAMS, FLAG])
+    first = merge_blocks([TEAMS, FLAG])
     scored = LegendRows("", (LegendRow((200, 0, 0), "red", "1"), TEAMS.rows[1]), "score")
-    second = grow_blocks(first, together([TURN, scored, TAGGED]))
+    second = grow_blocks(first, merge_blocks([TURN, scored, TAGGED]))
     assert second == (TURN, LegendRows("", scored.rows + FLAG.rows + TAGGED.rows, "score"))
     assert grow_blocks(second, (FIRE,)) == (FIRE, *second[1:])
     assert grow_blocks((), first) == first
@@ -95,7 +99,7 @@ SIGNS = LegendRows(
 
 
 def test_where_rows_have_no_room_letters_become_smaller_and_then_the_signs_go():
-    many = together([TEAMS, SIGNS])
+    many = merge_blocks([TEAMS, SIGNS])
     whole, colors = Legend(many, 900, 400), Legend((TEAMS,), 900, 400)
     smaller = Legend(many, 900, 0.8 * whole.height)
     assert (smaller.width, smaller.height) == pytest.approx((0.8 * whole.width, 0.8 * whole.height))
@@ -104,7 +108,7 @@ def test_where_rows_have_no_room_letters_become_smaller_and_then_the_signs_go():
     assert Legend(many, 900, 0.6 * colors.height).height == 0.0
 
 
-def test_a_long_legend_does_not_reach_into_what_is_below_the_map(ctx):
+def test_a_long_legend_does_not_cover_the_space_below_the_map(ctx):
     rows = LegendRows("", tuple(LegendRow((9, 9, 9), f"sign {number}", sign="ring") for number in range(9)))
     page = Page(400, 300, (TEAMS, rows), PageStyle(title="a title", note="a note", has_captions=True))
     _, top, _, bottom = page._margins
@@ -114,7 +118,7 @@ def test_a_long_legend_does_not_reach_into_what_is_below_the_map(ctx):
 
 @pytest.mark.parametrize("sign", ["disc", "ring", "dot", "field", "line", "band", "flag", "cross", "unheard of"])
 def test_each_sign_is_drawn_in_its_colour(sign):
-    commands = Page(640, 400, (LegendRows("", (LegendRow((1, 2, 3), "it", sign=sign),)),), PageStyle()).commands(
+    commands = Page(640, 400, (LegendRows("", (LegendRow((1, 2, 3), "it", sign=sign),)),), PageStyle()).make_commands(
         Camera(640, 400, 0.0, 0.0, 1.0)
     )
     assert (commands.color[commands.kind != DrawKind.TEXT, :3] == (1, 2, 3)).all(axis=1).any()

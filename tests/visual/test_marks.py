@@ -11,7 +11,7 @@ from gamms.rules import arrive, capture_flag, cooldown, discover, hold, none_lef
 from gamms.strategies import goto
 from gamms.visual.artist import ArtistGroup, collect_drawn_looks, list_looks
 from gamms.visual.backends.pillow_backend import decode_pixels
-from gamms.visual.camera import Camera, on_screen
+from gamms.visual.camera import Camera, project_to_screen
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.marks import get_drawn_marks
 from gamms.visual.labels import convert_dots
@@ -54,8 +54,8 @@ def rows_on(commands, layer):
 
 
 def marks(ctx):
-    artists = ctx.visual.artists.shown()
-    ArtistGroup(ctx, artists).commands()
+    artists = ctx.visual.artists.list_shown()
+    ArtistGroup(ctx, artists).draw_artists()
     return [mark for artist in artists.values() for mark in get_drawn_marks(artist)]
 
 
@@ -64,7 +64,7 @@ def marks(ctx):
 def test_no_mark_touches_the_middle_of_a_disc(street, scale, then):
     ctx = chase(street, then)
     commands = ctx.visual.draw_commands()
-    points = on_screen(commands, Camera(1000, 1000, 0.0, 0.0, scale))
+    points = project_to_screen(commands, Camera(1000, 1000, 0.0, 0.0, scale))
     middles = Camera(1000, 1000, 0.0, 0.0, scale).to_screen(ctx.graph.columns().xy[[2]])
     corners = np.concatenate(
         [points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
@@ -79,11 +79,11 @@ def test_agents_that_share_a_node_hide_no_mark_there(street, radius_px, then):
     ctx = street(**reds, blue_0=("blue", 2), blue_1=("blue", 14))
     ctx.game.add(tag("red", "blue", then=then))
     ctx.game.run(1)
-    artists = ctx.visual.artists.shown()
-    commands = ArtistGroup(ctx, artists).commands()
+    artists = ctx.visual.artists.list_shown()
+    commands = ArtistGroup(ctx, artists).draw_artists()
     radius = next(look.size for look in list_looks(artists))
     camera = Camera(2000, 2000, 0.0, 0.0, radius_px / radius)
-    points = on_screen(commands, camera)
+    points = project_to_screen(commands, camera)
     signs = [points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
     middle = np.concatenate(signs).mean(axis=0)
     dots = convert_dots(collect_drawn_looks(artists)[1], camera)

@@ -67,7 +67,7 @@ def test_the_legend_says_what_an_arc_is_while_there_is_one(street):
     assert words()
 
 
-def test_the_fog_of_a_team_shows_what_its_agents_send_hear_and_overhear(street):
+def test_the_fog_of_a_team_shows_messages_that_its_agents_send_hear_and_overhear(street):
     street.game.step()
     Fog(street, "blue").look()
     assert arcs(street) == {(0, 100, BLUE, 200)}  # that it is overheard, it does not know
@@ -100,7 +100,7 @@ def test_an_unheard_message_is_a_ring_that_grows_and_fades(street):
     street.game.step()
 
     def rings(share):
-        commands = ArtistGroup(street, {"messages": street.visual.artists.shown()["messages"]}).commands(share)
+        commands = ArtistGroup(street, {"messages": street.visual.artists.list_shown()["messages"]}).draw_artists(share)
         assert np.unique(commands.points, axis=0).tolist() == [[0.0, 0.0]]
         [(*color, ink)] = np.unique(commands.color, axis=0).tolist()
         assert tuple(color) == BLUE

@@ -13,7 +13,7 @@ from PIL import Image
 
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.draw import DrawSpace
-from gamms.visual.backends.pdf import pdf
+from gamms.visual.backends.pdf import write_pdf
 from gamms.visual.backends.pillow_backend import decode_pixels
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
@@ -23,7 +23,7 @@ WHITE = (255, 255, 255, 255)
 
 
 def written(commands, camera=CAMERA, title="", dpi=72.0):
-    return pdf(commands.freeze(), camera, title=title, background=WHITE, dpi=dpi)
+    return write_pdf(commands.freeze(), camera, title=title, background=WHITE, dpi=dpi)
 
 
 def operators(file):
@@ -75,7 +75,7 @@ def test_transparency_is_kept():
     assert b"/ca .2" in written(commands)
 
 
-def test_what_is_invisible_is_left_out():
+def test_invisible_shapes_are_left_out():
     commands = Commands()
     commands.add_circles([(900, 900)], 5, "red")
     commands.add_circles([(50, 50)], 0.1, "red")
@@ -127,8 +127,8 @@ def seen(file, tmp_path):
 
 
 @needs_poppler
-def test_a_viewer_shows_what_the_png_shows(tmp_path):
-    from gamms.visual.backends.raster import painted
+def test_a_viewer_shows_the_same_as_the_png(tmp_path):
+    from gamms.visual.backends.raster import paint_picture
 
     commands = Commands()
     commands.add_polygon([(20, 10), (180, 10), (100, 90)], (0, 114, 178))
@@ -137,10 +137,10 @@ def test_a_viewer_shows_what_the_png_shows(tmp_path):
     commands.add_circles([(140, 40)], 12, "yellow", space=DrawSpace.SCREEN)
     commands.add_rectangle(10, 95, 40, 20, "black")
     shown, frozen = seen(written(commands), tmp_path), commands.freeze()
-    expected = painted(frozen, CAMERA, WHITE).pixels().astype(int)
+    expected = paint_picture(frozen, CAMERA, WHITE).pixels().astype(int)
     assert np.abs(shown - expected).max(axis=2).mean() < 2
     moved = replace(frozen, points=frozen.points + np.array([8.0, 0.0]))
-    assert np.abs(shown - painted(moved, CAMERA, WHITE).pixels()).max(axis=2).mean() > 10
+    assert np.abs(shown - paint_picture(moved, CAMERA, WHITE).pixels()).max(axis=2).mean() > 10
 
 
 @needs_poppler

@@ -132,7 +132,7 @@ def test_a_failed_save_keeps_the_old_picture(ctx, tmp_path):
     assert path.read_text() == "old"
 
 
-def test_an_svg_leaves_out_what_is_invisible(ctx, tmp_path):
+def test_an_svg_leaves_out_invisible_shapes(ctx, tmp_path):
     ctx.visual.look_at(10, 10, 2.0)
     ctx.visual.save(tmp_path / "near.svg", 300, 200)
     ctx.visual.look_at_all()

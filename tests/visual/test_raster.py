@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.visual.backends.pillow_backend import decode_pixels, encode_png
-from gamms.visual.backends.raster import painted
-from gamms.visual.backends.svg import svg
+from gamms.visual.backends.raster import paint_picture
+from gamms.visual.backends.svg import write_svg
 from gamms.visual.camera import FAINTEST_PX, Camera
 from gamms.visual.drawing import Commands
 
@@ -30,7 +30,7 @@ points = st.tuples(numbers, numbers)
 
 def pixels(commands, camera=IN_PIXELS, background=WHITE):
     """The picture, as (rows, columns, 3)."""
-    return painted(commands.freeze(), camera, background).pixels().astype(int)
+    return paint_picture(commands.freeze(), camera, background).pixels().astype(int)
 
 
 def drawn(name, *arguments, camera=IN_PIXELS, **keywords):
@@ -109,7 +109,9 @@ def test_a_line_in_world_units_that_is_thinner_than_a_pixel_is_a_paler_one():
     commands.add_lines([(0, 25), (100, 25)], [0, 2], "black", 1.4, DrawSpace.WORLD)
     camera = Camera(100, 50, 0.0, 25 + 25 / 0.5, 0.5)
     assert ink(pixels(commands, camera)) == pytest.approx(50 * 0.7, rel=0.1)
-    assert 'stroke-width="0.7"' in svg(commands.freeze(), camera, title="", background=(255, 255, 255, 255)).decode()
+    assert (
+        'stroke-width="0.7"' in write_svg(commands.freeze(), camera, title="", background=(255, 255, 255, 255)).decode()
+    )
 
 
 def test_lines_of_one_style_count_once_where_they_cross():
@@ -119,7 +121,7 @@ def test_lines_of_one_style_count_once_where_they_cross():
     assert (picture[25, 50] == picture[25, 10]).all()
 
 
-def test_what_crosses_the_view_is_seen_though_its_ends_are_outside():
+def test_a_line_across_the_view_is_seen_though_its_ends_are_outside():
     loop = [(-50, -50), (150, 100), (-50, 100), (-50, -50)]
     for width in (1, 3):
         assert ink(drawn("add_line", loop, "black", width)) > 40

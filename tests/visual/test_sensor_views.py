@@ -124,7 +124,7 @@ def test_a_view_that_cannot_be_drawn_is_an_error_of_its_artist(ctx, sonar, caplo
     assert f"'sensor_sonar' could not be drawn: {words}" in caplog.text
 
 
-def test_a_class_that_is_a_sensor_by_its_decorator_alone_is_warned_of_what_is_missing(ctx, caplog):
+def test_a_class_that_is_a_sensor_by_its_decorator_alone_is_warned_of_missing_methods(ctx, caplog):
     @ctx.sensor.custom(name="DUCK_TO_DRAW")
     class Duck:
         sensor_id = "duck"
@@ -189,7 +189,7 @@ def test_a_map_without_extent_cuts_nothing():
 
 
 @given(st.lists(st.tuples(*[st.floats(-30, 30)] * 2), min_size=3, max_size=8))
-def test_cutting_to_a_box_keeps_what_is_inside(corners):
+def test_cutting_to_a_box_keeps_the_inner_part(corners):
     corners = np.array(corners)
     left = cut(corners, LOW, HIGH)
     assert ((left >= LOW) & (left <= HIGH)).all()

@@ -12,7 +12,7 @@ from gamms.ir.geometry import are_within
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
 from gamms.visual.artist import ArtistGroup
-from gamms.visual.legend import blocks_of
+from gamms.visual.legend import list_blocks
 
 SENSORS = 15
 QUIET = {"level": "CRITICAL"}
@@ -136,7 +136,7 @@ def test_the_field_of_an_occluded_sensor_ends_at_the_walls(yard, kind):
 
 
 @pytest.mark.parametrize("kind", ["AERIAL", "AERIAL_AGENT", "AGENT_RANGE"])
-def test_what_obstacles_can_hide_has_the_reach_of_what_they_cannot(yard, kind):
+def test_an_occluded_sensor_has_the_reach_of_the_unoccluded_one(yard, kind):
     names = [kind, {"AGENT_RANGE": "OCCLUDED_AGENT"}.get(kind, f"OCCLUDED_{kind}")]
     is_in_air = kind != "AGENT_RANGE"
     views = []
@@ -177,13 +177,15 @@ def fly_east(state):
 
 def legend_rows(ctx):
     """Return the rows of the legend that a picture shows."""
-    return [row for block in blocks_of(ctx, ctx.visual.artists.shown()) for row in getattr(block, "rows", ())]
+    return [row for block in list_blocks(ctx, ctx.visual.artists.list_shown()) for row in getattr(block, "rows", ())]
 
 
 def dashed_lines(ctx, share):
     """Return the points of the lines that the artists of sensors draw, after a share of the last turn."""
-    artists = {name: one for name, one in ctx.visual.artists.shown().items() if name.startswith(("sensor_", "sights"))}
-    commands = ArtistGroup(ctx, artists).commands(share)
+    artists = {
+        name: one for name, one in ctx.visual.artists.list_shown().items() if name.startswith(("sensor_", "sights"))
+    }
+    commands = ArtistGroup(ctx, artists).draw_artists(share)
     is_line = np.repeat(commands.kind == DrawKind.LINE, np.diff(commands.offsets))
     assert not (commands.kind == DrawKind.POLYGON).any()
     return commands.points[is_line]
@@ -250,12 +252,12 @@ def test_fields_of_view_of_many_colours_never_hide_the_map(crowd):
 
 
 def test_agents_that_are_seen_keep_their_rings(crowd):
-    artists = crowd(20, team=lambda number: "red" if number % 2 else "blue").visual.artists.shown(0)
+    artists = crowd(20, team=lambda number: "red" if number % 2 else "blue").visual.artists.list_shown(0)
     assert "rings" in artists
     assert "sights" in artists
     assert not [name for name in artists if name.startswith("sensor_")]
 
 
-def test_what_many_see_is_left_out_with_sensors_false(crowd):
+def test_views_of_many_sensors_are_left_out_with_sensors_false(crowd):
     ctx = crowd(20)
-    assert "sights" not in ctx.visual.artists.shown(0, sensors=False)
+    assert "sights" not in ctx.visual.artists.list_shown(0, sensors=False)

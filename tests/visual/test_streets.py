@@ -91,7 +91,7 @@ def test_tunnels_are_dashed_and_lie_below_buildings(tags):
 
 
 @pytest.mark.parametrize("tags", [{"tunnel": "no"}, {"layer": "0"}, {"layer": "?"}, {"layer": "-1", "bridge": "yes"}])
-def test_what_only_sounds_like_a_tunnel_is_on_the_ground(tags):
+def test_a_road_that_only_sounds_like_a_tunnel_is_on_the_ground(tags):
     [street] = lines(town({"highway": "residential", **tags}))
     assert street[3] == Layer.GRAPH
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
-from gamms.visual.backends.svg import svg
-from gamms.visual.camera import Camera, bounds, fit_box
+from gamms.visual.backends.svg import write_svg
+from gamms.visual.camera import Camera, compute_bounds, fit_box
 from gamms.visual.drawing import Commands
 
 GOLDEN = Path(__file__).parent / "golden" / "tiny.svg"
@@ -31,7 +31,7 @@ sizes = st.floats(0, 1e4)
 
 def written(commands, camera=IN_PIXELS, title=""):
     """The file as text."""
-    return svg(commands.freeze(), camera, title=title, background=WHITE).decode()
+    return write_svg(commands.freeze(), camera, title=title, background=WHITE).decode()
 
 
 def test_the_golden_picture():
@@ -57,7 +57,7 @@ def test_bulk_lines_give_the_file_of_single_lines(lines):
     for line in lines:
         one_by_one.add_line(line, "red", 2)
     bulk.add_lines([*chain(*lines)], np.cumsum([0, *map(len, lines)]), "red", 2)
-    camera = fit_box(*bounds(bulk.freeze()), 300, 200, (8, 8, 8, 8))
+    camera = fit_box(*compute_bounds(bulk.freeze()), 300, 200, (8, 8, 8, 8))
     assert written(one_by_one, camera) == written(bulk, camera)
     assert written(bulk, camera).count("<path") <= 1
 
@@ -135,7 +135,7 @@ def test_any_picture_is_well_formed_and_written_the_same_twice(calls, words):
     commands = Commands()
     for name, arguments in calls:
         getattr(commands, name)(*arguments)
-    camera = fit_box(*bounds(commands.freeze()), 320, 240, (9, 44, 9, 9))
+    camera = fit_box(*compute_bounds(commands.freeze()), 320, 240, (9, 44, 9, 9))
     text = written(commands, camera, words)
     assert ET.fromstring(text).get("role") == "img"
     assert text == written(commands, camera, words)

@@ -67,8 +67,8 @@ def road():
 
 def trails(ctx, turns, team="red"):
     """The lines of trails, from the oldest to the last, and how opaque they are."""
-    artists = ctx.visual.artists.shown(turns)
-    commands = gamms.visual.artist.ArtistGroup(ctx, {n: artists[n] for n in ("past trails", "trails")}).commands()
+    artists = ctx.visual.artists.list_shown(turns)
+    commands = gamms.visual.artist.ArtistGroup(ctx, {n: artists[n] for n in ("past trails", "trails")}).draw_artists()
     color = ctx.visual.drawing.group_colors()[team]
     rows = [row for row in range(len(commands)) if tuple(commands.color[row, :3].tolist()) == color]
     lines = [commands.points[slice(*commands.offsets[[row, row + 1]])].tolist() for row in rows]

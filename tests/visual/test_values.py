@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.draw import DrawKind
-from gamms.visual.appearance import DIVERGING, LEVELS, levels, table
+from gamms.visual.appearance import DIVERGING, LEVELS, find_color_table, find_levels
 from gamms.visual.legend import ColorScale, LegendRows
 
 
@@ -32,13 +32,13 @@ def discs(ctx):
 
 @pytest.mark.parametrize("name", ["viridis", "magma", "cividis"])
 def test_a_map_grows_lighter_in_even_steps(name):
-    steps = np.diff(lightness(table(name)[::15]))
+    steps = np.diff(lightness(find_color_table(name)[::15]))
     assert (steps > 0).all()
     assert steps[2:].max() < 2 * steps[2:].min()  # screens show no steps in what is almost black
 
 
 def test_the_diverging_map_is_lightest_in_the_middle_and_alike_on_both_sides():
-    light = lightness(table(DIVERGING))
+    light = lightness(find_color_table(DIVERGING))
     assert (np.diff(light[: LEVELS // 2]) > 0).all()
     assert (np.diff(light[LEVELS // 2 :]) < 0).all()
     assert np.abs(light - light[::-1]).max() < 0.05
@@ -47,7 +47,7 @@ def test_the_diverging_map_is_lightest_in_the_middle_and_alike_on_both_sides():
 @given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=20), st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
 def test_larger_values_never_have_lower_colors(values, one, other):
     low, high = min(one, other), max(one, other)
-    found = levels(np.sort(values), low, high)
+    found = find_levels(np.sort(values), low, high)
     assert (np.diff(found) >= 0).all()
     assert found.min() >= 0
     assert found.max() < LEVELS
@@ -55,7 +55,7 @@ def test_larger_values_never_have_lower_colors(values, one, other):
 
 def test_each_node_has_the_color_of_its_value_and_nan_has_none(ctx):
     ctx.visual.set_values(nodes={0: 1.0, 1: math.nan, 2: 3.0})
-    colors = table("viridis")
+    colors = find_color_table("viridis")
     assert discs(ctx) == {colors[0]: {(0.0, 0.0)}, colors[-1]: {(10.0, 10.0)}}
 
 
@@ -64,18 +64,18 @@ def test_edges_are_drawn_along_their_streets_with_the_highest_value_on_top(ctx):
     commands = ctx.visual.draw_commands()
     rows = np.flatnonzero((commands.layer == 13) & (commands.kind == DrawKind.LINE))
     assert np.diff(commands.offsets)[rows].tolist() == [3, 3, 2, 2, 2, 2]  # the bend first
-    assert tuple(commands.color[rows[-1], :3]) == table("magma")[-1]
+    assert tuple(commands.color[rows[-1], :3]) == find_color_table("magma")[-1]
 
 
-def test_what_lies_beyond_vmin_and_vmax_has_the_colors_of_the_ends(ctx):
+def test_values_beyond_vmin_and_vmax_have_the_colors_of_the_ends(ctx):
     ctx.visual.set_values(nodes={0: -50, 1: math.inf, 2: 0.5}, vmin=0, vmax=1)
-    colors = table("viridis")
+    colors = find_color_table("viridis")
     assert discs(ctx) == {colors[0]: {(0, 0)}, colors[-1]: {(10, 0)}, colors[128]: {(10, 10)}}
 
 
 def test_the_diverging_map_is_palest_at_zero(ctx):
     ctx.visual.set_values(nodes={0: -1, 1: 0, 2: 4}, cmap="diverging")
-    assert discs(ctx)[table("diverging")[128]] == {(10.0, 0.0)}
+    assert discs(ctx)[find_color_table("diverging")[128]] == {(10.0, 0.0)}
 
 
 def test_a_function_may_say_the_colors(ctx):

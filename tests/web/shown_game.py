@@ -30,17 +30,17 @@ class ShownGame:
             end = at + 4 + int.from_bytes(data[at : at + 4], "little")
             if end > len(data):
                 break  # of a game that goes on
-            values.append(self._decoder.value(data[at + 4 : end]))
+            values.append(self._decoder.decode(data[at + 4 : end]))
             at = end
         self.header, self.sent = values[0], values[1:]
-        self.world = self._decoder.value(self.header["world"])
+        self.world = self._decoder.decode(self.header["world"])
 
     @property
     def turns(self):
         return self.sent[-1]["first"] + self.sent[-1]["turns"] - 1 if self.sent else -1
 
     def columns(self, part):
-        return self._decoder.value(part["columns"])
+        return self._decoder.decode(part["columns"])
 
     def __iter__(self):
         """The states of all turns."""
@@ -49,7 +49,7 @@ class ShownGame:
             columns, names = self.columns(part), np.array(part["agents"])
             changes = list(zip(*[iter(part["changes"])] * 3, strict=True))
             for turn in range(part["turns"]):
-                slots = slots | {slot: self._decoder.value(data) for at, slot, data in changes if at == turn}
+                slots = slots | {slot: self._decoder.decode(data) for at, slot, data in changes if at == turn}
                 status = columns["status"][:, turn]
                 there = status & THERE != 0
                 nodes = self.world["node_ids"][columns["nodes"][there, turn]]
@@ -71,7 +71,7 @@ class ShownGame:
         return str({**self.header, "world": self.world}) + str(opened)
 
     def _opened(self, value):
-        return self._decoder.value(value) if isinstance(value, bytes) else value
+        return self._decoder.decode(value) if isinstance(value, bytes) else value
 
 
 def game_in(page):

@@ -82,7 +82,7 @@ def test_others_are_there_while_sensors_report_them(hunt):
     assert min(counts) > 5
 
 
-def test_no_byte_says_what_others_keep_for_themselves(hunt):
+def test_no_byte_contains_secrets_of_others(hunt):
     assert SECRET in game_in(web.page(hunt)).said()
     cut = game_in(web.page(hunt, audience="red"))
     said = cut.said()
@@ -210,7 +210,7 @@ def play_hiding(errors, hideout, seen_turns, *, flies=False):
         ctx.record.start(saved, sensed=True)
         following = Streams(ctx.graph.columns)
         ctx.record.follow(following)
-        streams = [following.of(audience) for audience in (Audience("red"), Audience())]
+        streams = [following.get_stream(audience) for audience in (Audience("red"), Audience())]
         fog = Fog(ctx, "red")
         pictures = [], []
 
@@ -337,7 +337,7 @@ def test_sides_that_are_no_names_are_refused(strangers, tmp_path):
     damaged = tmp_path / "damaged.ggr"
     with recorder.open(tmp_path / "mice.ggr") as cut, damaged.open("wb") as file:
         writer = recorder.Writer(file, {**cut.reader.header, "sides": [3]}, seconds=None)
-        writer.keyframe(cut.detached(0).keyframe(0))
+        writer.keyframe(cut.detached(0).make_keyframe(0))
         writer.close()
     with gamms.create_context() as ctx, pytest.raises(recorder.RecordingError, match=r"sides .*\[3\]"):
         list(ctx.record.replay(damaged))

@@ -24,7 +24,7 @@ from gamms.knowledge.sides import list_sides
 from gamms.recorder.errors import Damaged
 from gamms.typing import OpCodes
 from gamms.web import columns, server, streams
-from gamms.web.live import numbers_of
+from gamms.web.live import list_numbers
 from gamms.web.painter import Painter
 
 HUNT = scenario.Scenario(
@@ -104,7 +104,7 @@ def join():
         client.socket.close()
 
 
-def test_each_team_is_sent_what_a_cut_of_the_recording_holds(join, tmp_path):
+def test_each_team_receives_the_contents_of_a_cut_of_the_recording(join, tmp_path):
     with web.serve(HUNT, speed=None, is_paused=True, record=tmp_path / "game.ggr") as live:
         clients = {name: join(live.links[name]) for name in ("everything", "red", "blue")}
         for client in clients.values():
@@ -113,13 +113,15 @@ def test_each_team_is_sent_what_a_cut_of_the_recording_holds(join, tmp_path):
         assert live.wait(60).turns == 40
         sent = {name: client.read_turns(40) for name, client in clients.items()}
     with recorder.open(tmp_path / "game.ggr") as whole:
-        state = whole.detached(0).keyframe(0)
+        state = whole.detached(0).make_keyframe(0)
         header = {**whole.header, "world": whole.graph.packed, "sides": list_sides(whole.header, state)}
         with Painter(header, state) as painter:
             painter.begin()
             for log in whole.logs():
                 painter.add(log)
-            expected = ShownGame(columns.MAGIC + columns.frame({"world": columns.frame([0])[4:]}) + painter.part())
+            expected = ShownGame(
+                columns.MAGIC + columns.frame({"world": columns.frame([0])[4:]}) + painter.encode_part()
+            )
         assert list(sent["everything"].captions()) == list(expected.captions())
         for team in ("everything", "red", "blue"):
             stream = io.BytesIO()
@@ -192,12 +194,12 @@ def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch, turns
     with HUNT.build() as ctx:
         following = streams.Streams(ctx.graph.columns)
         ctx.record.follow(following)
-        stream = following.of(web.links.Audience())
+        stream = following.get_stream(web.links.Audience())
         messages, place, dropped = stream.read(stream.last_keyframe)
         assert (sent(stream, messages).sent[0]["is_whole"], place.turns, dropped) == (True, 0, 0)
         for _ in range(200 // turns):
             ctx.game.run(max_turns=turns)
-            assert following.of(web.links.Audience()) is stream
+            assert following.get_stream(web.links.Audience()) is stream
         messages, place, dropped = stream.read(place)
         again = sent(stream, messages).sent[0]
         assert (again["is_whole"], again["first"]) == (True, first)
@@ -224,7 +226,7 @@ def test_a_player_of_two_agents_sees_what_both_see_though_they_look_one_after_th
             ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=["eyes"], strategy=lambda state: None)
         following = streams.Streams(ctx.graph.columns)
         ctx.record.follow(following)
-        stream = following.of(web.links.Audience(agents=frozenset({"red_0", "blue_0"})))
+        stream = following.get_stream(web.links.Audience(agents=frozenset({"red_0", "blue_0"})))
         ctx.game.run(max_turns=3)
         following.end()
         names = [state.agents["name"].tolist() for state in sent_by(stream)]
@@ -235,7 +237,7 @@ def test_a_team_sees_who_came_in_sight_between_the_end_of_a_game_and_the_turn_wi
     with HUNT.build() as ctx:
         following = streams.Streams(ctx.graph.columns)
         ctx.record.follow(following)
-        stream = following.of(web.links.Audience("red"))
+        stream = following.get_stream(web.links.Audience("red"))
         ctx.game.run(max_turns=1)
         following.end()
         ctx.agent.get_agent("blue_0").current_node_id = ctx.agent.get_agent("red_0").current_node_id
@@ -246,19 +248,19 @@ def test_a_team_sees_who_came_in_sight_between_the_end_of_a_game_and_the_turn_wi
     assert "blue_0" in known[1]
 
 
-def test_what_is_wrong_in_a_turn_is_raised_where_it_is_played(tmp_path):
+def test_an_error_in_a_turn_is_raised_where_the_turn_is_played(tmp_path):
     with HUNT.build() as ctx:
         ctx.record.start(tmp_path / "game.ggr")
         following = streams.Streams(ctx.graph.columns)
         ctx.record.follow(following)
-        stream = following.of(web.links.Audience())
+        stream = following.get_stream(web.links.Audience())
         ctx.record.write(OpCodes.AGENT_CURRENT_NODE, {"agent_name": "no agent", "node_id": 5})
         ctx.game.step()
         with pytest.raises(Damaged, match="does not fit"):
-            following.of(web.links.Audience())  # in the thread of the server
+            following.get_stream(web.links.Audience())  # in the thread of the server
         with pytest.raises(Damaged, match="does not fit"):
             ctx.game.step()
-        assert following.of(web.links.Audience()) is None
+        assert following.get_stream(web.links.Audience()) is None
         assert stream.read(stream.last_keyframe)[1].turns == 0
 
 
@@ -294,7 +296,7 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
 def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_keys_with_dots():
     meta = {"pay": -1.5, "debt": -2, "half": 0.5, "many": [{"x": 4}, 5], "node": 3, "a.b": 7, "is_fast": True}
     made = HUNT.replace(**{"teams.red.meta": meta, "teams.red.near": 24})
-    found = {one["path"]: tuple(one.values())[1:] for one in numbers_of(made) if "blue" not in one["path"]}
+    found = {one["path"]: tuple(one.values())[1:] for one in list_numbers(made) if "blue" not in one["path"]}
     assert found == {
         "sensors.eyes.range_m": (25, 0, 100, 1),
         "teams.red.count": (2, 0, 10, 1),
@@ -306,7 +308,7 @@ def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_ke
         "max_turns": (40, 0, 160, 1),
     }
     many = HUNT.replace(**{"teams.red.meta": {f"key_{number}": number for number in range(99)}})
-    assert len(list(numbers_of(many))) == 60
+    assert len(list(list_numbers(many))) == 60
 
 
 def test_a_context_whose_server_is_closed_goes_on_unwatched():
@@ -374,7 +376,7 @@ def watched(tmp_path):
         process.stdout.close()
 
 
-def test_watching_says_what_is_wrong_with_a_changed_file_and_goes_on_when_it_is_right(join, watched):
+def test_watching_reports_the_error_of_a_changed_file_and_goes_on_when_it_is_mended(join, watched):
     folder, links, errors = watched
     admin = join(links["pause and change"])
     admin.read(lambda client: client.told and client.told[-1]["over"])

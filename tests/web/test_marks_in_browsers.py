@@ -33,11 +33,11 @@ def game(tmp_path_factory):
         ctx.record.start(folder / "game.ggr")
         while not ctx.game.is_over:
             ctx.game.step()
-            artists = ctx.visual.artists.shown()
-            ArtistGroup(ctx, artists).commands()
+            artists = ctx.visual.artists.list_shown()
+            ArtistGroup(ctx, artists).draw_artists()
             marks = [mark for artist in artists.values() for mark in get_drawn_marks(artist)]
             rights = {mark.name: round(mark.shift[0] * mark.least_px) for mark in marks}
-            said.append((rights, [caption.words for caption in write_captions(ctx.visual.drawing.events.of_turn())]))
+            said.append((rights, [caption.words for caption in write_captions(ctx.visual.drawing.events.list_last())]))
         ctx.record.stop()
     with recorder.open(folder / "game.ggr") as recording:
         recording.save(folder / "game.html")
@@ -68,7 +68,7 @@ def test_marks_are_where_pictures_have_them_and_keep_their_size(chromium, game, 
     assert page.messages == []
 
 
-def test_what_happened_is_said_as_films_say_it(chromium, game):
+def test_events_are_described_as_in_films(chromium, game):
     page, (path, said) = chromium, game
     page.open(path)
     words = page.value(

@@ -35,7 +35,7 @@ def test_a_page_has_the_hashes_of_its_own_script_and_style(name):
     page = bundle.read_page(name)
     for kind in ("script", "style"):
         [text] = re.findall(f"<{kind}>(.*?)</{kind}>", page, re.DOTALL)
-        assert f"{kind}-src '{bundle.hash_of(text)}'" in page
+        assert f"{kind}-src '{bundle.compute_hash(text)}'" in page
         assert text.isascii()
 
 

@@ -58,7 +58,9 @@ def played():
 def drawn(ctx, theme):
     """Return what the artists of signs draw in a theme: name -> colors and points."""
     with ctx.visual.drawing.themed(THEMES[theme]):
-        found = {name: ArtistGroup(ctx, {name: one}).commands() for name, one in ctx.visual.artists.signs().items()}
+        found = {
+            name: ArtistGroup(ctx, {name: one}).draw_artists() for name, one in ctx.visual.artists.list_signs().items()
+        }
     return {name: (one.color, one.points) for name, one in found.items() if len(one)}
 
 
@@ -72,7 +74,7 @@ def test_a_strategy_is_called_as_the_function_that_the_program_called():
         ctx.record.stop()
     stream.seek(0)
     with recorder.open(stream) as recording:
-        facts = AgentFacts(recording.detached(1)).changes(None, 1)
+        facts = AgentFacts(recording.detached(1)).list_changes(None, 1)
         assert {key: words for _, _, key, words in facts}["strategy"].endswith(":patrol")
 
 
@@ -104,7 +106,7 @@ def test_a_rule_with_a_drawer_of_its_own_is_painted_and_its_words_are_said(chrom
     assert page.messages == []
 
 
-def test_who_looks_on_late_is_sent_what_artists_have_drawn_before():
+def test_a_late_spectator_receives_the_earlier_drawings_of_artists():
     with gamms.create_context(seed=1) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
         for team, node in (("red", 0), ("blue", 24)):
@@ -114,7 +116,7 @@ def test_who_looks_on_late_is_sent_what_artists_have_drawn_before():
         ctx.record.follow(following)
         ctx.visual.add_artist("spot", {"drawer": lambda ctx, _: ctx.visual.render_circle(0, 0, 5, (1, 2, 3), 2)})
         ctx.game.run(max_turns=10)
-        stream = following.of(gamms.web.links.Audience())
+        stream = following.get_stream(gamms.web.links.Audience())
         messages, *_ = stream.read(stream.last_keyframe)
         following.close()
     *_, state = ShownGame(b"".join(map(zlib.decompress, [*stream.opening, *messages])))

@@ -29,11 +29,11 @@ def play(ctx, answer, turns=1):
     """Play with people who answer each question at once by a function; return the result and its answers in order."""
     people, found = People.open(ctx), {}
     for name in people.persons:
-        people.come(name)
+        people.mark_present(name)
 
     def on_change():
         for name in people.persons:
-            for question in people.asked(name):
+            for question in people.list_questions(name):
                 with lock:
                     is_new = question["question"] not in seen
                     seen.add(question["question"])
@@ -116,7 +116,7 @@ def test_a_choice_counts_once_when_its_turn_has_to_be_begun_again():
 
     with context(web.human(seconds=60.0, otherwise=east), Failing(), clock=SimulatedClock()) as ctx:
         people = People.open(ctx)
-        people.come("anna")
+        people.mark_present("anna")
         with pytest.raises(ZeroDivisionError):
             ctx.game.step()
         ctx.game.step()
@@ -147,7 +147,7 @@ def test_choices_that_do_not_count_are_refused_by_name_and_move_nothing(choice, 
     found = []
 
     def on_change():
-        asked = {name: people.asked(name) for name in ("anna", "bert")}
+        asked = {name: people.list_questions(name) for name in ("anna", "bert")}
         if all(asked.values()) and not found:
             given = {"question": asked["anna"][0]["question"], **choice}
             given["question"] = asked["bert"][0]["question"] if given["question"] == "bert" else given["question"]
@@ -161,7 +161,7 @@ def test_choices_that_do_not_count_are_refused_by_name_and_move_nothing(choice, 
     with context(web.human(), web.human(), deeds=deeds) as ctx:
         people = People.open(ctx)
         for name in ("anna", "bert"):
-            people.come(name)
+            people.mark_present(name)
         people.changed.append(on_change)
         result = ctx.game.run(1)
     assert found == [why]
@@ -302,7 +302,7 @@ def test_messages_that_the_channels_do_not_take_are_refused_with_the_whole_choic
     assert result.agents["anna"]["node"] == 0
 
 
-def test_what_a_person_chose_is_cut_from_what_another_team_knows(tmp_path):
+def test_choices_of_people_are_cut_from_the_knowledge_of_another_team(tmp_path):
     path = tmp_path / "game.ggr"
     with context(web.human(seconds=60.0)) as ctx:
         ctx.agent.get_agent("bert").current_node_id = 6  # and both see each other

@@ -50,7 +50,7 @@ def test_a_link_names_the_moment_that_is_shown(page):
     page.wait("gamms.turn > 3 && gamms.isPlaying")
 
 
-def test_what_is_shown_stands_beside_the_panel_of_an_agent(page):
+def test_the_map_stands_beside_the_panel_of_an_agent(page):
     page.value("gamms.select('blue_2')")
     page.click(*centre(page, "[aria-label='What is shown']"))
     page.settle()
@@ -219,7 +219,7 @@ def test_the_source_of_the_map_can_be_read(chromium, tmp_path, size, has_panel):
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (800, 600), (390, 844)])
-def test_the_panel_stands_beside_the_map_and_what_is_selected_stays_in_view(chromium, walk, size):
+def test_the_panel_stands_beside_the_map_and_the_selection_stays_in_view(chromium, walk, size):
     page = chromium.open(walk, *size)
     discs = (
         "gamms.views.flatMap(({scene, canvas}) => scene.discs.map(({name, px, py}) => "
@@ -359,7 +359,7 @@ def test_the_panel_says_by_which_move_an_agent_got_where_it_is(chromium, moved, 
     assert page.value(said) == move
 
 
-def test_what_a_sensor_says_is_on_one_line_beside_a_long_name(chromium, moved):
+def test_sensor_data_is_on_one_line_beside_a_long_name(chromium, moved):
     page = chromium.open(moved)
     page.value("gamms.select('drone')")
     said = "[...document.querySelectorAll('.panel dd')].find((one) => one.textContent === 'nothing')"
@@ -680,7 +680,7 @@ def test_fog_past_obstacles_is_that_of_sensors_where_ground_and_obstacles_have_h
     assert page.messages == []
 
 
-def test_what_rules_keep_is_shown(chromium, walled, tmp_path):
+def test_the_memory_of_rules_is_shown(chromium, walled, tmp_path):
     with recorder.open(walled[0]) as recording:
         recording.save(tmp_path / "walled.html", turn=2)
     page = chromium.open(tmp_path / "walled.html", dark=True)
@@ -735,7 +735,7 @@ def test_a_team_has_its_colour_in_files_streams_cuts_and_pictures(chromium, tmp_
     assert set(pixels.values()) == {(208, 48, 40)}, pixels
 
 
-def test_the_focus_stays_on_a_menu_of_what_is_shown_after_a_choice(page):
+def test_the_focus_stays_on_a_menu_of_layers_after_a_choice(page):
     page.value("gamms.seek(3)")
     page.click(*centre(page, "[aria-label='What is shown']"))
     menus = page.value("[...document.querySelectorAll('#look select')].map((one) => one.options.length)")

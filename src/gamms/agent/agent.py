@@ -7,7 +7,7 @@ from math import hypot
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from gamms import kernels
-from gamms.agent.carried_sensors import carried
+from gamms.agent.carried_sensors import make_carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, explain_misspelled
 from gamms.core.agents import AgentView
 from gamms.deciding import ContextPart, DecidePhase, get_phase, refuse_unknown_look, refuse_while_deciding
@@ -20,17 +20,17 @@ from gamms.readonly import ReadOnly, ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.actions import (
-    above,
     as_heading,
     as_node,
     as_position,
     as_quat,
     check_mode,
     check_node,
-    flight,
+    find_above,
     get_heading,
     make_level_quat,
     make_strategy,
+    resolve_flight,
 )
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
 from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, NodeId, State, Strategy
@@ -126,7 +126,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             self._put_attribute(name, value)
             journal = self._block.journal
             if not journal.is_silent and name in self.__dict__:
-                journal.attributed([self._row], name, [value])
+                journal.record_attribute([self._row], name, [value])
             return
         object.__setattr__(self, name, value)
 
@@ -135,7 +135,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         is_noted = name[0] != "_" and name in self.__dict__ and not self._block.journal.is_silent
         super().__delattr__(name)
         if is_noted:
-            self._block.journal.attributed([self._row], name, None)
+            self._block.journal.record_attribute([self._row], name, None)
 
     def _check_name(self, name: str) -> None:
         """Refuse read-only names; warn once per context of a name that looks misspelled."""
@@ -186,7 +186,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """The last result of `get_state`; `{}` before the first call. While agents decide, each sees only its own."""
         phase = self._phase
         phase.read_last_turn()
-        if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
+        if phase.agent is not None and phase.agent is not self and self.name not in phase.list_names():
             phase.refuse(f"read the state of agent {self.name!r}")
         phase.are_memories_known = True
         refuse_unknown_look(self._last[0], f"agent {self.name!r}")
@@ -200,7 +200,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     @property
     def prev_node_id(self) -> int:
         """The previous node, initially its own; settable. A stay keeps it in `ctx.game`, but not in custom loops."""
-        return self._block.previous_of(self._row)
+        return self._block.get_previous_node(self._row)
 
     @prev_node_id.setter
     def prev_node_id(self, node_id: int) -> None:
@@ -314,7 +314,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         self._block.set(self._row, column, value)
 
     def _get_edge(self) -> OnEdge | None:
-        progress = self._block.on_edge(self._row)
+        progress = self._block.get_edge_position(self._row)
         return None if progress is None else locate(self._ctx.graph.graph, progress)
 
     def _find_xy(self) -> tuple[float, float]:
@@ -402,7 +402,9 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         self._block.structure.note((self._row,))
         owner_of_shared = {id(one): self.name for one in self._shared}
         sensors = self._sensor_list.items()
-        self._carried = tuple([carried(name, one, owner_of_shared.get(id(one)), self._near) for name, one in sensors])
+        self._carried = tuple(
+            [make_carried(name, one, owner_of_shared.get(id(one)), self._near) for name, one in sensors]
+        )
 
     def _clear_owner(self, sensor: ISensor) -> None:
         if find_owner(sensor) in (None, self.name):  # unless another agent carries it by now
@@ -413,7 +415,7 @@ def _make_number_property(column: Column) -> property:
     """Return the property of an additional number column of agents."""
     return property(
         lambda agent: getattr(agent._block, column.name)[agent._row],
-        lambda agent, value: agent._set(column.name, column.checked(value, column.name)),
+        lambda agent, value: agent._set(column.name, column.check_value(value, column.name)),
     )
 
 
@@ -479,8 +481,8 @@ class Agent(BaseAgent):
         place = self._get_edge()
         if place is not None:
             return place.ahead
-        here = block.node_of(row)
-        before = block.previous_of(row)
+        here = block.get_node(row)
+        before = block.get_previous_node(row)
         if here == before:
             return (0.0, 0.0)
         try:
@@ -547,7 +549,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
         units = as_float(speed, f"speed of agent {name!r}")
         if units < 0.0:
             raise BadValue(f"speed of agent {name!r} must not be negative, not {units}.")
-        where = above(graph, node, 0.0) if position is None else as_position(position)
+        where = find_above(graph, node, 0.0) if position is None else as_position(position)
         self._row = block.add(as_name(name, "an agent"), node, None, where, units)
         for key, value in kwargs.items():
             setattr(self, key, value)
@@ -560,7 +562,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
     @property
     def position(self) -> Position:
         """The position `(x, y, z)`; settable: the old position becomes `prev_position`, above `prev_node_id`."""
-        position: Position = self._block.flights.position_of(self._row)
+        position: Position = self._block.flights.get_position(self._row)
         return position
 
     @position.setter
@@ -570,28 +572,28 @@ class AerialAgent(BaseAgent, IAerialAgent):
     @property
     def prev_position(self) -> Position:
         """The position before the last move."""
-        position: Position = self._block.flights.previous_of(self._row)
+        position: Position = self._block.flights.get_previous_position(self._row)
         return position
 
     @property
     def current_node_id(self) -> int:
         """The node nearest to its x and y; setting it moves the agent there without changing its z."""
-        return self._block.nearest(self._row)
+        return self._block.find_nearest_node(self._row)
 
     @current_node_id.setter
     def current_node_id(self, node_id: int) -> None:
         if not self._is_closed:
-            self._block.fly(self._row, above(self._ctx.graph.graph, self._check_node(node_id), self.position[2]))
+            self._block.fly(self._row, find_above(self._ctx.graph.graph, self._check_node(node_id), self.position[2]))
 
     @property
     def quat(self) -> Quat:
         """The rotation `(w, x, y, z)` as a unit quaternion; settable, with any length."""
-        quat: Quat = self._block.flights.quat_of(self._row)
+        quat: Quat = self._block.flights.get_rotation(self._row)
         return quat
 
     @quat.setter
     def quat(self, quat: Quat) -> None:
-        self._block.turn(self._row, as_quat(quat))
+        self._block.set_rotation(self._row, as_quat(quat))
 
     @property
     def orientation(self) -> tuple[float, float]:
@@ -599,11 +601,11 @@ class AerialAgent(BaseAgent, IAerialAgent):
 
         Settable: a pair sets the rotation about the vertical, without pitch and roll; None resets it to face east.
         """
-        return kernels.yaw(self.quat)
+        return kernels.compute_heading(self.quat)
 
     @orientation.setter
     def orientation(self, heading: tuple[float, float] | None) -> None:
-        self._block.turn(self._row, make_level_quat(heading))
+        self._block.set_rotation(self._row, make_level_quat(heading))
 
     @property
     def speed(self) -> float:
@@ -624,11 +626,11 @@ class AerialAgent(BaseAgent, IAerialAgent):
         return cast("AerialState", {"curr_pos": self.position, "quat": self.quat, "sensor": sensed})
 
     def _act(self, action: object) -> None:
-        position, quat = flight(self._block, self._row, action)
+        position, quat = resolve_flight(self._block, self._row, action)
         if position is not None:
             self._block.fly(self._row, position)
         if quat is not None:
-            self._block.turn(self._row, quat)
+            self._block.set_rotation(self._row, quat)
 
 
 class GuardedAttribute:
@@ -647,7 +649,7 @@ class GuardedAttribute:
         phase = get_phase(agent)
         if phase.before_reading is not None and not phase.is_deciding:
             phase.before_reading()
-        return phase.shown(agent.__dict__[self._name])
+        return phase.protect_value(agent.__dict__[self._name])
 
     def __set__(self, agent: IAgent, value: object) -> None:
         agent.__dict__[self._name] = value

@@ -10,7 +10,7 @@ from gamms.typing import IContext
 from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, find_owner, is_sensor
 
 
-def carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequence[int]]) -> Carried:
+def make_carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequence[int]]) -> Carried:
     """Return a sensor in the form in which its agent reads it.
 
     Args:

@@ -35,7 +35,7 @@ from gamms.agent.teams import (
 )
 from gamms.arguments import as_declared, as_member, as_name, explain_misspelled, spell_out_options
 from gamms.compat import Surface
-from gamms.core.copies import copied_values
+from gamms.core.copies import copy_values
 from gamms.deciding import ContextPart, Guarded, get_phase, refuse_while_deciding
 from gamms.errors import BadValue, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
@@ -215,7 +215,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
                 given["sensors"] = created if created != sensors else given["sensors"]
         finally:
             block.journal = journal
-        journal.entered(agent._row, name)
+        journal.number_agent(agent._row, name)
         self._note_starts([(name, getattr(agent, "position", agent.current_node_id))])
         if not journal.is_silent:
             journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._list_more(agent._row)})
@@ -386,7 +386,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
 
     def _list_stored(self) -> dict[str, Any]:
         """Return name -> the agent, or the `UncreatedMembers` that it belongs to."""
-        return self._agents.stored() if isinstance(self._agents, AgentsByName) else dict(self._agents)
+        return self._agents.get_stored() if isinstance(self._agents, AgentsByName) else dict(self._agents)
 
     def _copy_on_change(self) -> None:
         """Copy the set of agents, which is about to change, if `AgentStorage.share` has returned it."""
@@ -395,7 +395,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         self._is_shared = False
         block = self.block
         self._renew_block()
-        self._block.take_all(block.values(), block.structure_values())
+        self._block.take_all(block.copy_values(), block.copy_structure())
         self._block.has_teams = block.has_teams
         self._block.succeed(block)
         for agent in self._agents.values():
@@ -449,7 +449,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         block = self._block
         more: dict[str, Any] = {name: read_vector(block, name, row) for name in VECTORS}
         if block.kind[row]:
-            more["node"] = block.nearest(row)
+            more["node"] = block.find_nearest_node(row)
         return {name: value for name, value in more.items() if value is not None}
 
     def _delete(self, agent: BaseAgent) -> None:
@@ -471,9 +471,9 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
 
     def _close_up(self) -> None:
         """Drop the rows of removed agents."""
-        made = self._agents.made() if isinstance(self._agents, AgentsByName) else self._agents
+        made = self._agents.get_created() if isinstance(self._agents, AgentsByName) else self._agents
         self._block.close_up()
-        for agent, row in zip(made.values(), self._block.rows.of_each(made), strict=True):
+        for agent, row in zip(made.values(), self._block.rows.find_rows(made), strict=True):
             object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
 
     def _find_kind(self, name: str, kwargs: dict[str, Any]) -> AgentType:
@@ -499,23 +499,23 @@ class AgentStorage(Guarded):
         self._phase = engine._phase
         self._roster: Roster | None = None  # roster of the last snapshot that was taken or restored
 
-    def turn_access(self, agent: BaseAgent) -> TurnAccess:
+    def get_turn_access(self, agent: BaseAgent) -> TurnAccess:
         """Return the data of an agent that the turn engine uses; valid until `structure_version` changes."""
         return TurnAccess(agent._row, agent._carried, agent._last)
 
-    def details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
+    def list_details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
         """Return the sensors, attributes and strategy of each agent, read-only."""
         return list_details(self._engine._list_stored(), self._engine._block.modes)
 
-    def strategies(self) -> list[Any]:
+    def list_strategies(self) -> list[Any]:
         """Return the strategy of each agent."""
         return [one.strategy for one in self._engine._list_stored().values()]
 
-    def attributes(self) -> dict[int, dict[str, Any]]:
+    def get_attributes(self) -> dict[int, dict[str, Any]]:
         """Return the attributes of agents that have any, by row; read-only."""
         return list_attributes(self._engine._agents, self._engine._block.modes)
 
-    def made(self) -> list[BaseAgent]:
+    def list_created(self) -> list[BaseAgent]:
         """Return the agents whose objects exist: all except unused members of teams."""
         return [agent for agent in self._engine._list_stored().values() if type(agent) is not UncreatedMembers]
 
@@ -534,7 +534,7 @@ class AgentStorage(Guarded):
         for members in find_uncreated_teams(self._engine._list_stored()).values():
             members.strategy = own(members.strategy)
 
-    def part(self) -> None:
+    def detach_agents(self) -> None:
         """Detach the present set of agents from the one that `share` has returned."""
         self._engine._copy_on_change()
 
@@ -565,7 +565,7 @@ class AgentStorage(Guarded):
             _equip_as(agent, *equipment)
         agents.block.journal = journal
 
-    def snapshot(self, copy_attributes: Callable[[dict[str, Any]], dict[str, Any]] = copied_values) -> AgentsSnapshot:
+    def snapshot(self, copy_attributes: Callable[[dict[str, Any]], dict[str, Any]] = copy_values) -> AgentsSnapshot:
         """Return the present state of all agents, for `restore` and `copy_from`; attributes are copied as told."""
         engine = self._engine
         block = self._engine.block
@@ -577,7 +577,7 @@ class AgentStorage(Guarded):
         attributes = [agent.__dict__ for agent in roster.agents]
         return AgentsSnapshot(
             roster,
-            block.values(),
+            block.copy_values(),
             [copy_attributes(one) if one else {} for one in attributes],
             [agent._last[0] for agent in roster.agents],
             [dict(one.columns) for one in roster.teams],
@@ -632,7 +632,7 @@ class AgentStorage(Guarded):
         if roster.teams:
             engine._agents = AgentsByName({}, engine._make_member)
         for members, columns in zip(roster.teams, before.of_teams, strict=True):
-            memo[id(members)] = members.copied(columns)
+            memo[id(members)] = members.copy_members(columns)
         equipment = zip(roster.agents, roster.strategies, roster.sensors, roster.shared, before.states, strict=True)
         for row, (name, agent) in enumerate(roster.stored.items()):
             if type(agent) is UncreatedMembers:
@@ -642,14 +642,14 @@ class AgentStorage(Guarded):
                 engine._agents[name] = agent._copy_to(engine._ctx, block, row, carried, memo)
         for agent, attributes in zip(roster.agents, before.attributes, strict=True):
             if attributes:  # after all copies exist, because attributes may refer to them
-                memo[id(agent)].__dict__.update(copied_values(attributes, memo))
+                memo[id(agent)].__dict__.update(copy_values(attributes, memo))
 
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
         """Hide the agents that are not `known`, in the copy of the game with which an agent looks ahead."""
         engine = self._engine
         graph = self._engine._ctx.graph.graph
         first = graph.get_node(min(graph.get_nodes()))
-        for row, columns in before.hidden(engine.block, known, first):
+        for row, columns in before.list_hidden(engine.block, known, first):
             engine.block.write(row, columns)
         for name, agent in engine._list_stored().items():
             agent.strategy = None
@@ -672,7 +672,7 @@ class AgentStorage(Guarded):
             for name, known in then.items():
                 agent = known.made.get(name, known) if type(known) is UncreatedMembers else known
                 if type(agent) is UncreatedMembers:
-                    engine._block.take_over(block, block.row_of(name))
+                    engine._block.take_over(block, block.find_row(name))
                 else:
                     agent._move_to_block(engine._block)
                 engine._agents[name] = agent
@@ -702,10 +702,10 @@ def _restore_attributes(before: AgentsSnapshot) -> None:
     for members, columns in zip(roster.teams, before.of_teams, strict=True):
         members.columns = columns.copy()
         for one in _list_made(members, roster):
-            _renew(one, copied_values(members.attributes(one.name)))
+            _renew(one, copy_values(members.get_attributes(one.name)))
     for agent, attributes in zip(roster.agents, before.attributes, strict=True):
         if attributes or agent.__dict__:
-            _renew(agent, copied_values(attributes))
+            _renew(agent, copy_values(attributes))
 
 
 def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, UncreatedMembers
-from gamms.core.copies import copied_values
+from gamms.core.copies import copy_values
 from gamms.ir.agents import AgentBlock, get_speed, list_speeds
 from gamms.ir.positions import Positions
 from gamms.ir.schema import PLACES
@@ -35,7 +35,7 @@ class Roster:
     def __init__(self, block: AgentBlock, stored: dict[str, Any]) -> None:
         self.stored = stored
         self.version = block.structure, block.structure.version
-        self.columns = block.structure_values()
+        self.columns = block.copy_structure()
         self.has_teams = block.has_teams
         self.teams = list(find_uncreated_teams(stored).values()) if block.has_teams else []
         self.agents: list[BaseAgent] = [one for one in stored.values() if type(one) is not UncreatedMembers]
@@ -91,9 +91,9 @@ class AgentsSnapshot:
         """Name -> the node of the agent, or (x, y, z) of a flying agent."""
         games = self.columns["games"]
         ids = self.columns["numbers"].ids
-        found = {name: ids[number] for name, number in zip(self.names, games.row("node"), strict=True)}
-        xyz = games.row("position").tolist()
-        for at, name in enumerate(compress(self.names, games.row("kind"))):
+        found = {name: ids[number] for name, number in zip(self.names, games.get_row("node"), strict=True)}
+        xyz = games.get_row("position").tolist()
+        for at, name in enumerate(compress(self.names, games.get_row("kind"))):
             found[name] = tuple(xyz[3 * at : 3 * at + 3])
         return found
 
@@ -108,21 +108,23 @@ class AgentsSnapshot:
         known = self.roster.stored.get(name)
         return known is agent or (type(known) is UncreatedMembers and known.made.get(name) is agent)
 
-    def place_of(self, agent: BaseAgent) -> Any:
+    def find_place(self, agent: BaseAgent) -> Any:
         """Return the node of an agent, or (x, y, z) if it flies; the present one if it was created later."""
         if self.has(agent.name, agent):
             return self.places[agent.name]
         return getattr(agent, "position", agent.current_node_id)
 
-    def places_of(self, agents: Mapping[str, BaseAgent]) -> dict[str, Any]:
-        """Return name -> position of some agents; see `place_of`."""
-        stored: Mapping[str, Any] = agents.stored() if isinstance(agents, AgentsByName) else agents
+    def find_places(self, agents: Mapping[str, BaseAgent]) -> dict[str, Any]:
+        """Return name -> position of some agents; see `find_place`."""
+        stored: Mapping[str, Any] = agents.get_stored() if isinstance(agents, AgentsByName) else agents
         places = self.places
         return {
-            name: places[name] if self.has(name, one) else self.place_of(agents[name]) for name, one in stored.items()
+            name: places[name] if self.has(name, one) else self.find_place(agents[name]) for name, one in stored.items()
         }
 
-    def hidden(self, block: AgentBlock, known: Collection[str], node: Node) -> Iterator[tuple[int, dict[str, Any]]]:
+    def list_hidden(
+        self, block: AgentBlock, known: Collection[str], node: Node
+    ) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield the row, and the columns without hidden values, of each agent of a private fork that is not `known`.
 
         Such an agent keeps its speed, and its height if it flies; it is on `node` until it is placed.
@@ -134,7 +136,7 @@ class AgentsSnapshot:
                 place = (node.x, node.y, was[2] if isinstance(was, tuple) else 0.0) if block.kind[row] else None
                 columns = {column.name: column.initial for column in PLACES}
                 columns |= {"node": node.id, "previous": node.id, "position": place, "previous_position": place}
-                columns |= {"quat": block.flights.quat_of(row), "speed": speeds.get(name, get_speed(block, row))}
+                columns |= {"quat": block.flights.get_rotation(row), "speed": speeds.get(name, get_speed(block, row))}
                 yield row, columns
 
     def write_attributes(self, agent: BaseAgent) -> None:
@@ -144,7 +146,7 @@ class AgentsSnapshot:
             each = zip(self.roster.agents, self.attributes, strict=True)
             own: dict[str, Any] = next((own for one, own in each if one.name == agent.name), {})
             agent.__dict__.clear()
-            agent.__dict__.update(copied_values(own))
+            agent.__dict__.update(copy_values(own))
 
 
 def find_uncreated_teams(stored: dict[str, Any]) -> dict[int, UncreatedMembers]:
@@ -161,7 +163,7 @@ def list_details(
         key: ({}, {}, one.strategy) for key, one in find_uncreated_teams(stored).items() if not one.columns
     }
     return [
-        alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
+        alike.get(id(one)) or ({}, one.get_attributes(name), one.strategy)
         if type(one) is UncreatedMembers
         else (one._sensor_list, _add_mode(one.__dict__, modes[one._row]), one.strategy)
         for name, one in stored.items()
@@ -178,14 +180,14 @@ def list_attributes(agents: dict[str, BaseAgent], modes: Sequence[str | None]) -
     if not isinstance(agents, AgentsByName):
         of_each = {row: _add_mode(one.__dict__, modes[one._row]) for row, one in enumerate(agents.values())}
         return {row: found for row, found in of_each.items() if found}
-    stored = agents.stored_once()  # NOTE: a fifth of a loop over all members (benchmarks: teams, recorded)
+    stored = agents.collect_stored()  # NOTE: a fifth of a loop over all members (benchmarks: teams, recorded)
     if not any(type(one) is UncreatedMembers and one.columns for one in stored):
         made = {
             one._row: _add_mode(one.__dict__, modes[one._row]) for one in stored if type(one) is not UncreatedMembers
         }
         return {row: made[row] for row in sorted(made) if made[row]}
     each = {
-        row: one.attributes(name) if type(one) is UncreatedMembers else _add_mode(one.__dict__, modes[one._row])
-        for row, (name, one) in enumerate(agents.stored_items())
+        row: one.get_attributes(name) if type(one) is UncreatedMembers else _add_mode(one.__dict__, modes[one._row])
+        for row, (name, one) in enumerate(agents.list_stored_items())
     }
     return {row: found for row, found in each.items() if found}

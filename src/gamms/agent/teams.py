@@ -24,7 +24,7 @@ from gamms.deciding import ContextPart, copy_part, get_phase
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, read_speed
-from gamms.ir.columns import Selection, without
+from gamms.ir.columns import Selection, remove_items
 from gamms.ir.graph import IntArray, as_node_ids
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import LookResults
@@ -81,14 +81,14 @@ class UncreatedMembers:
         """Name -> index of the member."""
         return {name: number for number, name in enumerate(self.names)}
 
-    def attributes(self, name: str) -> dict[str, Any]:
+    def get_attributes(self, name: str) -> dict[str, Any]:
         """Return the attributes of a member without an object."""
         if not self.columns:
             return {}
         number = self.numbers[name]
         return {key: column[number : number + 1].tolist()[0] for key, column in self.columns.items()}
 
-    def copied(self, columns: dict[str, Column] | None = None) -> "UncreatedMembers":
+    def copy_members(self, columns: dict[str, Column] | None = None) -> "UncreatedMembers":
         """Return the members as if no objects had been created; with other attributes, if these are given."""
         given = self.columns if columns is None else columns
         return UncreatedMembers(self.names, self.strategy, {name: column.copy() for name, column in given.items()})
@@ -139,21 +139,21 @@ class AgentsByName(Agents):
         """Return a plain dict of the agents."""
         return dict(self.items())
 
-    def stored_items(self) -> ItemsView[str, Any]:
+    def list_stored_items(self) -> ItemsView[str, Any]:
         """Return (name, agent or the `UncreatedMembers` it belongs to)."""
         return super().items()
 
-    def made(self) -> dict[str, BaseAgent]:
+    def get_created(self) -> dict[str, BaseAgent]:
         """Return name -> agent for agents with an object, in no order."""
-        return {one.name: one for one in self.stored_once() if type(one) is not UncreatedMembers}
+        return {one.name: one for one in self.collect_stored() if type(one) is not UncreatedMembers}
 
-    def stored_once(self) -> set[Any]:
+    def collect_stored(self) -> set[Any]:
         """Return the agents with an object and the `UncreatedMembers` that stand in for others, each once."""
         return set(super().values())
 
-    def stored(self) -> dict[str, Any]:
+    def get_stored(self) -> dict[str, Any]:
         """Return name -> the agent, or the `UncreatedMembers` that it belongs to."""
-        return dict(self.stored_items())
+        return dict(self.list_stored_items())
 
     def _make_member(self, name: str, members: UncreatedMembers) -> BaseAgent:
         agent = self._make(name, members)
@@ -161,7 +161,7 @@ class AgentsByName(Agents):
         return agent
 
     def _make_all(self) -> None:
-        for name, found in self.stored().items():
+        for name, found in self.get_stored().items():
             if type(found) is UncreatedMembers:
                 self._make_member(name, found)
 
@@ -193,7 +193,7 @@ class Team(ContextPart):
         ctx = memo.get(id(self._ctx))
         if ctx is None:
             return self
-        members: UncreatedMembers = memo.get(id(self._members)) or self._members.copied()
+        members: UncreatedMembers = memo.get(id(self._members)) or self._members.copy_members()
         memo[id(self._members)] = members
         for name, agent in self._members.made.items():
             members.made[name] = memo.get(id(agent)) or copy_part(agent, memo)
@@ -247,7 +247,7 @@ class Team(ContextPart):
         if self._rows[0] != (block, block.rows.version):
             gone = [self._members.numbers[name] for name, one in made.items() if one._block is not block]
             deleted = {number: made[self.names[number]] for number in sorted(gone)}
-            rows = Selection(block.rows.of_each(without(self.names, deleted)))
+            rows = Selection(block.rows.find_rows(remove_items(self.names, deleted)))
             self._rows = (block, block.rows.version), (rows, deleted)
         found: tuple[Selection, dict[int, Agent]] = self._rows[1]
         return found
@@ -267,7 +267,7 @@ class Team(ContextPart):
         """The nodes of the members, (agents,) ids; read-only, use `move` to move them."""
         rows, deleted = self._select_members()
         block = self._block_of()
-        nodes: Any = block.ids_of(rows.gather(block.node))
+        nodes: Any = block.get_ids(rows.gather(block.node))
         if deleted:
             nodes = [*nodes]
         for number, agent in deleted.items():
@@ -353,9 +353,9 @@ class Team(ContextPart):
         """Record in the journal the values of members without an object."""
         block = self._block_of()
         if numbers and not block.journal.is_silent:
-            rows = block.rows.of_each([self.names[i] for i in numbers])
+            rows = block.rows.find_rows([self.names[i] for i in numbers])
             values = self._members.columns[column][numbers]
-            block.journal.attributed(rows, column, values if values.dtype.kind in "biuf" else values.tolist())
+            block.journal.record_attribute(rows, column, values if values.dtype.kind in "biuf" else values.tolist())
 
     def _warn_of_misspelt(self, column: str) -> None:
         known = {*_OF_BLOCK, *_OF_MEMBERS, *self._list_attributes()}
@@ -386,12 +386,12 @@ class Team(ContextPart):
         """
         get_phase(self._ctx).refuse(f"draw the random_actions of team {self.name!r}")
         _, first, counts, ids_at = self._get_legal_nodes()
-        purpose = kernels.purpose_key(self._ctx.seed, "random_actions")
+        purpose = kernels.compute_purpose_key(self._ctx.seed, "random_actions")
         if self._keys is None:
-            self._keys = kernels.name_keys(self.names)
+            self._keys = kernels.compute_name_keys(self.names)
         bits = kernels.draw_bits_rows(purpose, self._keys, self._draws)
         self._draws += 1
-        return ids_at(first + kernels.below_many(bits, counts))
+        return ids_at(first + kernels.convert_to_integers(bits, counts))
 
     def _get_legal_nodes(self) -> tuple[IntArray, IntArray, IntArray, Callable[[IntArray], IntArray]]:
         """Return the nodes of the members, and their legal nodes.
@@ -464,9 +464,9 @@ def make_member(ctx: IContext, block: AgentBlock, name: str, members: UncreatedM
     """Return a member of a team as an agent object, which is a view of its row."""
     agent = Agent.__new__(Agent)
     near = agent._begin(ctx, block, ()).neighborhoods
-    for key, value in (("_near", near), ("_row", block.row_of(name)), ("strategy", members.strategy)):
+    for key, value in (("_near", near), ("_row", block.find_row(name)), ("strategy", members.strategy)):
         object.__setattr__(agent, key, value)
-    for key, value in members.attributes(name).items():
+    for key, value in members.get_attributes(name).items():
         agent._put_attribute(key, value)
     members.made[name] = agent
     return agent
@@ -555,7 +555,7 @@ def note_created(block: AgentBlock, names: Sequence[str], given: Iterable[dict[s
     if journal.is_silent:
         return
     for row, (name, keywords) in enumerate(zip(names, given, strict=True), first):
-        journal.entered(row, name)
+        journal.number_agent(row, name)
         journal.note(events.AGENT_CREATE, {"name": name, "kwargs": keywords, "state": {}})
 
 

@@ -31,12 +31,12 @@ from gamms.belief.reach import ReachBounds, ReachByTurns
 from gamms.context import Context
 from gamms.core import belief as core
 from gamms.errors import TooLarge
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.travel import get_mode_graph
 from gamms.ir.graph import FloatArray, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IAgent
 from gamms.typing.game import AerialState, State
-from gamms.visual.appearance import Rgb, table
+from gamms.visual.appearance import Rgb, find_color_table
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import render_values
 from gamms.visual.drawing import get_drawing
@@ -144,7 +144,7 @@ class Belief:
             BadType: the agent flies.
             TooLarge: the game is at a turn beyond 100,000.
         """
-        return set(get_belief_map(self._ctx.graph.columns()).ids_where(self.are_reachable([target], speed)[0]))
+        return set(get_belief_map(self._ctx.graph.columns()).list_ids(self.are_reachable([target], speed)[0]))
 
     def are_reachable(self, targets: Sequence[str], speed: float | None = None) -> BoolArray:
         """Return `reachable` of several targets, a mask (targets, nodes), with nodes as in `ctx.graph.columns()`."""
@@ -172,15 +172,15 @@ class Belief:
         found[[not getattr(agent, "alive", True) for agent in agents]] = False
         return found
 
-    def _map_of(self, mode: str | None) -> BeliefMap:
+    def _get_map(self, mode: str | None) -> BeliefMap:
         """Return the map of the edges that targets of a mode may use."""
-        return get_belief_map(graph_of(self._ctx, mode).columns())
+        return get_belief_map(get_mode_graph(self._ctx, mode).columns())
 
     def _find_reached_nodes(
         self, targets: tuple[str, ...], speeds: list[float], mode: str | None, in_metres: bool
     ) -> FloatArray:
         """Return labels (targets, nodes) of the nodes that targets can have reached; see `ReachBounds`."""
-        ground = self._map_of(mode)
+        ground = self._get_map(mode)
         closed = tuple((turn, arc) for turn, seen in self._turns.items() for arc in seen.closed)
         is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
         # An agent without a speed moves along a whole edge per turn, and is between nodes only within a turn.
@@ -193,7 +193,7 @@ class Belief:
             return reach.observe(labels, turn, seen, targets)
 
         key = ("reach", ground.digest, targets, speeds, in_metres, are_on_edges, is_free, closed)
-        labels = self._apply_turns(key, reach.anywhere(0), reach.advance, look)
+        labels = self._apply_turns(key, reach.make_full_reach(0), reach.advance, look)
         return reach.advance(labels, self.turn + 1, self._time) if self._time else labels
 
     def _find_reached_nodes_with_turns(self, targets: tuple[str, ...], mode: str) -> BoolArray:
@@ -213,7 +213,7 @@ class Belief:
             return reach.observe(states, seen, targets)
 
         key = ("reach with turns", ground.digest, targets, mode)
-        return reach.find_nodes(self._apply_turns(key, reach.anywhere(), move, look))
+        return reach.find_nodes(self._apply_turns(key, reach.make_full_reach(), move, look))
 
     # -- probable positions
     # -----------------------------------------------------------------------------------------
@@ -263,21 +263,21 @@ class Belief:
         """Return the probability of each node (targets, nodes), for targets of equal speed and mode."""
         attribute, obeys_turns = (None, False) if mode is None else split_mode(mode)
         turns = attribute if obeys_turns else None
-        ground = self._map_of(None if obeys_turns else mode)
+        ground = self._get_map(None if obeys_turns else mode)
         chain = get_chain(model, ground, metres, turns)
 
         def move(masses: FloatArray, _: int) -> FloatArray:
-            return chain.predicted(masses, model.steps)
+            return chain.predict(masses, model.steps)
 
         def look(masses: FloatArray, _: int, seen: list[Observation]) -> FloatArray:
-            found: FloatArray = chain.observed(
+            found: FloatArray = chain.apply_evidence(
                 masses[None], *_convert_observations(ground, names, seen, metres or 0.0)
             )[0][0]
             return found
 
         key = ("probable", ground.digest, names, model.name, model.steps, metres, turns)
         start = np.tile(chain.shares / ground.size, (len(names), 1))
-        return chain.of_nodes(self._apply_turns(key, start, move, look))
+        return chain.sum_by_node(self._apply_turns(key, start, move, look))
 
     def _apply_turns(self, key: object, start: StateArray, move: Moving, look: Looking) -> StateArray:
         """Apply turns and observations to a start state, continuing from the last cached turn.
@@ -325,7 +325,7 @@ def _get_mode(agent: IAgent) -> str | None:
 def _convert_observations(
     ground: BeliefMap, targets: Sequence[str], seen: list[Observation], metres: float
 ) -> tuple[core.Evidence, IntArray]:
-    """Return the observations of a turn in the form of `MotionChain.observed`.
+    """Return the observations of a turn in the form of `MotionChain.apply_evidence`.
 
     A look excludes a part of an edge only if it covers both ends, and the edge is straight. `metres` is the distance
     that the targets move per turn: targets seen within the turn had not moved so far at its beginning.
@@ -335,7 +335,7 @@ def _convert_observations(
     ends = np.cumsum([0, *(len(rows) for rows, _ in covered)])
     rows, missed = (np.concatenate(parts) for parts in zip(_NOTHING, *covered, strict=True))
     shown = np.array([name not in look.not_shown for look in looks for name in targets], np.bool_)
-    found = {name: (ground.row(node), one.places.get(name)) for one in seen for name, node in one.found.items()}
+    found = {name: (ground.find_row(node), one.places.get(name)) for one in seen for name, node in one.found.items()}
     places = [_make_found(ground, *found[name], metres) if name in found else _UNSEEN for name in targets]
     nodes, *on_edges = zip(*places, strict=True)
     kinds = [_get_kind(look) for look in looks]
@@ -347,7 +347,7 @@ def _convert_observations(
 
 def _find_missed_nodes(ground: BeliefMap, look: ObservedNodes) -> tuple[IntArray, FloatArray]:
     """Return the rows of the nodes that a look covers, and the probability that it misses an agent there."""
-    rows = np.arange(ground.size) if look.node_ids is None else ground.rows(look.node_ids)
+    rows = np.arange(ground.size) if look.node_ids is None else ground.find_rows(look.node_ids)
     is_there = rows >= 0
     return rows[is_there], (1.0 - np.broadcast_to(look.detection, rows.shape))[is_there]
 
@@ -365,7 +365,7 @@ def _make_found(ground: BeliefMap, row: int, place: ExactPosition | None, metres
     if place is None:
         return row, core.IS_ANYWHERE_ON_NODE, 0.0
     gone = place.time * metres if np.isfinite(metres) else 0.0
-    return row, -1 if place.edge is None else ground.row(place.edge[1]), place.offset_m - gone
+    return row, -1 if place.edge is None else ground.find_row(place.edge[1]), place.offset_m - gone
 
 
 def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: bool = False) -> dict[str, Any]:
@@ -394,7 +394,11 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
     def colors_of(ctx: Context) -> tuple[Rgb, ...]:
         if can_be:
             return (_CAN_BE,)
-        return table("magma") if sum(get_drawing(ctx).theme.background[:3]) < _DARK else table("magma")[::-1]
+        return (
+            find_color_table("magma")
+            if sum(get_drawing(ctx).theme.background[:3]) < _DARK
+            else find_color_table("magma")[::-1]
+        )
 
     def draw(ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG001 - the arguments of every drawer
         chances, most = chances_of(ctx)

@@ -240,7 +240,7 @@ def _parse_entries(turn: int, text: str) -> Mapping[str, str]:
 # -- memories from recordings ---------------------------------------------------------------------------------------
 
 
-def fits_memory(memory: Mapping[Any, Any], nodes: Container[int]) -> Misfit | None:
+def fit_memory(memory: Mapping[Any, Any], nodes: Container[int]) -> Misfit | None:
     """Fit memories whose observations can be read: a shape, see `gamms.plain`."""
     for key, value in memory.items():
         name = key[0] if type(key) is tuple and len(key) == 3 else key
@@ -459,7 +459,7 @@ def _find_respawned_agents(ctx: Context, state: State | AerialState, *, share: b
     found: dict[str, int] = {}
     if ctx.current_game is None:
         return found
-    with get_phase(ctx).suspended(changes_world=False):  # NOTE: saves a copy of all events of the game, 3 us for each
+    with get_phase(ctx).suspend(changes_world=False):  # NOTE: saves a copy of all events of the game, 3 us for each
         events = ctx.game.events
     memory = get_required(state, "memory")
     turn = state["turn"]
@@ -565,7 +565,7 @@ def _list_closed_edges(ctx: Context, memory: Memory) -> list[list[float]] | None
     memory[_MAP] = ground.digest
     if before == ground.digest:
         return []
-    return [list(arc) for arc in sorted(known[before].arcs() - ground.arcs())] if before in known else None
+    return [list(arc) for arc in sorted(known[before].list_arcs() - ground.list_arcs())] if before in known else None
 
 
 def _list_keys(memory: Mapping[Any, Any]) -> list[Key]:

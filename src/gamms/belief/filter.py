@@ -78,7 +78,7 @@ class StateProbabilities:
 
     def predict(self, turns: int = 1) -> None:
         """Advance some turns, in which the targets move by the model."""
-        self._masses = self.chain.predicted(self._masses, as_count(turns, "turns", 0) * self._motion.steps)
+        self._masses = self.chain.predict(self._masses, as_count(turns, "turns", 0) * self._motion.steps)
 
     def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
         """Update with the likelihood of an observation in each state of the chain, (states, targets)."""
@@ -87,12 +87,12 @@ class StateProbabilities:
         totals = np.empty(len(self._masses))
         by_state = np.empty(len(of_states))
         chain = self.chain.core
-        work = self.chain.work_with(by_state)
+        work = self.chain.make_buffers(by_state)
         is_changed = (of_states != 1.0).any(axis=0).tolist()
         for target, before in enumerate(self._masses):
             by_state[:] = of_states[:, target]
             totals[target] = core.weigh(
-                chain, work, is_changed[target], kernels.buffer(before), 0, kernels.buffer(found[target]), 0
+                chain, work, is_changed[target], kernels.as_buffer(before), 0, kernels.as_buffer(found[target]), 0
             )
         self._masses = found
         return totals
@@ -114,7 +114,7 @@ class StateProbabilities:
         games, targets = found.shape
         evidence = convert_evidence(looks, seen, shown, found)
         masses = self._masses.reshape(games, targets, len(self.chain.rows))
-        weighed, totals = self.chain.observed(masses, evidence, np.arange(games + 1))
+        weighed, totals = self.chain.apply_evidence(masses, evidence, np.arange(games + 1))
         self._masses = weighed.reshape(self._masses.shape)
         return totals
 
@@ -167,7 +167,7 @@ class Filter(StateProbabilities):
             UnknownName (KeyError): a node or target does not exist.
             BadType, BadValue: a probability is invalid.
         """
-        seen = self._ground.known_rows(np.array(as_node_ids(seen_nodes, "seen_nodes"), np.int64))
+        seen = self._ground.find_known_rows(np.array(as_node_ids(seen_nodes, "seen_nodes"), np.int64))
         given: object = detection_probability
         if isinstance(given, Iterable) and not isinstance(given, np.ndarray):
             given = [*given]
@@ -177,7 +177,7 @@ class Filter(StateProbabilities):
         for name in (*places, *sorted(left_out)):
             as_known(name, "target", self.targets)
         rows = dict(
-            zip(places, self._ground.known_rows(np.array(as_ids(places.values(), "found"), np.int64)), strict=True)
+            zip(places, self._ground.find_known_rows(np.array(as_ids(places.values(), "found"), np.int64)), strict=True)
         )
         places_of = np.array([[rows.get(name, core.IS_UNSEEN) for name in self.targets]], np.int64)
         are_shown = np.array([[name not in left_out for name in self.targets]], np.bool_)
@@ -207,7 +207,7 @@ class Filter(StateProbabilities):
 
     def probabilities(self) -> FloatArray:
         """Return the probability of each node, (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
-        return self.chain.of_nodes(self._masses)
+        return self.chain.sum_by_node(self._masses)
 
     def probability(self, target: str) -> dict[int, float]:
         """Return node -> probability that a target is there, without impossible nodes.
@@ -288,7 +288,7 @@ class GamesFilter(StateProbabilities):
 
     def probabilities(self) -> FloatArray:
         """Return the probability of each node, (games, targets, nodes), with the nodes as in the columns."""
-        return self.chain.of_nodes(self._masses).reshape(*self._shape, self._ground.size)
+        return self.chain.sum_by_node(self._masses).reshape(*self._shape, self._ground.size)
 
 
 def _as_weights(given: object, name: str, shape: tuple[int, ...]) -> FloatArray:
@@ -301,4 +301,4 @@ def _as_weights(given: object, name: str, shape: tuple[int, ...]) -> FloatArray:
 def list_by_node(ground: BeliefMap, probabilities: FloatArray) -> dict[int, float]:
     """Return node -> probability, without probabilities of 0."""
     rows = np.flatnonzero(probabilities)
-    return dict(zip(ground.ids_where(rows), probabilities[rows].tolist(), strict=True))
+    return dict(zip(ground.list_ids(rows), probabilities[rows].tolist(), strict=True))

@@ -39,11 +39,11 @@ class BeliefMap:
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
 
-    def rows(self, node_ids: IntArray) -> IntArray:
+    def find_rows(self, node_ids: IntArray) -> IntArray:
         """Return the rows of some nodes (nodes,); -1 for unknown nodes."""
-        return kernels.rows_of(self.columns.node_ids, node_ids, self.columns.node_order)
+        return kernels.find_rows(self.columns.node_ids, node_ids, self.columns.node_order)
 
-    def row(self, node_id: int) -> int:
+    def find_row(self, node_id: int) -> int:
         """Return the row of a node; -1 if it is unknown."""
         return self._row_of.get(node_id, -1)
 
@@ -52,25 +52,25 @@ class BeliefMap:
         """Node id -> its row."""
         return dict(zip(self.columns.node_ids.tolist(), range(self.size), strict=True))
 
-    def known_rows(self, node_ids: IntArray) -> IntArray:
+    def find_known_rows(self, node_ids: IntArray) -> IntArray:
         """Return the rows of some nodes (nodes,).
 
         Raises:
             UnknownName (KeyError): a node is not on the map.
         """
-        rows = self.rows(node_ids)
+        rows = self.find_rows(node_ids)
         if (rows < 0).any():
             raise UnknownName("node", int(node_ids[np.argmax(rows < 0)]), self.columns.node_ids.tolist())
         return rows
 
-    def arcs(self) -> set[Arc]:
+    def list_arcs(self) -> set[Arc]:
         """Return all edges by the ids of their ends and their lengths."""
         ids = self.columns.node_ids
         columns = self.columns
         ends = ids[columns.sources].tolist(), ids[columns.targets].tolist()
         return set(zip(*ends, columns.lengths.tolist(), strict=True))
 
-    def ids_where(self, chosen: "IntArray | FloatArray") -> list[int]:
+    def list_ids(self, chosen: "IntArray | FloatArray") -> list[int]:
         """Return the ids of the rows in a mask."""
         found: list[int] = self.columns.node_ids[chosen].tolist()
         return found

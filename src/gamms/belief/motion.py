@@ -65,33 +65,35 @@ class MotionChain:
         self.ends[between] = ground.columns.targets[self.edges[between]]
         bent = np.fromiter(ground.columns.polylines, np.int64, len(ground.columns.polylines))
         self.ways = core.IncomingArcs(
-            *map(kernels.buffer, kernels.ways_to(found.sources, found.targets, found.chances, states))
+            *map(kernels.as_buffer, kernels.group_by_target(found.sources, found.targets, found.chances, states))
         )
         first_on, states_on = kernels.group_rows(self.rows, ground.size)
         self.core = core.MarkovChain(
-            kernels.buffer(self.shares),
-            kernels.buffer(first_on.astype(np.int32)),
-            kernels.buffer(states_on.astype(np.int32)),
-            kernels.buffer(self.ends),
-            kernels.buffer(np.isin(self.edges, bent).view(np.uint8)),
-            kernels.buffer(offsets_m),
+            kernels.as_buffer(self.shares),
+            kernels.as_buffer(first_on.astype(np.int32)),
+            kernels.as_buffer(states_on.astype(np.int32)),
+            kernels.as_buffer(self.ends),
+            kernels.as_buffer(np.isin(self.edges, bent).view(np.uint8)),
+            kernels.as_buffer(offsets_m),
         )
         self._nodes = ground.size
 
-    def work_with(self, likelihoods: FloatArray) -> core.ChainBuffers:
+    def make_buffers(self, likelihoods: FloatArray) -> core.ChainBuffers:
         """Return working memory for the core around an array of likelihoods (states,)."""
         sums = np.empty(len(self.rows))
         missed = np.ones(self._nodes)
-        return core.ChainBuffers(*map(kernels.buffer, (likelihoods, sums, missed)))
+        return core.ChainBuffers(*map(kernels.as_buffer, (likelihoods, sums, missed)))
 
-    def predicted(self, masses: FloatArray, steps: int) -> FloatArray:
+    def predict(self, masses: FloatArray, steps: int) -> FloatArray:
         """Return probabilities (targets, states) after some steps."""
         found = np.empty_like(masses)
-        sums = kernels.buffer(np.empty(len(self.rows)))
-        core.predict(self.ways, sums, kernels.buffer(masses), 0, kernels.buffer(found), 0, len(masses), steps)
+        sums = kernels.as_buffer(np.empty(len(self.rows)))
+        core.predict(self.ways, sums, kernels.as_buffer(masses), 0, kernels.as_buffer(found), 0, len(masses), steps)
         return found
 
-    def observed(self, masses: FloatArray, evidence: core.Evidence, looks: IntArray) -> tuple[FloatArray, FloatArray]:
+    def apply_evidence(
+        self, masses: FloatArray, evidence: core.Evidence, looks: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the probabilities after observations in some games, and the probability of the observations.
 
         Args:
@@ -105,22 +107,24 @@ class MotionChain:
         games, targets, states = masses.shape
         found = np.empty_like(masses)
         totals = np.empty((games, targets))
-        work = self.work_with(np.empty(states))
-        values = kernels.buffer(masses)
-        out = kernels.buffer(found)
+        work = self.make_buffers(np.empty(states))
+        values = kernels.as_buffer(masses)
+        out = kernels.as_buffer(found)
         bounds = looks.tolist()
         for game in range(games):
             at = game * targets * states
             begin = bounds[game]
             end = bounds[game + 1]
-            core.observe(self.core, evidence, work, values, at, out, at, begin, end, game, kernels.buffer(totals[game]))
+            core.observe(
+                self.core, evidence, work, values, at, out, at, begin, end, game, kernels.as_buffer(totals[game])
+            )
         return found, totals
 
-    def of_nodes(self, masses: FloatArray) -> FloatArray:
+    def sum_by_node(self, masses: FloatArray) -> FloatArray:
         """Convert probabilities of states (targets, states) to probabilities of nodes (targets, nodes)."""
         found = np.zeros((len(masses), self._nodes))
-        values = kernels.buffer(masses)
-        out = kernels.buffer(found)
+        values = kernels.as_buffer(masses)
+        out = kernels.as_buffer(found)
         for target in range(len(masses)):
             core.add_to_nodes(self.core, values, target * len(self.rows), out, target * self._nodes)
         return found
@@ -151,14 +155,14 @@ def convert_evidence(
     along = np.full(len(looks) - 1, core.LOOKS_AT_NODES, np.uint8) if kinds is None else np.array(kinds, np.uint8)
     return core.Evidence(
         found.shape[-1],
-        kernels.buffer(looks),
-        kernels.buffer(rows),
-        kernels.buffer(missed),
-        kernels.buffer(along),
-        kernels.buffer(shown.view(np.uint8)),
-        kernels.buffer(found),
-        kernels.buffer(np.asarray(ends, np.int64)),
-        kernels.buffer(np.asarray(offsets_m, np.float64)),
+        kernels.as_buffer(looks),
+        kernels.as_buffer(rows),
+        kernels.as_buffer(missed),
+        kernels.as_buffer(along),
+        kernels.as_buffer(shown.view(np.uint8)),
+        kernels.as_buffer(found),
+        kernels.as_buffer(np.asarray(ends, np.int64)),
+        kernels.as_buffer(np.asarray(offsets_m, np.float64)),
     )
 
 
@@ -228,7 +232,7 @@ def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1,
 
 
 def _join_paths(goals: Sequence[int], shares: list[float], wander: float, moves: MoveMap) -> Transitions:
-    rows = moves.ground.known_rows(np.array(goals, np.int64)).tolist()
+    rows = moves.ground.find_known_rows(np.array(goals, np.int64)).tolist()
     return _join_chains([_make_path_chain(moves, row, wander) for row in rows], shares)
 
 

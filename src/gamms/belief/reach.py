@@ -61,27 +61,27 @@ class ReachBounds:
         self._speeds = speeds
         self._are_on_edges = are_on_edges
 
-    def anywhere(self, turn: int) -> FloatArray:
+    def make_full_reach(self, turn: int) -> FloatArray:
         """Return labels of targets that can be on any node."""
         return np.tile(self._list_open_edges(turn).most_covered, (len(self._speeds), 1))
 
     def advance(self, labels: FloatArray, turn: int, share: float = 1.0) -> FloatArray:
         """Return the labels after the moves of a turn, or after a share of these moves."""
         if self._is_free:
-            return self.anywhere(turn)
+            return self.make_full_reach(turn)
         edges = self._list_open_edges(turn)
         parts = np.where(np.isfinite(self._speeds), share, 1.0) if self._in_metres else 1.0
         left = labels + (np.minimum(self._speeds, edges.enough) * parts)[:, None]
-        values = kernels.buffer(left)
+        values = kernels.as_buffer(left)
         for target in range(len(left)):
             core.spread(edges.ways, values, target * left.shape[1])
         return np.minimum(left, edges.most_covered)
 
     def observe(self, labels: FloatArray, turn: int, seen: list[Observation], targets: tuple[str, ...]) -> FloatArray:
         """Return the labels after the observations of a turn."""
-        anywhere = self.anywhere(turn)
+        anywhere = self.make_full_reach(turn)
         labels = anywhere.copy() if any(one.closed is None for one in seen) else labels.copy()
-        found = {name: self._ground.row(node) for one in seen for name, node in one.found.items()}
+        found = {name: self._ground.find_row(node) for one in seen for name, node in one.found.items()}
         places = {name: one.places.get(name) for one in seen for name in one.found}
         is_clear = np.zeros(labels.shape, bool)
         for look in (look for one in seen for look in one.looks if not self._are_on_edges):
@@ -115,7 +115,7 @@ class ReachBounds:
 @lru_cache(maxsize=8)
 def _make_open_edges(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _OpenEdges:
     columns = ground.columns
-    ends = ground.rows(np.array([arc[:2] for arc in more], np.int64).reshape(-1)).reshape(-1, 2)
+    ends = ground.find_rows(np.array([arc[:2] for arc in more], np.int64).reshape(-1)).reshape(-1, 2)
     is_there = (ends >= 0).all(axis=1)
     lengths = np.array([arc[2] for arc in more])[is_there]
     sources = np.concatenate((columns.sources, ends[is_there, 0]))
@@ -124,7 +124,7 @@ def _make_open_edges(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) 
     most = np.full(ground.size, _LITTLE if in_metres else 1.0)
     if in_metres:
         np.maximum.at(most, sources, costs)
-    ways = core.IncomingArcs(*kernels.ways_to(sources, targets, costs, ground.size))
+    ways = core.IncomingArcs(*kernels.group_by_target(sources, targets, costs, ground.size))
     return _OpenEdges(ways, most, 1.0 + float(costs.sum()))
 
 
@@ -148,7 +148,7 @@ class ReachByTurns:
         self._first = moves.begin_on(0)  # the states from this one on are those of traffic that begins on its node
         self._starts, self._ends = moves.arcs
 
-    def anywhere(self) -> BoolArray:
+    def make_full_reach(self) -> BoolArray:
         """Return the states of targets that can be on any node."""
         found = np.zeros((self._number, len(self._node_of)), np.bool_)
         found[:, self._first :] = True
@@ -163,8 +163,8 @@ class ReachByTurns:
 
     def observe(self, states: BoolArray, seen: list[Observation], targets: tuple[str, ...]) -> BoolArray:
         """Return the states after the observations of a turn."""
-        states = self.anywhere() if any(one.closed is None for one in seen) else states.copy()
-        found = {name: self._ground.row(node) for one in seen for name, node in one.found.items()}
+        states = self.make_full_reach() if any(one.closed is None for one in seen) else states.copy()
+        found = {name: self._ground.find_row(node) for one in seen for name, node in one.found.items()}
         for line, name in enumerate(targets):
             row = found.get(name)
             is_clear = np.zeros(self._ground.size, np.bool_)
@@ -190,5 +190,5 @@ def _find_certain_rows(ground: BeliefMap, look: ObservedNodes) -> IntArray:
     """Return the rows of the nodes on which a target would have been seen for certain."""
     if look.node_ids is None:
         return np.arange(ground.size if look.detection == 1.0 else 0)
-    rows = ground.rows(look.node_ids[np.broadcast_to(look.detection, look.node_ids.shape) == 1.0])
+    rows = ground.find_rows(look.node_ids[np.broadcast_to(look.detection, look.node_ids.shape) == 1.0])
     return rows[rows >= 0]

@@ -220,7 +220,7 @@ class Drive:
             slack = self._checks.within_m
             low = self._on.along - slack
             high = self._on.along + slack + self._checks.max_speed * (place.at - before.at)
-        self._on = route.place(place.xy, low, high)
+        self._on = route.find_nearest(place.xy, low, high)
 
     def note(self, ctx: Context, waited_s: float) -> None:
         """Write the robot's position and status to `ctx.game.data`, for rules, pictures and recordings."""
@@ -232,7 +232,7 @@ class Drive:
         noted: dict[str, Any] = {"status": self._describe_status(now), "waited_s": round(waited_s, _DECIMALS)}
         if place is not None:
             noted |= {"x": round(place.xy[0], _DECIMALS), "y": round(place.xy[1], _DECIMALS)}
-            noted["age_s"] = round(tracker.age(now), _DECIMALS)
+            noted["age_s"] = round(tracker.compute_age(now), _DECIMALS)
             noted |= {} if place.heading is None else {"heading": round(place.heading, _DECIMALS)}
             on = self._find_matched_xy()
             near = ctx.graph.routes.nearest_edge(*on, self._checks.within_m)
@@ -247,7 +247,7 @@ class Drive:
         on = self._on
         passed = None
         if route is not None and on is not None and on.off <= self._checks.within_m:
-            passed = route.passed(on.along + self._arrive_m)
+            passed = route.find_last_node(on.along + self._arrive_m)
         status = self._describe_status(self.feed.clock.now())
         here = ctx.agent.get_agent(self.agent).current_node_id
         ctx.game.refuse(self.agent, f"its robot has not arrived after {waited_s:g} s ({status})")
@@ -270,7 +270,7 @@ class Drive:
         return on.off <= bound and on.along >= route.length - self._arrive_m
 
     def _is_stale(self, now: float) -> bool:
-        return self._tracker is None or self._tracker.age(now) > self._checks.max_age_s
+        return self._tracker is None or self._tracker.compute_age(now) > self._checks.max_age_s
 
     def _describe_status(self, now: float) -> str:
         if self._tracker is None or self._tracker.last is None:
@@ -283,13 +283,13 @@ class Drive:
         """Return the robot's matched position on its route, or its measured position if that is far from the route."""
         place = self._tracker.last if self._tracker is not None else None
         if self._route is not None and self._on is not None and self._on.off <= self._checks.within_m:
-            return self._route.at(self._on.along)
+            return self._route.find_point(self._on.along)
         return (0.0, 0.0) if place is None else place.xy
 
     def _find_route_from_robot(self, ctx: Context, planned: RoadRoute) -> RoadRoute:
         """Return the planned route; or, if the robot is far from it, a route to the same end from the robot's edge."""
         place = None if self._tracker is None else self._tracker.last
-        if place is None or planned.place(place.xy).off <= self._checks.within_m:
+        if place is None or planned.find_nearest(place.xy).off <= self._checks.within_m:
             return planned
         near = ctx.graph.routes.nearest_edge(*place.xy, self._checks.within_m)
         if near is None:
@@ -311,7 +311,7 @@ class Drive:
         if self._send is None or self._route is None:
             return
         along = self._on.along if self._on is not None and self._on.off <= self._checks.within_m else 0.0
-        points = self._route.rest(along)[:_MOST_POINTS]
+        points = self._route.get_rest(along)[:_MOST_POINTS]
         message: Message = {"gamms": 1, "type": "waypoints", "agent": self.agent, "turn": ctx.game.turn}
         message["way"] = self._way
         message["points"] = points.round(_DECIMALS).tolist()
@@ -327,7 +327,7 @@ class Drive:
             return
         visual = ctx.visual
         color = visual.drawing.group_colors().get(str(ctx.agent.get_agent(self.agent).team), (90, 90, 90))
-        rest = self._route.rest(self._on.along) if self._route is not None and self._on is not None else ()
+        rest = self._route.get_rest(self._on.along) if self._route is not None and self._on is not None else ()
         if len(rest) > 1:
             visual.render_linestring([(x, y) for x, y in rest], color, _WAY_PX)
         visual.render_linestring([visual.drawing.position_of(self.agent), place.xy], color, _LINE_PX)

@@ -26,7 +26,7 @@ from gamms.bridge.feeds import Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, encode_line, parse
 from gamms.clocks import Clock, as_clock
 from gamms.errors import BadType, BadValue, MissingFile, NetworkError
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.readonly import NotPickled
 from gamms.text import shown
 from gamms.workers import die_with_parent
@@ -338,7 +338,7 @@ class WebSocketServer(Link):
         self, port: int = 0, host: str = "127.0.0.1", *, origins: Sequence[str] = (), clock: Clock | None = None
     ) -> None:
         super().__init__(clock)
-        with needing("A WebSocket server", "web"):
+        with require_extra("A WebSocket server", "web"):
             import websockets  # noqa: F401 - it is imported where it is used
         self._listen = as_address((host, port), "(host, port)", 0)
         self._origins: list[Any] = [None, *(as_name(one, "an origin") for one in as_items(origins, "origins", "texts"))]

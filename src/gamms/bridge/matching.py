@@ -101,7 +101,7 @@ class SenderClock:
         self._least_at = 0.0
         self._last_measured = -inf
 
-    def measured_at(self, t: float, at: float) -> float:
+    def convert_time(self, t: float, at: float) -> float:
         """Return the time of a measurement by our clock.
 
         Args:
@@ -194,7 +194,7 @@ class PositionTracker:
         for one in received:
             self.counts[self._judge(one)] += 1
 
-    def age(self, now: float) -> float:
+    def compute_age(self, now: float) -> float:
         """Return the age of the last position in seconds; infinity if there is no position."""
         return inf if self.last is None else max(0.0, now - self.last.at)
 
@@ -236,7 +236,7 @@ class PositionTracker:
                 return None
             self._clock = SenderClock(self._checks)  # the sender's clock has restarted
         self._newest = received
-        return self._clock.measured_at(fix.t, at)
+        return self._clock.convert_time(fix.t, at)
 
     def _can_follow(self, before: MeasuredPosition, after: MeasuredPosition) -> bool:
         reach = self._checks.max_speed * max(0.0, after.at - before.at) + self._checks.within_m
@@ -269,7 +269,7 @@ class RoadRoute:
         self._begins = np.concatenate([[0.0], np.cumsum(self._lengths)])
         self.length = float(self._begins[-1])
 
-    def place(self, xy: XY, low: float = 0.0, high: float = inf) -> RoutePoint:
+    def find_nearest(self, xy: XY, low: float = 0.0, high: float = inf) -> RoutePoint:
         """Return the point nearest to `xy` between the distances `low` and `high` from the start."""
         if not len(self._lengths):
             return RoutePoint(0.0, hypot(xy[0] - self.points[0, 0], xy[1] - self.points[0, 1]))
@@ -286,17 +286,17 @@ class RoadRoute:
         best = int(off.argmin())
         return RoutePoint(float(begins[best] + ahead[best]), float(off[best]))
 
-    def at(self, along: float) -> XY:
+    def find_point(self, along: float) -> XY:
         """Return the point at a distance from the start."""
         x, y = (float(np.interp(along, self._begins, self.points[:, axis])) for axis in (0, 1))
         return x, y
 
-    def rest(self, along: float) -> FloatArray:
+    def get_rest(self, along: float) -> FloatArray:
         """Return the rest of the line from a distance on (points, 2)."""
         later = self.points[self._begins > along + 1e-6]
-        return np.concatenate([[self.at(along)], later])
+        return np.concatenate([[self.find_point(along)], later])
 
-    def passed(self, along: float) -> int:
+    def find_last_node(self, along: float) -> int:
         """Return the id of the last node up to a distance from the start; the first node if there is none."""
         return [self.nodes[0], *(node for node, at in zip(self.nodes, self._node_at, strict=True) if at <= along)][-1]
 
@@ -322,7 +322,7 @@ def find_route(graph: IGraph, columns: GraphColumns, move: Move) -> RoadRoute:
 def find_route_along(columns: GraphColumns, path: Iterable[int]) -> RoadRoute:
     """Return the route along a path of adjacent nodes, by the shortest of parallel edges."""
     nodes = list(path)
-    rows = kernels.rows_of(columns.node_ids, np.array(nodes, np.int64), columns.node_order).tolist()
+    rows = kernels.find_rows(columns.node_ids, np.array(nodes, np.int64), columns.node_order).tolist()
     if len(rows) == 1:
         return RoadRoute(columns.xy[rows], nodes, [0.0])
     lines: list[FloatArray] = []

@@ -14,7 +14,7 @@ from gamms.bridge.feeds import Feed, Message
 from gamms.bridge.lines import Fix
 from gamms.clocks import Clock
 from gamms.errors import BadValue, NetworkError, nearest
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.readonly import NotPickled
 from gamms.text import reason, shown
 
@@ -237,7 +237,7 @@ def rosbridge(
     if not where.startswith(("ws://", "wss://")):
         raise BadValue(f"The URL of a rosbridge server begins with ws:// or wss://, unlike {shown(url)}.")
     at = as_numbers(origin, "origin", "(x, y)")
-    with needing("A connection to rosbridge", "ros"):
+    with require_extra("A connection to rosbridge", "ros"):
         import roslibpy
     logging.getLogger("roslibpy").addFilter(_once)
 

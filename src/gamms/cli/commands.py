@@ -17,7 +17,16 @@ import gamms
 from gamms.cli import experiments, play, recordings
 from gamms.cli.gallery import gallery
 from gamms.cli.new import new
-from gamms.cli.output import INTERRUPTED, console, echo, explain_error, guarded, make_rich_table, warn, write_page
+from gamms.cli.output import (
+    INTERRUPTED,
+    echo,
+    explain_error,
+    guard_command,
+    make_console,
+    make_rich_table,
+    warn,
+    write_page,
+)
 from gamms.cli.studies import study
 from gamms.errors import BadValue, nearest
 from gamms.folders import write_whole
@@ -186,7 +195,7 @@ def report(
     if as_json:
         echo(json.dumps(found.to_dict(), indent=2))
     else:
-        console().print(make_rich_table(("fidelity", ""), found.rows(), right=False))
+        make_console().print(make_rich_table(("fidelity", ""), found.rows(), right=False))
     if not found.is_faithful:
         raise typer.Exit(1)
 
@@ -335,7 +344,7 @@ def _group(
         context_settings={"max_content_width": 100},
     )
     for command, usage in commands.items():
-        group.command(cls=_Command, epilog=_format_examples(usage))(guarded(command))
+        group.command(cls=_Command, epilog=_format_examples(usage))(guard_command(command))
     return group
 
 

@@ -269,9 +269,9 @@ def suite(
 
 def _find_strategy(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
     """Return the reference by which a scenario names a strategy, and the place of its code."""
-    from gamms.scenario.code import chosen
+    from gamms.scenario.code import find_function
 
-    found, folder = chosen(strategy, "STRATEGY")
+    found, folder = find_function(strategy, "STRATEGY")
     package = [] if found.file is not None or found.module.startswith("gamms.") else [found.module.partition(".")[0]]
     reference = f"{found.module}:{found.function}" if found.function else found.module
     return reference, {"folder": folder, "allow": [*allow, *package]}
@@ -306,10 +306,10 @@ def tournament(
     from gamms.scenario import documents
     from gamms.workers import count_cores
 
-    with documents.named(file):
+    with documents.name_errors(file):
         values: Any = check_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)
         given = values.pop("seeds")
-        with documents.at("seeds"):
+        with documents.locate_errors("seeds"):
             seeds = range(given) if isinstance(given, int) else parse_seeds(given)
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))

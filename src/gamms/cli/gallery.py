@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from gamms.cli.output import console, echo, make_rich_table, recorded
+from gamms.cli.output import echo, make_console, make_rich_table, record_game
 from gamms.errors import MissingExtra
 from gamms.folders import make_folder, remove_link, write_whole
 
@@ -109,7 +109,7 @@ def list_statistics() -> dict[str, GalleryStatistics]:
     return {name: GalleryStatistics(**({"scores": {}} | found)) for name, found in results.items()}
 
 
-def about(game: "Scenario") -> list[str]:
+def describe_game(game: "Scenario") -> list[str]:
     """Return the paragraphs at the head of a scenario file: the modeled problem, and good strategies."""
     lines = [] if game.file is None else game.file.read_text(encoding="utf-8").splitlines()
     head = next(i for i, line in enumerate([*lines, ""]) if not line.startswith("#"))
@@ -121,7 +121,7 @@ def _print_list() -> None:
     from gamms import scenario
 
     rows = [(name, scenario.from_gallery(name).spec.description or "") for name in scenario.gallery()]
-    console().print(make_rich_table(("game", ""), rows, right=False))
+    make_console().print(make_rich_table(("game", ""), rows, right=False))
     first = next(name for name, _ in rows if name == "patrol")
     echo(
         f"\nPlay one:      gamms gallery {first}\nChange one:    gamms new mine --from {first}\n"
@@ -146,7 +146,7 @@ def _record_game(game: "Scenario", seed: int | None, folder: Path, html: Path, *
     """Play a game, save its result and recording in a folder, and write the page that replays it."""
     from gamms import recorder
 
-    with game.build(seed) as ctx, recorded(ctx, folder, is_kept=is_kept) as recording:
+    with game.build(seed) as ctx, record_game(ctx, folder, is_kept=is_kept) as recording:
         result = ctx.game.run(progress=True)
     result.save(remove_link(folder / "result.json"))
     with recorder.open(recording) as whole:
@@ -194,7 +194,7 @@ def _make_card(name: str, game: "Scenario", seed: int | None, folder: Path, wins
         "ending": f"Here: {result.headline()}.",
         "wins": wins and f"By the baselines: {wins}.",
     }
-    paragraphs = "".join(f"<p>{escape(part)}</p>" for part in about(game))
+    paragraphs = "".join(f"<p>{escape(part)}</p>" for part in describe_game(game))
     return _CARD.format(**{key: escape(str(text)) for key, text in texts.items()}, about=paragraphs)
 
 

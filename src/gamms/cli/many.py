@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from gamms.cli.output import console, echo, explain_error, join_names, make_rich_table
+from gamms.cli.output import echo, explain_error, join_names, make_console, make_rich_table
 from gamms.errors import BadValue, nearest
 from gamms.folders import make_folder, open_whole_file, remove_link, write_csv
 from gamms.limits import allowing, max_memory
-from gamms.progress import progress
+from gamms.progress import show_progress
 from gamms.text import describe_empty_range, make_printable_line, shown
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _write_rows(played: list[dict[str, Any]], teams: list[str], out: Path) -> No
         write_csv(whole, played[0], (row.values() for row in played))
     header = ("seed", "turns", "winner", *teams, "reason")
     rows = [_format_cells(row, teams) for row in played]
-    console().print(make_rich_table(tuple(map(make_printable_line, header)), rows))
+    make_console().print(make_rich_table(tuple(map(make_printable_line, header)), rows))
     echo(f"\n{_summarize(played, teams)}")
     echo(f"\nWrote {join_names([out / 'results.csv', out / 'result_<seed>.json'])}.")
 
@@ -120,7 +120,7 @@ def _play_seeds(
     size = max(1, min(_MOST_IN_A_BATCH, len(seeds) // (4 * jobs)))
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
     batch = partial(_play_batch, game, strategies, max_memory())
-    with progress() as show:
+    with show_progress() as show:
         done = 0
         pool = None if jobs == 1 else WorkerPool(jobs)  # its games end with it, also after Ctrl-C
         try:

@@ -42,7 +42,7 @@ _FILMS: dict[str, dict[str, Any]] = {  # the first supported one is written; und
 }
 
 
-def guarded(command: Callable[..., None]) -> Callable[..., None]:
+def guard_command(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options `--max-memory` and `--traceback` to a command, and print errors as sentences."""
 
     @wraps(command)
@@ -156,7 +156,7 @@ class _Console(Console):
         super().print(*(make_printable(one) if isinstance(one, str) else one for one in objects), **options)
 
 
-def console() -> Console:
+def make_console() -> Console:
     """Return a console for styled texts and tables."""
     return _Console(highlight=False, soft_wrap=True)
 
@@ -187,7 +187,7 @@ def write_page(file: Path, page: bytes) -> None:
 
 
 @contextmanager
-def recorded(ctx: "Context", folder: Path, *, sensed: bool | None = None, is_kept: bool = True) -> Iterator[Path]:
+def record_game(ctx: "Context", folder: Path, *, sensed: bool | None = None, is_kept: bool = True) -> Iterator[Path]:
     """Record a game into a folder, with sensor data unless these are left out; replace an earlier recording there.
 
     After Ctrl-C, a line says up to which turn it goes, unless the folder is removed then (not `is_kept`).
@@ -219,7 +219,7 @@ def _report_kept_turns(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def filmed(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> Iterator[Path | None]:
+def film_game(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> Iterator[Path | None]:
     """Film a game into a folder; yield the file, or None if the libraries for films are missing."""
     for name, options in _FILMS.items():
         try:

@@ -10,14 +10,14 @@ import typer
 from gamms.cli import many
 from gamms.cli.output import (
     RECORDING,
-    console,
     describe_missing,
     echo,
     explain_error,
-    filmed,
+    film_game,
     join_names,
+    make_console,
     make_rich_table,
-    recorded,
+    record_game,
     save_pictures,
     warn,
 )
@@ -79,8 +79,8 @@ def demo(
     with game.build(seed) as ctx:
         check_ways(ctx)
         with ExitStack() as making:
-            recording = making.enter_context(recorded(ctx, out))
-            film_file = making.enter_context(filmed(ctx, out, **page) if film else nullcontext())
+            recording = making.enter_context(record_game(ctx, out))
+            film_file = making.enter_context(film_game(ctx, out, **page) if film else nullcontext())
             played = ctx.game.run(progress=True)
         played.save(remove_link(out / "result.json"))
         with recorder.open(recording) as whole:
@@ -222,7 +222,7 @@ def _play_one(
             making.enter_context(make_folder(out))  # the film may be there
             if film is not None:  # if refused, then before an earlier recording is replaced
                 making.enter_context(ctx.visual.film(film, title=name))
-            recording = making.enter_context(recorded(ctx, out, sensed=None if sensed else False))
+            recording = making.enter_context(record_game(ctx, out, sensed=None if sensed else False))
             result = ctx.game.run(progress=True)
         result.save(remove_link(out / "result.json"))
         _draw_scenery(game, ctx)
@@ -278,28 +278,28 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
 
 def _parse_changes(texts: list[str]) -> dict[str, Any]:
     """Parse `--set`: dotted path -> value."""
-    from gamms.scenario.documents import from_yaml, named
+    from gamms.scenario.documents import name_errors, parse_yaml
 
     changes = {}
     for text in texts:
         path, sign, value = text.partition("=")
         if not sign or not path:
             raise typer.BadParameter(f"{text!r}: give a path and a value, teams.red.count=8.", param_hint="--set")
-        with named(f"--set {path}"):
-            changes[path] = from_yaml(value)
+        with name_errors(f"--set {path}"):
+            changes[path] = parse_yaml(value)
     return changes
 
 
 def _find_strategies(texts: list[str]) -> many.Strategies:
     """Find the code of `--strategy`: team or agent -> (reference, folder to import it from)."""
-    from gamms.scenario.code import chosen
+    from gamms.scenario.code import find_function
 
     found = {}
     for text in texts:
         team, sign, reference = text.partition("=")
         if not sign or not team:
             raise typer.BadParameter(f"{text!r}: give red=mine.py:strategy.", param_hint="--strategy")
-        found[team] = chosen(reference, f"--strategy {team}")
+        found[team] = find_function(reference, f"--strategy {team}")
     return found
 
 
@@ -337,7 +337,7 @@ def _print_demo(ctx: "Context", played: "Result", sides: "tuple[Team, Team]", ma
     """Print the outcome of the demo."""
     from gamms import demo
 
-    out = console()
+    out = make_console()
     first, second = sides
     graph = ctx.graph.columns()
     streets = float(graph.lengths.sum()) / 2000.0

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.markup import escape
 
-from gamms.cli.output import console, echo, join_names, make_rich_table, write_page
+from gamms.cli.output import echo, join_names, make_console, make_rich_table, write_page
 from gamms.errors import BadValue
-from gamms.progress import progress
+from gamms.progress import show_progress
 from gamms.text import as_text, make_printable_line, shown
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Prin
         return
     rows = [(key, _format_value(value)) for key, value in found.items() if key != "events"]
     rows += [(f"event {kind}", f"{count:,}") for kind, count in found["events"].items()]
-    console().print(
+    make_console().print(
         make_rich_table(("recording", ""), [(escape(key), escape(text)) for key, text in rows], right=False)
     )
 
@@ -219,7 +219,7 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
         playback = getattr(ctx.visual, "playback", None)  # a person may have shown any turn with it
         if ctx.is_terminated():
             overlay: Any = getattr(ctx.visual, "overlay", None)
-            console().print(f"[bold]{escape(file.name)}[/]: closed at turn {overlay.turns}")
+            make_console().print(f"[bold]{escape(file.name)}[/]: closed at turn {overlay.turns}")
             return
         _print_agents(ctx, file, start + len(turns) if playback is None else playback.turn)
         if window:
@@ -281,7 +281,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
 ) -> None:
     """Make a film, a picture or a page for browsers of a recording."""
     first, last = _parse_turns(turns)
-    with progress() as show:
+    with show_progress() as show:
         from gamms import rendering
 
         options = rendering.RenderOptions(
@@ -346,13 +346,13 @@ def _describe_version_3(file: Path) -> dict[str, Any]:
             "seed": recording.seed,
             "turns": recording.turns,
             "agents": len(names),
-            **_map_of(recording),
+            **_describe_map(recording),
             "moves": recording.count_moves(),
             "events": {**recording.counts(), **_count_game_events(recording)},
         }
 
 
-def _map_of(recording: "Recording") -> dict[str, Any]:
+def _describe_map(recording: "Recording") -> dict[str, Any]:
     """Return the size of the map; if it is not in the file, its SHA-256."""
     if "world_sha256" in recording.header:
         return {"map": f"not in the file; its SHA-256 is {as_text(recording.header['world_sha256'])}"}
@@ -403,7 +403,7 @@ def _score(score: object) -> str:
 
 def _print_agents(ctx: "Context", file: Path, turns: int) -> None:
     """Print the final position of each agent."""
-    out = console()
+    out = make_console()
     out.print(f"[bold]{escape(file.name)}[/]: {turns} turns\n")
     rows = []
     for agent in ctx.agent.create_iter():

@@ -74,7 +74,7 @@ def study(  # noqa: PLR0913, PLR0917 - one argument per option
     """Let people take part in a study, in browsers."""
     from gamms import scenario, web
     from gamms.scenario import documents
-    from gamms.scenario.code import chosen
+    from gamms.scenario.code import find_function
     from gamms.web.participants import take_out as taken_out
 
     out = out or Path(f"{file.stem}-results")
@@ -82,12 +82,12 @@ def study(  # noqa: PLR0913, PLR0917 - one argument per option
         taken_out(out, take_out)
         echo(f"Taken out of the study in {out}: {', '.join(take_out)}. Their rows stay in the table.")
         return
-    with documents.named(file):
+    with documents.name_errors(file):
         values: Any = check_keys(file, documents.read(file), "study", _REQUIRED, _KEYS)
     paths = {key: file.parent / _read_text(file, key, values.pop(key)) for key in ("scenario", "consent")}
     game = scenario.load(paths["scenario"], allow or (), key_variable=key_variable)
     if otherwise is not None:
-        values |= import_strategies({"otherwise": chosen(otherwise, "--otherwise")})
+        values |= import_strategies({"otherwise": find_function(otherwise, "--otherwise")})
     for line in find_foreign_code(game, {}):
         echo(f"imports {make_printable_line(line)}")
     warn(game)

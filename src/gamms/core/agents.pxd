@@ -60,12 +60,12 @@ cdef class AgentColumns:
     cdef const double[::1] _shares
     cdef const u8[::1] _lives
 
-    cpdef i64 node_of(self, Py_ssize_t row) except? -1
-    cpdef i64 previous_of(self, Py_ssize_t row) except? -1
-    cpdef ids_of(self, object numbers)
-    cpdef on_edge(self, Py_ssize_t row)
+    cpdef i64 get_node(self, Py_ssize_t row) except? -1
+    cpdef i64 get_previous_node(self, Py_ssize_t row) except? -1
+    cpdef get_ids(self, object numbers)
+    cpdef get_edge_position(self, Py_ssize_t row)
     @cython.locals(share=double, edge=i64, ids=i64[::1])
-    cpdef progress_of(self, Py_ssize_t row)
+    cpdef get_progress(self, Py_ssize_t row)
     @cython.locals(moved=i64, goals=i64[::1])
     cpdef int move_all(self, object rows, object ends) except -1
     @cython.locals(log=list, ids=list)
@@ -105,14 +105,14 @@ cdef class MovingAgents:
     @cython.locals(i=Py_ssize_t)
     cpdef int leave_out(self, i64[::1] starts, i64[::1] ends, bytes took_part) except -1
     @cython.locals(i=Py_ssize_t, found=list)
-    cpdef present(self, object agents)
+    cpdef select_present(self, object agents)
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, found=list)
-    cpdef list living(self, list agents)
+    cpdef list select_living(self, list agents)
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, node=i64)
     cpdef int begin(self, MoveColumns moves) except -1
     @cython.locals(i=Py_ssize_t)
     cpdef int count(self, MoveColumns moves) except -1
-    cpdef list counted(self)
+    cpdef list list_counted(self)
 
 
 cdef class AgentView:

@@ -152,10 +152,10 @@ class AgentColumns:
     """Columns of the agents of one game, and their moves; a subclass has the other columns and verbs.
 
     Attributes:
-        node, previous: (agents,) the number of the current and of the previous node of each agent, see `node_of`.
+        node, previous: (agents,) the number of the current and of the previous node of each agent, see `get_node`.
         alive: (agents,) whether each agent takes part in turns.
         numbers: the numbers of the nodes.
-        share: (agents,) the part that each agent has covered of an edge, see `progress_of`; NaN: it is on its node.
+        share: (agents,) the part that each agent has covered of an edge, see `get_progress`; NaN: it is on its node.
         teams: (agents,) the team of each agent; None: no team.
         journal: records the moves.
         travellers: the rows of agents whose progress has a motion.
@@ -221,11 +221,11 @@ class AgentColumns:
         self._edges = edge
         self._motions = motion
 
-    def node_of(self, row: int) -> int:
+    def get_node(self, row: int) -> int:
         """Return the id of the node of an agent (IndexError: the row does not exist)."""
         return self._get_node(row)
 
-    def previous_of(self, row: int) -> int:
+    def get_previous_node(self, row: int) -> int:
         """Return the id of the previous node of an agent (IndexError: the row does not exist)."""
         if row < 0 or row >= len(self._origins):
             raise IndexError(f"There is no agent in row {row}.")
@@ -236,7 +236,7 @@ class AgentColumns:
         self.node[row] = self.numbers.number(node)
         return 0
 
-    def ids_of(self, numbers: memoryview[int]) -> memoryview[int]:
+    def get_ids(self, numbers: memoryview[int]) -> memoryview[int]:
         """Return the ids of nodes; maybe the same array, if ids are numbers."""
         if self.numbers.count == self.numbers.dense:
             return numbers
@@ -249,17 +249,17 @@ class AgentColumns:
         if not self.is_closed:
             self._move(row, node, self.numbers.number(node))
 
-    def on_edge(self, row: int) -> Any:
+    def get_edge_position(self, row: int) -> Any:
         """Return the position of an agent on an edge; None on a node, or in the air."""
         if row not in self.travellers:
             return None
         place_at = self.under_way.places.get(row)
         if place_at is not None:
             return place_at(self.under_way.time)
-        progress = self.progress_of(row)
+        progress = self.get_progress(row)
         return progress if progress is not None and progress.source == self._get_node(row) else None
 
-    def progress_of(self, row: int) -> Any:
+    def get_progress(self, row: int) -> Any:
         """Return the position of an agent on an edge, as `ir.progress.Progress`; None: it is on its node.
 
         Raises:
@@ -500,7 +500,7 @@ class MovingAgents:
                 ends[i] = starts[i]
         return 0
 
-    def present(self, agents: Any) -> Any:
+    def select_present(self, agents: Any) -> Any:
         """Return those of some agents that take part; the same object if all agents do."""
         if self.are_all:
             return agents
@@ -510,7 +510,7 @@ class MovingAgents:
                 found.append(i)  # noqa: PERF401 - a comprehension is not compiled as well
         return found
 
-    def living(self, agents: list[Any]) -> list[Any]:
+    def select_living(self, agents: list[Any]) -> list[Any]:
         """Return those of all agents, (agents,), that are alive now."""
         columns = self.columns
         found = []
@@ -535,7 +535,7 @@ class MovingAgents:
                 self.counts[i] += 1
         return 0
 
-    def counted(self) -> list[int]:
+    def list_counted(self) -> list[int]:
         """Return the numbers of the agents that have moved or were stopped."""
         return [i for i in range(len(self.rows)) if self.counts[i] != 0 or self.blocked[i] != 0]
 

@@ -28,9 +28,9 @@ cdef class Queue:
     cpdef int push(self, i64 game, i64 agent, double time) except -1 nogil
     @cython.locals(first=i64, found=i64, size=i64, agent=i64, place=i64, child=i64)
     cpdef Py_ssize_t pop(self, i64 game) except -1 nogil
-    cpdef Py_ssize_t size(self, i64 game) except -1 nogil
+    cpdef Py_ssize_t count_agents(self, i64 game) except -1 nogil
     @cython.locals(first=i64)
-    cpdef double first_time(self, i64 game) except? -1.0 nogil
+    cpdef double find_first_time(self, i64 game) except? -1.0 nogil
 
 
 @cython.final
@@ -46,7 +46,7 @@ cdef class Arrivals:
     cdef bint keeps_last, has_chosen
 
     @cython.locals(first=i64)
-    cdef int come(self, i64 game, i64 agent, i64 why) except -1 nogil
+    cdef int process_arrival(self, i64 game, i64 agent, i64 why) except -1 nogil
     @cython.locals(first=i64, number=i64)
     cdef int leave(self, i64 game) except -1 nogil
 
@@ -67,7 +67,7 @@ cdef int choose(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -
 @cython.locals(own=i64)
 cdef int decide(GameColumns games, Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
 @cython.locals(leg=i64)
-cdef Py_ssize_t place_after(MetreMovers t, i64 row, i64 own, i64 legs) except -2 nogil
+cdef Py_ssize_t find_place_after(MetreMovers t, i64 row, i64 own, i64 legs) except -2 nogil
 @cython.locals(has_losers=bint, loses=bint, number=i64, i=i64, row=i64)
 cdef int give_way(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(own=i64, until=double)
@@ -76,5 +76,5 @@ cdef int depart(Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
 cdef int go_on(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(now=double, i=i64, row=i64, own=i64)
 cdef int arrive(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
-cdef int come_back(Arrivals a, MetreMovers t, i64 row, i64 own) except -1 nogil
+cdef int return_agent(Arrivals a, MetreMovers t, i64 row, i64 own) except -1 nogil
 cdef int hold(GameColumns games, MetreMovers t, i64 row, i64 own) except -1 nogil

@@ -86,11 +86,11 @@ class Queue:
         self.heap[first + place] = agent
         return found
 
-    def size(self, game: int) -> int:
+    def count_agents(self, game: int) -> int:
         """Return the number of agents of a game that are under way."""
         return self.sizes[game]
 
-    def first_time(self, game: int) -> float:
+    def find_first_time(self, game: int) -> float:
         """Return the earliest arrival time in a game; infinity if its queue is empty."""
         first = game * self.agents
         return self.times[first + self.heap[first]] if self.sizes[game] > 0 else travel.INFINITE
@@ -161,7 +161,7 @@ class Arrivals:
         self.last = last
         self.keeps_last = last is not None
 
-    def come(self, game: int, agent: int, why: int) -> int:
+    def process_arrival(self, game: int, agent: int, why: int) -> int:
         """Let an agent decide or go on; `why` is as in `comes`."""
         first = game * self.queue.agents
         self.comes[first + agent] = why
@@ -224,7 +224,7 @@ def show(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
             continue
         source = t.trips.begins[leg]
         target = t.trips.ends[leg]
-        share = travel.share_at(source, target, t.trips.since[leg], t.trips.until[leg], now)
+        share = travel.compute_share(source, target, t.trips.since[leg], t.trips.until[leg], now)
         games.node[row] = t.trips.node[own]
         games.edge[row] = -1
         games.share[row] = 0.0
@@ -232,7 +232,7 @@ def show(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
             games.node[row] = t.roads.sources[t.trips.edges[leg]]
             games.edge[row] = t.trips.edges[leg]
             games.share[row] = share
-            t.motion[row] = travel.motion_of(source, target)
+            t.motion[row] = travel.get_motion(source, target)
     return 0
 
 
@@ -257,7 +257,7 @@ def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         a.legs[row] = 0
         a.late[row] = 0
         a.comes[row] = 0
-        t.roads.use(rules.first_place(games, game, i))
+        t.roads.use(rules.find_first_place(games, game, i))
         if by_metres.is_there(games, t, game, i):
             if a.keeps_last:
                 travel.copy_trip(a.last, row, t.trips, row)  # type: ignore[arg-type] # there are some
@@ -276,13 +276,13 @@ def begin(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) ->
     own = t.first + i
     edge = t.trips.edge[own]
     if games.alive[row] and t.part_of[i] == t.part[game]:
-        a.come(game, i, DECIDES)
+        a.process_arrival(game, i, DECIDES)
         if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[own]):
             a.comes[row] = GOES_ON
             travel.go(t.roads, t.trips, own, t.trips.motion[own], 0)
     if a.comes[row] != DECIDES:
-        by_metres.rest(t, own)
-    t.end_places[row] = place_after(t, row, own, 0)
+        by_metres.stop_on_edge(t, own)
+    t.end_places[row] = find_place_after(t, row, own, 0)
     return 0
 
 
@@ -291,12 +291,12 @@ def choose(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     for number in range(a.counts[game]):
         i = a.here[game * games.agents + number]
         row = game * games.agents + i
-        t.roads.use(rules.first_place(games, game, i))
+        t.roads.use(rules.find_first_place(games, game, i))
         if a.comes[row] == DECIDES:
             if a.now[game] < 1.0:
                 decide(games, a, t, game, i)
-                by_metres.rest(t, t.first + i)
-            t.end_places[row] = place_after(t, row, t.first + i, a.legs[row])
+                by_metres.stop_on_edge(t, t.first + i)
+            t.end_places[row] = find_place_after(t, row, t.first + i, a.legs[row])
     return 0
 
 
@@ -314,7 +314,7 @@ def decide(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) -
     return 0
 
 
-def place_after(t: MetreMovers, row: int, own: int, legs: int) -> int:
+def find_place_after(t: MetreMovers, row: int, own: int, legs: int) -> int:
     """Return the place, as in `conflicts`, where an agent is after setting out.
 
     Args:
@@ -345,7 +345,7 @@ def give_way(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         t.held[row] = 0
         if loses and t.start_places[row] != t.end_places[row]:
             a.loses[row] = 1
-            moves.block(t, row, t.end_places[row])
+            moves.block_agent(t, row, t.end_places[row])
             t.end_places[row] = t.start_places[row]
         t.start_places[row] = t.end_places[row]
     return 0
@@ -367,17 +367,17 @@ def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         i = a.here[game * games.agents + number]
         row = game * games.agents + i
         own = t.first + i
-        t.roads.use(rules.first_place(games, game, i))
+        t.roads.use(rules.find_first_place(games, game, i))
         if a.asked[row] == 0:
             if a.loses[row]:
                 t.stay(games, game, i)
             if t.trips.legs[own] > 0:
                 depart(a, t, game, i)
         elif a.loses[row]:
-            come_back(a, t, row, own)
+            return_agent(a, t, row, own)
             hold(games, t, row, own)
         elif a.asked[row] >= a.most:
-            come_back(a, t, row, own)
+            return_agent(a, t, row, own)
             t.events.put(game, games.turn[game], rules.NOBODY, rules.WAITS, i, -1, t.trips.node[own])
         else:
             if a.late[row]:
@@ -390,16 +390,16 @@ def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
 
 def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     """Move the agents that arrive next to their nodes; after the last arrivals, end the moves."""
-    now = a.queue.first_time(game)
+    now = a.queue.find_first_time(game)
     a.now[game] = now
     a.leave(game)
     if now == travel.INFINITE:
         return put_back(games, t, game)
-    while a.queue.first_time(game) == now:
+    while a.queue.find_first_time(game) == now:
         i = a.queue.pop(game)
         row = game * games.agents + i
         own = t.first + i
-        a.come(game, i, DECIDES)
+        a.process_arrival(game, i, DECIDES)
         a.asked[row] += 1
         a.legs[row] = t.trips.legs[own]
         a.passed[row] = t.trips.passed[own]
@@ -408,7 +408,7 @@ def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     return 0
 
 
-def come_back(a: Arrivals, t: MetreMovers, row: int, own: int) -> int:
+def return_agent(a: Arrivals, t: MetreMovers, row: int, own: int) -> int:
     """Return an agent to the node of its last arrival."""
     t.trips.legs[own] = a.legs[row]
     t.trips.passed[own] = a.passed[row]

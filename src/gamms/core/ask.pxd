@@ -43,7 +43,7 @@ cdef class TravelSearch:
     cdef public object found_on
 
     @cython.locals(node=i64, edge=i64, share=double, motion=i64, pace=double, count=i64, number=i64, found=list)
-    cpdef tuple legal(self, object here, object place, object speed)
+    cpdef tuple list_legal(self, object here, object place, object speed)
     @cython.locals(edge=i64, points=list, lengths=list)
     cpdef int show(self, object state, object here, object place) except -1
     @cython.locals(node=i64, edge=i64, share=double, motion=i64, pace=double, most=i64)
@@ -54,7 +54,7 @@ cdef class TravelSearch:
 
 
 @cython.locals(left=double, i=Py_ssize_t, length=double, x0=double, y0=double, x1=double, y1=double, dx=double, dy=double)
-cpdef tuple point_at(list points, list lengths, double share)
+cpdef tuple find_point(list points, list lengths, double share)
 
 
 @cython.locals(sight=RangeSearch, views=NodeViews, view=tuple, data=dict)

@@ -145,7 +145,7 @@ class TravelSearch:
         """Use other memory for paths by metres."""
         self.trips = trips
 
-    def legal(self, here: int, place: Any, speed: float | None) -> tuple[int, ...]:
+    def list_legal(self, here: int, place: Any, speed: float | None) -> tuple[int, ...]:
         """Return the legal nodes of an agent: the nodes next to it, then the nodes that it can reach in this turn.
 
         An agent whose edge was closed counts as on the node that it passed last. An agent under way that decides on
@@ -160,7 +160,7 @@ class TravelSearch:
             share = place.share
             motion = place.motion
         pace = nan if speed is None else speed
-        count = travel.reachable(self.map, self.reach, node, edge, share, motion, pace, self.now, self.at_arrivals)
+        count = travel.find_reachable(self.map, self.reach, node, edge, share, motion, pace, self.now, self.at_arrivals)
         found = []
         for number in range(count):
             found.append(self.ids[self.reach.nodes[number]])  # noqa: PERF401 - a comprehension is not compiled as well
@@ -178,7 +178,7 @@ class TravelSearch:
             state["xy"] = self.xy[self.row_of[here]]
             return 0
         points, lengths = self.lines[edge]
-        x, y, _, _ = point_at(points, lengths, place.share)
+        x, y, _, _ = find_point(points, lengths, place.share)
         state["edge"] = (place.source, place.target, place.edge)
         state["offset_m"] = place.share * self.map.lengths[edge]
         state["xy"] = (x, y)
@@ -215,7 +215,7 @@ class TravelSearch:
         return self.ids[self.trips.node[0]]
 
 
-def point_at(points: list[Any], lengths: list[float], share: float) -> tuple[float, float, float, float]:
+def find_point(points: list[Any], lengths: list[float], share: float) -> tuple[float, float, float, float]:
     """Return the point (x, y) at a share of the length of a polyline, and the direction (cos, sin) there.
 
     Args:
@@ -270,7 +270,7 @@ def look_around(known: Any, look: SensorCall, here: Any) -> Any:
     """
     if type(known) is RangeSearch:
         sight = known
-        data = sight.seen_from(here, look.sensor._owner)
+        data = sight.find_around_node(here, look.sensor._owner)
         view = sight.view
     else:
         views = known
@@ -338,8 +338,8 @@ def ask_each(
                 continue
         else:
             if one.travels:
-                where = columns.on_edge(movers.rows[i])
-                legal = paths.legal(here, where, one.speed)
+                where = columns.get_edge_position(movers.rows[i])
+                legal = paths.list_legal(here, where, one.speed)
                 phase.agent = None
                 sensed = answers.sense(answers.slots[i]) if sensors[place] else {}
             else:
@@ -353,7 +353,7 @@ def ask_each(
             state["sensor"] = sensed
             state["turn"] = turn
             state["legal"] = legal
-            state["team_memory"] = answers.team_memory(one.team) if has_memories else {}
+            state["team_memory"] = answers.get_team_memory(one.team) if has_memories else {}
         phase.agent = one.agent
         try:
             answer = one.strategy(state)
@@ -458,7 +458,7 @@ class GamesInContext:
         """Forget what agents have sensed."""
         raise NotImplementedError
 
-    def own_row(self) -> Any:
+    def get_own_row(self) -> Any:
         """Return the Python values of the game that is shown; make them if there are none."""
         raise NotImplementedError
 
@@ -484,7 +484,7 @@ class GamesInContext:
         if self._own_of_ctx["_rng"] is not None or self._read or journal.log or journal.progressed:
             return True
         pointed = self._pointed
-        if self._phase.epoch != self.epoch or pointed.map.changes() != pointed.map_changes:
+        if self._phase.epoch != self.epoch or pointed.map.count_changes() != pointed.map_changes:
             return True
         return bool(self._facts != self.facts_shown)
 
@@ -556,7 +556,7 @@ class GamesInContext:
             self.table.rekey(games.seeds[at])
             if asked is None:
                 continue
-            row = self.own_row() if self.row is None else self.row
+            row = self.get_own_row() if self.row is None else self.row
             told = asker.tell_blocked(asked) if are_blocked[at] or row.undone else ()
             try:
                 memories = row.memories

@@ -43,10 +43,10 @@ cpdef double weigh(MarkovChain c, ChainBuffers w, bint is_changed, const double[
 @cython.locals(s=i64, total=double)
 cdef double begin_again(MarkovChain c, ChainBuffers w, double[::1] out, i64 to) except -1.0 nogil
 @cython.locals(number=i64, half=i64, i=i64)
-cdef double sum_of(MarkovChain c, ChainBuffers w, const double[::1] values, i64 at) except -1.0 nogil
+cdef double sum_values(MarkovChain c, ChainBuffers w, const double[::1] values, i64 at) except -1.0 nogil
 @cython.locals(node=i64, j=i32, total=double)
 cpdef int add_to_nodes(MarkovChain c, const double[::1] values, i64 at, double[::1] out, i64 to) except -1 nogil
 @cython.locals(best=i64, most=double, node=i64, gain=double)
-cpdef i64 likeliest(const double[::1] chances, const double[::1] turns, i64 at, i64 nodes) except -2 nogil
+cpdef i64 find_likeliest(const double[::1] chances, const double[::1] turns, i64 at, i64 nodes) except -2 nogil
 @cython.locals(is_changed=bint, i=i64, k=i32, most=double, offer=double)
 cpdef int spread(IncomingArcs ways, double[::1] labels, i64 at) except -1 nogil

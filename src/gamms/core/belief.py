@@ -299,7 +299,7 @@ def weigh(
         out[to + s] = values[at + s] * w.likelihoods[s]
     if not is_changed:
         return 1.0
-    total = sum_of(c, w, out, to)
+    total = sum_values(c, w, out, to)
     found = total
     if total == 0.0:
         total = begin_again(c, w, out, to)
@@ -316,19 +316,19 @@ def begin_again(c: MarkovChain, w: ChainBuffers, out: memoryview[float], to: int
     """
     for s in range(c.states):
         out[to + s] = c.shares[s] * w.likelihoods[s]
-    total = sum_of(c, w, out, to)
+    total = sum_values(c, w, out, to)
     if total == 0.0:
         for s in range(c.states):
             out[to + s] = w.likelihoods[s]
-        total = sum_of(c, w, out, to)
+        total = sum_values(c, w, out, to)
     if total == 0.0:
         for s in range(c.states):
             out[to + s] = c.shares[s]
-        total = sum_of(c, w, out, to)
+        total = sum_values(c, w, out, to)
     return total
 
 
-def sum_of(c: MarkovChain, w: ChainBuffers, values: memoryview[float], at: int) -> float:
+def sum_values(c: MarkovChain, w: ChainBuffers, values: memoryview[float], at: int) -> float:
     """Return the sum over all states by pairwise summation: add the second half to the first until one is left."""
     number = c.states
     if number == 1:
@@ -359,7 +359,7 @@ def add_to_nodes(c: MarkovChain, values: memoryview[float], at: int, out: memory
     return 0
 
 
-def likeliest(chances: memoryview[float], turns: memoryview[float], at: int, nodes: int) -> int:
+def find_likeliest(chances: memoryview[float], turns: memoryview[float], at: int, nodes: int) -> int:
     """Return the node with the greatest chance per turn of travel, the first if several are equal; -1: all are 0.0.
 
     Args:

@@ -31,7 +31,7 @@ cdef class Block:
     cdef Py_ssize_t _stride
 
     @cython.locals(first=Py_ssize_t)
-    cpdef row(self, str name, Py_ssize_t game=*)
+    cpdef get_row(self, str name, Py_ssize_t game=*)
     @cython.locals(block=Block, size=Py_ssize_t)
     cpdef copy_row(self, Py_ssize_t source, Py_ssize_t target, Block of=*)
     @cython.locals(copy=Block, size=Py_ssize_t)

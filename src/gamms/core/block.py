@@ -74,9 +74,9 @@ class Block:
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Set the attributes of a copy."""
         self.columns, self.games, self.sizes, self._own, self._room, self._first, self._stride, self.memory = state
-        self._views: dict[str, memoryview[Any]] = {}  # format -> the memory in this format, for `row`
+        self._views: dict[str, memoryview[Any]] = {}  # format -> the memory in this format, for `get_row`
 
-    def row(self, name: str, game: int = 0) -> memoryview[Any]:
+    def get_row(self, name: str, game: int = 0) -> memoryview[Any]:
         """Return a column of one game, (rows in use * width,).
 
         It is a view of the memory, valid until the block grows.
@@ -102,7 +102,7 @@ class Block:
         """Remove rows of an axis, given in ascending order, from every game."""
         for column in self.columns.values():
             for game in range(self.games if column.axis == axis else 0):
-                _close_up(self.row(column.name, game), gone, column)
+                _close_up(self.get_row(column.name, game), gone, column)
         self.sizes[axis] -= len(gone)
 
     def copy_row(self, source: int, target: int, of: Block | None = None) -> None:
@@ -137,7 +137,7 @@ class Block:
     def _begin_own(self, game: int) -> None:
         """Reset the columns with `is_copied=False` to their initial numbers."""
         for name in self._own:
-            numbers = self.row(name, game)
+            numbers = self.get_row(name, game)
             numbers[:] = _make_column(self.columns[name], len(numbers))
 
     def _make_room(self, room: dict[str, int]) -> None:
@@ -159,10 +159,10 @@ class Block:
     def _move(self, room: dict[str, int]) -> None:
         """Reallocate with these numbers of rows of each axis, and keep the rows in use."""
         each = [(name, game) for name in self.columns for game in range(self.games)]
-        before = [self.row(name, game) for name, game in each]
+        before = [self.get_row(name, game) for name, game in each]
         self._make_room(room)
         for (name, game), numbers in zip(each, before, strict=True):
-            self.row(name, game)[:] = numbers
+            self.get_row(name, game)[:] = numbers
 
 
 def _close_up(numbers: memoryview[Any], gone: Sequence[int], column: BlockColumn) -> None:

@@ -53,7 +53,7 @@ cdef class EdgeMovers(TripMovers):
 
     @cython.locals(i=i64, row=i64, part=i64)
     cdef int decide(self, GameColumns games, i64 game) except -1 nogil
-    cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    cdef bint is_moving(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(part=i64, i=i64)
@@ -66,7 +66,7 @@ cpdef int begin(EdgePaths walks, i64 row, i64 node, i64 ahead, double covered, d
 cdef bint is_next(LegalByEdges legal, i64 node, i64 other) except -1 nogil
 @cython.locals(node=i64, ahead=i64)
 cpdef Py_ssize_t list_legal(EdgePaths walks, i64 row) except -1 nogil
-cdef double whole_edges(double budget) except? -1.0 nogil
+cdef double count_whole_edges(double budget) except? -1.0 nogil
 @cython.locals(number=i64, at=i64, here=i64, place=i64, other=i64)
 cdef int list_within(LegalByEdges legal, i64 node, double hops) except -1 nogil
 @cython.locals(node=i64, by_hops=bint, first=i64, ahead=i64, onward=double, count=i64)
@@ -127,4 +127,4 @@ cdef int note_driving(TrafficStates s, TurnPaths trips, i64 row, i64 own, i64 no
 @cython.locals(row=i64, own=i64, obeys=bint)
 cdef int go(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil
 @cython.locals(row=i64, by=u8, target=i64, count=i64)
-cdef Py_ssize_t target_of(GameColumns games, EdgeMovers w, i64 game, i64 i) except -2 nogil
+cdef Py_ssize_t find_target(GameColumns games, EdgeMovers w, i64 game, i64 i) except -2 nogil

@@ -37,9 +37,9 @@ class LegalByEdges(LegalNodes):
         for place in range(self.streets.offsets[at], self.streets.offsets[at + 1]):
             travel.list_node(self.reach, self.streets.targets[place], 0.0)
         if speed == speed:  # noqa: PLR0124 - NaN
-            list_within(self, node, whole_edges(speed))
+            list_within(self, node, count_whole_edges(speed))
             if edge >= 0 and is_next(self, node, edge):
-                list_within(self, edge, whole_edges(speed + share) - 1)
+                list_within(self, edge, count_whole_edges(speed + share) - 1)
         return self.reach.found
 
 
@@ -211,7 +211,7 @@ class EdgeMovers(TripMovers):
             row = game * games.agents + i
             if part == 0:
                 moves.set_out(games, self, row)
-            use_edges(self, rules.first_place(games, game, i))
+            use_edges(self, rules.find_first_place(games, game, i))
             if self.part_of[i] == part:
                 choose(games, self, game, i)
             elif self.part_of[i] > part:
@@ -220,7 +220,7 @@ class EdgeMovers(TripMovers):
                 self.ends[row] = games.node[row]
         return 0
 
-    def goes(self, games: GameColumns, game: int, i: int) -> bool:
+    def is_moving(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether an agent leaves its node, or covers part of an edge."""
         return self.trips.passed[self.first + i] > 1 or self.trips.edge[self.first + i] >= 0
 
@@ -264,7 +264,7 @@ def list_legal(walks: EdgePaths, row: int) -> int:
     return walks.legal.find(node, ahead, walks.trips.share[row], 0, walks.trips.speed[row], 0.0)
 
 
-def whole_edges(budget: float) -> float:
+def count_whole_edges(budget: float) -> float:
     """Return the number of whole edges within a budget, up to rounding errors."""
     return floor(budget * (1.0 + travel.SLACK))
 
@@ -316,18 +316,18 @@ def go_towards(walks: EdgePaths, row: int, ways: GoalPaths, memory: int, target:
     by_hops = ways is walks.hops
     first = target
     if not by_hops or not is_next(walks.legal, node, target):
-        first = travel.following(ways, memory, node, target)
+        first = travel.find_next_node(ways, memory, node, target)
         if first == node:
             return False
     ahead = walks.trips.edge[row]
     if by_hops and ahead >= 0 and ahead != first:
-        onward = travel.distance(ways, memory, ahead, target) if ahead != target else 0.0
-        if 1.0 - walks.trips.share[row] + onward <= travel.distance(ways, memory, node, target):
+        onward = travel.compute_distance(ways, memory, ahead, target) if ahead != target else 0.0
+        if 1.0 - walks.trips.share[row] + onward <= travel.compute_distance(ways, memory, node, target):
             first = ahead
     walks.trips.route[0] = first
     count = 1
-    while walks.trips.route[count - 1] != target and count <= whole_edges(walks.trips.speed[row] + 1.0):
-        walks.trips.route[count] = travel.following(ways, memory, walks.trips.route[count - 1], target)
+    while walks.trips.route[count - 1] != target and count <= count_whole_edges(walks.trips.speed[row] + 1.0):
+        walks.trips.route[count] = travel.find_next_node(ways, memory, walks.trips.route[count - 1], target)
         count += 1
     walk(walks.trips, row, count)
     return True
@@ -343,7 +343,7 @@ def walk(trips: TurnPaths, row: int, count: int) -> int:
     trips.share[row] = 0.0
     edges = 0
     first = row * (trips.most + 1)
-    while edges < count and edges < whole_edges(budget):
+    while edges < count and edges < count_whole_edges(budget):
         edges += 1
         trips.nodes[first + edges] = trips.route[edges - 1]
     trips.passed[row] = edges + 1
@@ -562,10 +562,10 @@ def list_with_turns(s: TrafficStates, reach: ReachSearch, state: int, ahead: int
     if speed == speed:  # noqa: PLR0124 - NaN
         begin_search(s)
         see_state(s, state, -1, 0)
-        list_seen_within(s, reach, whole_edges(speed))
+        list_seen_within(s, reach, count_whole_edges(speed))
         begin_search(s)
         see_ahead(s, state, ahead, 0)
-        list_seen_within(s, reach, whole_edges(speed + share) - 1)
+        list_seen_within(s, reach, count_whole_edges(speed + share) - 1)
     return reach.found
 
 
@@ -633,7 +633,7 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
         elif w.decides_by[i] == moves.IS_GIVEN and w.given[row] < 0:
             count = w.routes.take(row, w.trips.route)  # type: ignore[union-attr] # there are some
         else:
-            target = target_of(games, w, game, i)
+            target = find_target(games, w, game, i)
     if count > 0:
         walk(w.trips, own, count)
     elif target >= 0 and target != node:
@@ -684,7 +684,7 @@ def draw_with_turns(games: GameColumns, w: EdgeMovers, p: PathsWithTurns, game: 
     count = find_legal_with_turns(p, w.first + i, state)
     number = moves.as_legal(w.given[row], count)
     if w.decides_by[i] != moves.IS_GIVEN:
-        number = draws.below_at(w.walks.keys[row], games.turn[game], 0, count)
+        number = draws.draw_integer(w.walks.keys[row], games.turn[game], 0, count)
     return p.reach.nodes[number]
 
 
@@ -714,7 +714,7 @@ def go(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     return 0
 
 
-def target_of(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
+def find_target(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
     by = w.decides_by[i]
@@ -728,4 +728,4 @@ def target_of(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
         return strategies.act(w.by_steps, game, i)  # type: ignore[arg-type]
     if by == moves.IS_GIVEN:
         return w.paths.legal.reach.nodes[moves.as_legal(w.given[row], count)]
-    return w.paths.legal.reach.nodes[draws.below_at(w.walks.keys[row], games.turn[game], 0, count)]
+    return w.paths.legal.reach.nodes[draws.draw_integer(w.walks.keys[row], games.turn[game], 0, count)]

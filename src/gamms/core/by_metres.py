@@ -68,30 +68,30 @@ class MetreMovers(TripMovers):
         """Choose the moves of the living agents in this part of the turn, and find their paths; all others stay."""
         for i in range(games.agents):
             row = game * games.agents + i
-            self.roads.use(rules.first_place(games, game, i))
+            self.roads.use(rules.find_first_place(games, game, i))
             if is_there(games, self, game, i):
                 self.end_places[row] = self.start_places[row]
                 self.ends[row] = games.node[row]
                 continue
             if games.alive[row] and self.part_of[i] == self.part[game]:
                 choose(games, self, game, i)
-            rest(self, self.first + i)
-            self.end_places[row] = place_of(self, self.first + i)
+            stop_on_edge(self, self.first + i)
+            self.end_places[row] = find_place(self, self.first + i)
             self.ends[row] = self.trips.node[self.first + i]
         return 0
 
     def is_put(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
-        was_on_edge = travel.begins_on_edge(self.trips, self.first + i) and self.part_of[i] >= self.part[game]
+        was_on_edge = travel.is_on_edge_at_start(self.trips, self.first + i) and self.part_of[i] >= self.part[game]
         if was_on_edge and games.edge[game * games.agents + i] < 0:
             return True
         return moves.is_put(games, self, game, i)
 
-    def goes(self, games: GameColumns, game: int, i: int) -> bool:
+    def is_moving(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
         return travel.is_moving(self.trips, self.first + i)
 
-    def goal(self, row: int) -> int:
+    def find_goal(self, row: int) -> int:
         """Return the place where the move of an agent ends, as in `conflicts`."""
         return self.end_places[row]
 
@@ -99,14 +99,14 @@ class MetreMovers(TripMovers):
         """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it decided."""
         row = game * games.agents + i
         own = self.first + i
-        self.roads.use(rules.first_place(games, game, i))
-        if games.edge[row] < 0 or not travel.begins_on_edge(self.trips, own):
+        self.roads.use(rules.find_first_place(games, game, i))
+        if games.edge[row] < 0 or not travel.is_on_edge_at_start(self.trips, own):
             begin(games, self, row, i)
             travel.stand(self.roads, self.trips, own)
             self.trips.motion[own] = travel.STOPPED
         else:
             travel.stay(self.trips, own)
-        self.start_places[row] = place_of(self, own)
+        self.start_places[row] = find_place(self, own)
         self.end_places[row] = self.start_places[row]
         self.ends[row] = self.trips.node[own]
         return 0
@@ -126,7 +126,7 @@ def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
     if t.part_of[i] >= t.part[game]:
         set_out(games, t, row, i)
         return False
-    edge = edge_of(games, t, row)
+    edge = find_edge(games, t, row)
     t.start_places[row] = games.node[row] if edge < 0 else t.nodes + edge
     return True
 
@@ -138,14 +138,14 @@ def set_out(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     t.drawn[row] = 0
     own = t.first + i
     begin(games, t, row, i)
-    if t.trips.edge[own] >= 0 and edge_of(games, t, row) < 0:
+    if t.trips.edge[own] >= 0 and find_edge(games, t, row) < 0:
         t.trips.edge[own] = -1
         t.trips.share[own] = 0.0
-    t.start_places[row] = place_of(t, own)
+    t.start_places[row] = find_place(t, own)
     return 0
 
 
-def edge_of(games: GameColumns, t: MetreMovers, row: int) -> int:
+def find_edge(games: GameColumns, t: MetreMovers, row: int) -> int:
     """Return the edge that an agent is on; -1: it is on its node, or its edge is closed."""
     edge = games.edge[row]
     return edge if edge >= 0 and travel.is_open(t.roads, edge) else -1
@@ -167,7 +167,7 @@ def go(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     return 0
 
 
-def rest(t: MetreMovers, own: int) -> int:
+def stop_on_edge(t: MetreMovers, own: int) -> int:
     """Stop an agent that is on an edge and has not moved; `own` is the row of its path."""
     if t.trips.edge[own] >= 0 and t.trips.legs[own] == 0:
         travel.stand(t.roads, t.trips, own)
@@ -187,7 +187,7 @@ def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     elif t.decides_by[i] == moves.IS_GIVEN and t.given[row] < 0:
         go_along(t, row, own)
     else:
-        target = target_of(games, t, game, i)
+        target = find_target(games, t, game, i)
     if target >= 0 and t.decides_by[i] == moves.STEPS:
         can_go = travel.go_towards(t.roads, t.trips, t.ways, row, own, target)
     elif target >= 0:
@@ -241,12 +241,12 @@ def begin(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     )
 
 
-def place_of(t: MetreMovers, own: int) -> int:
+def find_place(t: MetreMovers, own: int) -> int:
     """Return the place of the agent of a path, as in `conflicts`: its node, or its edge numbered after all nodes."""
     return t.trips.node[own] if t.trips.edge[own] < 0 else t.nodes + t.trips.edge[own]
 
 
-def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
+def find_target(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
     own = t.first + i
@@ -260,33 +260,33 @@ def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     now = t.trips.now[own]
     if edge >= 0 or now > 0.0:
         share = t.trips.share[own]
-        count = travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[own], t.speeds[i], now, False)
+        count = travel.find_reachable(t.roads, t.reach, node, edge, share, t.trips.motion[own], t.speeds[i], now, False)
         if by == moves.STEPS:
             strategies.take_legal(t.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
-            return by_steps(t, game, i)
+            return choose_by_steps(t, game, i)
         return t.reach.nodes[choose_number(games, t, row, by, count)]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
     if by == moves.STEPS:
         for number in range(count):
-            legal = travel.legal_node(t.roads, t.reach, t.known, i, node, number)
+            legal = travel.get_legal_node(t.roads, t.reach, t.known, i, node, number)
             t.by_steps.legal[number] = legal  # type: ignore[union-attr] # there are some
         t.by_steps.count = count  # type: ignore[union-attr]
-        return by_steps(t, game, i)
-    return travel.legal_node(t.roads, t.reach, t.known, i, node, choose_number(games, t, row, by, count))
+        return choose_by_steps(t, game, i)
+    return travel.get_legal_node(t.roads, t.reach, t.known, i, node, choose_number(games, t, row, by, count))
 
 
 def choose_number(games: GameColumns, t: MetreMovers, row: int, by: int, count: int) -> int:
     """Return the number of the legal node that an agent draws, or that it is given, among `count`."""
-    return drawn(games, t, row, count) if by == moves.WALKS else moves.as_legal(t.given[row], count)
+    return draw_below(games, t, row, count) if by == moves.WALKS else moves.as_legal(t.given[row], count)
 
 
-def drawn(games: GameColumns, t: MetreMovers, row: int, bound: int) -> int:
+def draw_below(games: GameColumns, t: MetreMovers, row: int, bound: int) -> int:
     """Return the next random number of an agent below a bound."""
     t.drawn[row] += 1
-    return draws.below_at(t.walks.keys[row], games.turn[row // games.agents], t.drawn[row] - 1, bound)
+    return draws.draw_integer(t.walks.keys[row], games.turn[row // games.agents], t.drawn[row] - 1, bound)
 
 
-def by_steps(t: MetreMovers, game: int, i: int) -> int:
+def choose_by_steps(t: MetreMovers, game: int, i: int) -> int:
     """Return the node that the strategy steps of an agent choose among its known legal nodes; -1: none."""
     row = game * t.by_steps.games.agents + i  # type: ignore[union-attr] # there are some
     edge = t.trips.edge[t.first + i]

@@ -30,7 +30,7 @@ cpdef int begin(Contests c, MoveRequests requests, i64 at) except -1 nogil
 @cython.locals(i=i64, low=i32, groups=i64, found=i32, g=i64)
 cpdef i64 find_exchanges(Contests c) except -1 nogil
 @cython.locals(start=i32, end=i32)
-cdef bint moves_between_nodes(Contests c, i64 i) noexcept nogil
+cdef bint is_between_nodes(Contests c, i64 i) noexcept nogil
 @cython.locals(i=i64, j=i64, g=i32, groups=i32, low=i32, high=i32)
 cdef i64 number_pairs(Contests c) except -1 nogil
 @cython.locals(k=i64, i=i64)
@@ -55,4 +55,4 @@ cdef int sift(Contests c, i64 begin, i64 number, i64 k) except -1 nogil
 @cython.locals(at=i64, at_ranks=i64, found=i64, stopped=i64, i=i64)
 cpdef i64 resolve(Contests c, MoveRequests requests, i64 game, i64 turn) except -1 nogil
 @cython.locals(i=i64, found=Py_ssize_t)
-cpdef Py_ssize_t losers(Contests c, i64[::1] out) except -1 nogil
+cpdef Py_ssize_t find_losers(Contests c, i64[::1] out) except -1 nogil

@@ -141,13 +141,13 @@ def begin(c: Contests, requests: MoveRequests, at: int) -> int:
 def find_exchanges(c: Contests) -> int:
     """Find the contests between agents that want to exchange nodes; return the number of contests."""
     for i in range(c.agents - 1, -1, -1):  # lists of moves by the smaller of their nodes, in the order of agents
-        if moves_between_nodes(c, i):
+        if is_between_nodes(c, i):
             low = min(c.start[i], c.end[i])
             c.after[i] = c.head[low]
             c.head[low] = i
     groups = number_pairs(c)
     for i in range(c.agents):
-        if moves_between_nodes(c, i):
+        if is_between_nodes(c, i):
             c.head[min(c.start[i], c.end[i])] = -1
             c.taken[max(c.start[i], c.end[i])] = 0
     found = 0
@@ -161,7 +161,7 @@ def find_exchanges(c: Contests) -> int:
     return found
 
 
-def moves_between_nodes(c: Contests, i: int) -> bool:
+def is_between_nodes(c: Contests, i: int) -> bool:
     """Return whether an agent moves from one node to another."""
     start = c.start[i]
     end = c.end[i]
@@ -178,7 +178,7 @@ def number_pairs(c: Contests) -> int:
     """
     groups = 0
     for i in range(c.agents):
-        if not moves_between_nodes(c, i):
+        if not is_between_nodes(c, i):
             continue
         low = min(c.start[i], c.end[i])
         if c.head[low] != i:
@@ -204,14 +204,14 @@ def list_members(c: Contests, found: int) -> int:
     for k in range(found + 1):
         c.first[k] = 0
     for i in range(c.agents):
-        if moves_between_nodes(c, i) and c.losers[c.number[i]] >= 0:
+        if is_between_nodes(c, i) and c.losers[c.number[i]] >= 0:
             c.first[c.losers[c.number[i]] + 1] += 1
     for k in range(found):
         c.queue[k] = c.first[k]
         c.first[k + 1] += c.first[k]
         c.free[k] = 1
     for i in range(c.agents):
-        if moves_between_nodes(c, i) and c.losers[c.number[i]] >= 0:
+        if is_between_nodes(c, i) and c.losers[c.number[i]] >= 0:
             k = c.losers[c.number[i]]
             c.members[c.queue[k]] = i
             c.queue[k] += 1
@@ -334,7 +334,7 @@ def decide(c: Contests, requests: MoveRequests, found: int, at: int, turn: int) 
                 c.stays[i] = STAYS
                 continue
             if c.is_drawn:
-                c.value[i] = draws.bits_at(draws.turn_key(requests.ranks[at + i], turn), 0)
+                c.value[i] = draws.compute_bits(draws.compute_turn_key(requests.ranks[at + i], turn), 0)
             else:
                 c.value[i] = requests.ranks[at + i]
             if c.is_drawn or requests.ranks[at + i] < NEVER:
@@ -413,7 +413,7 @@ def resolve(c: Contests, requests: MoveRequests, game: int, turn: int) -> int:
     return stopped
 
 
-def losers(c: Contests, out: memoryview[int]) -> int:
+def find_losers(c: Contests, out: memoryview[int]) -> int:
     """Write the agents that stay because they have lost a contest to `out`, ascending; return their number."""
     found = 0
     for i in range(c.agents):

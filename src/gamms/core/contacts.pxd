@@ -57,9 +57,9 @@ cdef class NearNodes:
     cpdef int forget(self) except -1 nogil
     @cython.locals(place=i64, at=i64, arc=i64, far=double, number=i64, end=i64)
     cdef Py_ssize_t learn(self, i64 node) except -1 nogil
-    cdef Py_ssize_t after(self, i64 node) except -1 nogil
+    cdef Py_ssize_t find_end(self, i64 node) except -1 nogil
     @cython.locals(first=i64, beyond=i64, last=i64, middle=i64)
-    cdef double ahead(self, i64 start, i64 end) except -1.0 nogil
+    cdef double get_distance(self, i64 start, i64 end) except -1.0 nogil
 
 
 @cython.final
@@ -131,7 +131,7 @@ cdef class PathSegments:
     cdef int _begin(self, i64 part, double x, double y) except -1 nogil
     cdef int _end(self, i64 part, double x, double y) except -1 nogil
     @cython.locals(begin=double, share=double)
-    cdef double at(self, i64 part, int axis, double time) except? -1.0 nogil
+    cdef double compute_coordinate(self, i64 part, int axis, double time) except? -1.0 nogil
 
 
 @cython.final
@@ -234,4 +234,4 @@ cdef class Contacts:
 cpdef int put_visits(Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
 @cython.locals(first=i64, leg=i64)
 cdef bint is_there(Tracks tracks, Legs legs, i64 agent) except -1 nogil
-cdef int compared(double one, double other) noexcept nogil
+cdef int compare_numbers(double one, double other) noexcept nogil

@@ -41,7 +41,7 @@ BY_PAIR = 1
 BY_PLACE = 2
 
 
-def extended(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
+def extend_column(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
     """Return a copy of a column with room for `room` numbers; `kind` is a type code of `array`."""
     longer = memoryview(array(kind, bytes(8 * room)))
     longer[: len(column)] = column
@@ -307,14 +307,14 @@ class NearNodes:
         self.used += self.search.count
         return self.offsets[place]
 
-    def after(self, node: int) -> int:
+    def find_end(self, node: int) -> int:
         """Return where the entries of a node end, which are computed."""
         return self.offsets[self.first + node] + self.counts[self.first + node]
 
-    def ahead(self, start: int, end: int) -> float:
+    def get_distance(self, start: int, end: int) -> float:
         """Return the distance from a node to another; infinity if it is beyond the limit."""
         first = self.learn(start)
-        beyond = self.after(start)
+        beyond = self.find_end(start)
         last = beyond
         while first < last:
             middle = (first + last) >> 1
@@ -428,10 +428,10 @@ class PathSegments:
 
     def make_room(self, room: int) -> int:
         """Make room for `room` segments, and keep the existing ones."""
-        self.since = extended("d", self.since, room)
-        self.until = extended("d", self.until, room)
-        self.begins = extended("d", self.begins, 3 * room)
-        self.ends = extended("d", self.ends, 3 * room)
+        self.since = extend_column("d", self.since, room)
+        self.until = extend_column("d", self.until, room)
+        self.begins = extend_column("d", self.begins, 3 * room)
+        self.ends = extend_column("d", self.ends, 3 * room)
         self.room = room
         return 0
 
@@ -526,7 +526,7 @@ class PathSegments:
         self.ends[3 * part + 2] = 0.0
         return 0
 
-    def at(self, part: int, axis: int, time: float) -> float:
+    def compute_coordinate(self, part: int, axis: int, time: float) -> float:
         """Return a coordinate on a segment at a time, by linear interpolation."""
         begin = self.begins[3 * part + axis]
         if self.until[part] <= self.since[part]:
@@ -578,16 +578,16 @@ class MotionIntervals:
 
     def make_room(self, room: int) -> int:
         """Make room for `room` intervals, and keep the existing ones."""
-        self.agents = extended("q", self.agents, room)
-        self.nodes = extended("q", self.nodes, room)
-        self.legs = extended("q", self.legs, room)
-        self.since = extended("d", self.since, room)
-        self.until = extended("d", self.until, room)
-        self.begins = extended("d", self.begins, room)
-        self.ends = extended("d", self.ends, room)
-        self.keys = extended("q", self.keys, room)
-        self.next = extended("q", self.next, room)
-        self.order = extended("q", self.order, room)
+        self.agents = extend_column("q", self.agents, room)
+        self.nodes = extend_column("q", self.nodes, room)
+        self.legs = extend_column("q", self.legs, room)
+        self.since = extend_column("d", self.since, room)
+        self.until = extend_column("d", self.until, room)
+        self.begins = extend_column("d", self.begins, room)
+        self.ends = extend_column("d", self.ends, room)
+        self.keys = extend_column("q", self.keys, room)
+        self.next = extend_column("q", self.next, room)
+        self.order = extend_column("q", self.order, room)
         return 0
 
     def put(self, agent: int, node: int, leg: int, since: float, until: float) -> int:
@@ -745,8 +745,8 @@ class Contacts:
             return 0
         for contact in range(self.count):
             pair = draws.mix(self.names[self.a[contact]]) ^ self.names[self.b[contact]]
-            key = draws.turn_key(draws.first_key(self.purpose[0], pair), self.turn[0])
-            self.draws[contact] = draws.bits_at(key, 0)
+            key = draws.compute_turn_key(draws.compute_first_key(self.purpose[0], pair), self.turn[0])
+            self.draws[contact] = draws.compute_bits(key, 0)
             self.order[contact] = contact
         self.kept = self.count
         if self.by_metres:
@@ -1014,11 +1014,11 @@ class Contacts:
                     continue
                 node = self.pieces.nodes[piece]
                 begin = self.reach.learn(node)
-                for entry in range(begin, self.reach.after(node)):
+                for entry in range(begin, self.reach.find_end(node)):
                     other = self.pieces.first[self.reach.ends[entry]]
                     if other < 0:
                         continue
-                    back = self.reach.ahead(self.reach.ends[entry], node)
+                    back = self.reach.get_distance(self.reach.ends[entry], node)
                     if side and back < INFINITE:  # then it was found from the other side
                         continue
                     distance = min(self.reach.far[entry], back)
@@ -1122,15 +1122,15 @@ class Contacts:
         if since > until:
             return 0
         limit = self.limit * self.limit
-        x = self.lines.at(part, 0, since) - self.lines.at(their, 0, since)
-        y = self.lines.at(part, 1, since) - self.lines.at(their, 1, since)
-        z = self.lines.at(part, 2, since) - self.lines.at(their, 2, since)
+        x = self.lines.compute_coordinate(part, 0, since) - self.lines.compute_coordinate(their, 0, since)
+        y = self.lines.compute_coordinate(part, 1, since) - self.lines.compute_coordinate(their, 1, since)
+        z = self.lines.compute_coordinate(part, 2, since) - self.lines.compute_coordinate(their, 2, since)
         far = x * x + y * y + z * z
         if far <= limit:
             return self._meet_on_way(since, sqrt(far), piece, other)
-        dx = self.lines.at(part, 0, until) - self.lines.at(their, 0, until) - x
-        dy = self.lines.at(part, 1, until) - self.lines.at(their, 1, until) - y
-        dz = self.lines.at(part, 2, until) - self.lines.at(their, 2, until) - z
+        dx = self.lines.compute_coordinate(part, 0, until) - self.lines.compute_coordinate(their, 0, until) - x
+        dy = self.lines.compute_coordinate(part, 1, until) - self.lines.compute_coordinate(their, 1, until) - y
+        dz = self.lines.compute_coordinate(part, 2, until) - self.lines.compute_coordinate(their, 2, until) - z
         square = dx * dx + dy * dy + dz * dz
         mixed = x * dx + y * dy + z * dz
         # |gap + share * change| = limit is a quadratic equation; its smaller root is when they come near.
@@ -1228,7 +1228,7 @@ class Contacts:
         The lengths of these paths change linearly while both intervals last.
         """
         first = self.reach.learn(node)
-        for row in range(first, self.reach.after(node)):
+        for row in range(first, self.reach.find_end(node)):
             entry = self.pieces.first[self.reach.ends[row]]
             while entry >= 0:
                 other = entry >> 1
@@ -1286,16 +1286,16 @@ class Contacts:
         """Return whether a contact comes before another, or an interval begins west of another."""
         found = 0
         if by == BY_PLACE:
-            found = compared(self.pieces.begins[one], self.pieces.begins[other])
+            found = compare_numbers(self.pieces.begins[one], self.pieces.begins[other])
         else:
             if by == BY_PAIR:
-                found = compared(self.a[one], self.a[other])
-                found = found or compared(self.b[one], self.b[other])
-            found = found or compared(self.times[one], self.times[other])
-            found = found or compared(self.distances[one], self.distances[other])
+                found = compare_numbers(self.a[one], self.a[other])
+                found = found or compare_numbers(self.b[one], self.b[other])
+            found = found or compare_numbers(self.times[one], self.times[other])
+            found = found or compare_numbers(self.distances[one], self.distances[other])
             if not found and self.draws[one] != self.draws[other]:
                 found = -1 if self.draws[one] < self.draws[other] else 1
-            found = found or compared(self.on_edges[one], self.on_edges[other])
+            found = found or compare_numbers(self.on_edges[one], self.on_edges[other])
         return found < 0 or (found == 0 and one < other)
 
     def _sort(self, order: memoryview[int], first: int, last: int, by: int) -> int:
@@ -1367,6 +1367,6 @@ def is_there(tracks: Tracks, legs: Legs, agent: int) -> bool:
     return tracks.lengths[agent] == 1 or tracks.nodes[first] == tracks.nodes[first + 1]
 
 
-def compared(one: float, other: float) -> int:
+def compare_numbers(one: float, other: float) -> int:
     """Return -1 if a number is less than another, 1 if it is greater, else 0."""
     return (one > other) - (one < other)

@@ -21,7 +21,7 @@ class NotPlain(Exception):
     """A value contains an object that is not plain, or contains an object twice."""
 
 
-def copied(value: Any, memo: Any = None) -> Any:
+def copy_deep(value: Any, memo: Any = None) -> Any:
     """Return a deep copy; references to one object stay references to one object.
 
     Args:
@@ -29,29 +29,29 @@ def copied(value: Any, memo: Any = None) -> Any:
         memo: id of an object -> its replacement, see `copy.deepcopy`; or `ONLY_PLAIN`.
     """
     try:
-        return _copy_of(value, set())
+        return _copy_plain(value, set())
     except NotPlain:
         if memo is ONLY_PLAIN:
             raise
         return deepcopy(value, memo)
 
 
-def copied_values(each: Any, memo: Any = None) -> Any:
+def copy_values(each: Any, memo: Any = None) -> Any:
     """Return a dict of deep copies of the values; a value that cannot be copied is shared."""
     try:
-        return _copy_of(each, set())
+        return _copy_plain(each, set())
     except NotPlain:
         if memo is ONLY_PLAIN:
             raise
         return {key: _copy_or_share(value, memo) for key, value in each.items()}
 
 
-def copied_dict(value: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copied` is
+def copy_dict(value: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copy_deep` is
     """Return a shallow copy of a dict, as a plain dict."""
     return dict(value)
 
 
-def copied_each(dicts: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copied` is
+def copy_each(dicts: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copy_deep` is
     """Return a dict of shallow copies of inner dicts."""
     made = {}
     for key, one in dicts.items():
@@ -59,21 +59,21 @@ def copied_each(dicts: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called a
     return made
 
 
-def copied_filled(each: Any, memo: Any = None) -> Any:
+def copy_filled(each: Any, memo: Any = None) -> Any:
     """Return a dict of deep copies of the values that are not empty."""
     made = {}
     for key, value in each.items():
         if value:
-            made[key] = copied(value, memo)
+            made[key] = copy_deep(value, memo)
     return made
 
 
-def copied_fields(values: list[Any], copies: list[tuple[int, Any]], memo: Any = None) -> list[Any]:
+def copy_fields(values: list[Any], copies: list[tuple[int, Any]], memo: Any = None) -> list[Any]:
     """Replace some values of a list by copies, and empty ones by None; return the list.
 
     Args:
         values: the values.
-        copies: the index of each of these values, and the function that copies it; see `copied`.
+        copies: the index of each of these values, and the function that copies it; see `copy_deep`.
         memo: given to these functions.
     """
     for one in copies:
@@ -83,7 +83,7 @@ def copied_fields(values: list[Any], copies: list[tuple[int, Any]], memo: Any = 
 
 
 def restore_fields(state: Any, values: list[Any], shared: list[Any], replaced: list[Any], refilled: list[Any]) -> int:
-    """Set attributes of an object to values from `copied_fields`.
+    """Set attributes of an object to values from `copy_fields`.
 
     Args:
         state: the object.
@@ -147,12 +147,12 @@ def _add_missing(known: Any, value: Any) -> Any:
 
 def _copy_or_share(value: Any, memo: Any) -> Any:
     try:
-        return copied(value, memo)
+        return copy_deep(value, memo)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
         return value
 
 
-def _copy_of(value: Any, seen: set[int]) -> Any:
+def _copy_plain(value: Any, seen: set[int]) -> Any:
     """Return a copy of a plain value; `seen` collects the ids of copied containers (NotPlain)."""
     kind = type(value)
     if kind is str or kind is int or value is None or kind in _ATOMS:
@@ -165,12 +165,12 @@ def _copy_of(value: Any, seen: set[int]) -> Any:
         known = as_dict(value)
         made = known.copy()
         for key, one in known.items():
-            own = _copy_of(one, seen)
+            own = _copy_plain(one, seen)
             if own is not one:
                 made[key] = own
         return made
     if kind is list or kind is tuple:
-        return kind([_copy_of(one, seen) for one in value])
+        return kind([_copy_plain(one, seen) for one in value])
     if kind is set or (kind is ndarray and not value.dtype.hasobject and value.base is None):
         return value.copy()  # items of sets are immutable
     raise NotPlain

@@ -8,15 +8,15 @@ cdef u64 PHILOX_0, PHILOX_1, WEYL_0, WEYL_1
 cdef int WORDS
 
 cpdef u64 mix(u64 bits) noexcept nogil
-cpdef u64 rotated(u64 bits, int places) noexcept nogil
+cpdef u64 rotate_left(u64 bits, int places) noexcept nogil
 @cython.locals(v0=u64, v1=u64, v2=u64, v3=u64, number=int)
-cpdef u64 siphash(u64 key_0, u64 key_1, u64 word) noexcept nogil
-cpdef u64 first_key(u64 purpose, u64 name) noexcept nogil
-cpdef u64 turn_key(u64 first, i64 turn) noexcept nogil
-cpdef u64 bits_at(u64 key, i64 k) noexcept nogil
-cpdef u64 below(u64 bits, u64 n) noexcept nogil
-cpdef u64 below_at(u64 first, i64 turn, i64 k, u64 n) noexcept nogil
-cpdef double fraction(u64 bits) noexcept nogil
+cpdef u64 compute_siphash(u64 key_0, u64 key_1, u64 word) noexcept nogil
+cpdef u64 compute_first_key(u64 purpose, u64 name) noexcept nogil
+cpdef u64 compute_turn_key(u64 first, i64 turn) noexcept nogil
+cpdef u64 compute_bits(u64 key, i64 k) noexcept nogil
+cpdef u64 convert_to_integer(u64 bits, u64 n) noexcept nogil
+cpdef u64 draw_integer(u64 first, i64 turn, i64 k, u64 n) noexcept nogil
+cpdef double convert_to_fraction(u64 bits) noexcept nogil
 @cython.locals(i=Py_ssize_t)
 cpdef int fill_first_keys(const u64[::1] purposes, const u64[::1] names, u64[::1] out) except -1 nogil
 @cython.locals(i=Py_ssize_t)
@@ -26,12 +26,12 @@ cpdef int fill_bits(const u64[::1] keys, const i64[::1] counts, u64[::1] out) ex
 
 
 @cython.locals(middle=u64, crossed=u64)
-cdef u64 upper_product(u64 a, u64 b) noexcept nogil
+cdef u64 compute_upper_product(u64 a, u64 b) noexcept nogil
 @cython.locals(a=u64, b=u64, c=u64, d=u64, a_next=u64, lower_0=u64, lower_1=u64, _=int)
 cdef int put_words(u64 key_0, u64 key_1, u64[::1] out, i64 begin) except -1 nogil
 cdef int put_halves(u64 word, u64[::1] out, i64 begin) except -1 nogil
 @cython.locals(place=i64)
-cdef u64 below_of_words(const u64[::1] words, i64 begin, u64 n) noexcept nogil
+cdef u64 draw_from_words(const u64[::1] words, i64 begin, u64 n) noexcept nogil
 @cython.locals(i=Py_ssize_t)
 cpdef int fill_words(const u64[::1] keys, u64[::1] out) except -1 nogil
 @cython.locals(i=Py_ssize_t)

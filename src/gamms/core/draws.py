@@ -26,7 +26,7 @@ SIP_1 = 0x646F72616E646F6D
 SIP_2 = 0x6C7967656E657261
 SIP_3 = 0x7465646279746573
 EIGHT_BYTES = 0x0800000000000000
-MOST = 0x100000000  # the maximum bound of `below`
+MOST = 0x100000000  # the maximum bound of `convert_to_integer`
 LOW = 0xFFFFFFFF
 PHILOX_0 = 0xD2E7470EE14C6C93  # factors and steps of Philox
 PHILOX_1 = 0xCA5A826395121157
@@ -42,12 +42,12 @@ def mix(bits: int) -> int:
     return bits ^ (bits >> 31)
 
 
-def rotated(bits: int, places: int) -> int:
+def rotate_left(bits: int, places: int) -> int:
     """Return the bits rotated to the left by 1 to 63 places."""
     return ((bits << places) & MASK) | (bits >> (64 - places))
 
 
-def siphash(key_0: int, key_1: int, word: int) -> int:
+def compute_siphash(key_0: int, key_1: int, word: int) -> int:
     """Return SipHash-2-4 of the eight bytes of a word, under a key of two words."""
     v0 = key_0 ^ SIP_0
     v1 = key_1 ^ SIP_1
@@ -61,73 +61,73 @@ def siphash(key_0: int, key_1: int, word: int) -> int:
             v0 ^= EIGHT_BYTES
             v2 ^= 0xFF
         v0 = (v0 + v1) & MASK
-        v1 = rotated(v1, 13) ^ v0
-        v0 = rotated(v0, 32)
+        v1 = rotate_left(v1, 13) ^ v0
+        v0 = rotate_left(v0, 32)
         v2 = (v2 + v3) & MASK
-        v3 = rotated(v3, 16) ^ v2
+        v3 = rotate_left(v3, 16) ^ v2
         v0 = (v0 + v3) & MASK
-        v3 = rotated(v3, 21) ^ v0
+        v3 = rotate_left(v3, 21) ^ v0
         v2 = (v2 + v1) & MASK
-        v1 = rotated(v1, 17) ^ v2
-        v2 = rotated(v2, 32)
+        v1 = rotate_left(v1, 17) ^ v2
+        v2 = rotate_left(v2, 32)
     return v0 ^ v1 ^ v2 ^ v3
 
 
-def first_key(purpose: int, name: int) -> int:
+def compute_first_key(purpose: int, name: int) -> int:
     """Return the key of all draws for one purpose and name."""
-    return siphash(purpose, mix(purpose), name)
+    return compute_siphash(purpose, mix(purpose), name)
 
 
-def turn_key(first: int, turn: int) -> int:
-    """Return the key of all draws of a `first_key` in one turn; the turn may be negative."""
+def compute_turn_key(first: int, turn: int) -> int:
+    """Return the key of all draws of a `compute_first_key` in one turn; the turn may be negative."""
     return mix((first + turn * GAMMA) & MASK)
 
 
-def bits_at(key: int, k: int) -> int:
-    """Return draw number `k`, from 0, of a `turn_key`: 64 random bits."""
+def compute_bits(key: int, k: int) -> int:
+    """Return draw number `k`, from 0, of a `compute_turn_key`: 64 random bits."""
     return mix((key + (k + 1) * GAMMA) & MASK)
 
 
-def below(bits: int, n: int) -> int:
+def convert_to_integer(bits: int, n: int) -> int:
     """Return a number from 0 to `n - 1` from random bits; `n` is from 1 to 2 ** 32."""
     return ((bits >> 32) * n) >> 32
 
 
-def below_at(first: int, turn: int, k: int, n: int) -> int:
-    """Return draw number `k` of a `first_key` in a turn as a number from 0 to `n - 1`."""
-    return below(bits_at(turn_key(first, turn), k), n)
+def draw_integer(first: int, turn: int, k: int, n: int) -> int:
+    """Return draw number `k` of a `compute_first_key` in a turn as a number from 0 to `n - 1`."""
+    return convert_to_integer(compute_bits(compute_turn_key(first, turn), k), n)
 
 
-def fraction(bits: int) -> float:
+def convert_to_fraction(bits: int) -> float:
     """Return a number in [0, 1) from random bits, a multiple of 2 ** -53."""
     return (bits >> 11) * 2.0**-53
 
 
 def fill_first_keys(purposes: memoryview[int], names: memoryview[int], out: memoryview[int]) -> int:
-    """Write the `first_key` of each row; all arrays have the same length."""
+    """Write the `compute_first_key` of each row; all arrays have the same length."""
     for i in range(len(out)):
-        out[i] = first_key(purposes[i], names[i])
+        out[i] = compute_first_key(purposes[i], names[i])
     return 0
 
 
 def fill_turn_keys(first: memoryview[int], turns: memoryview[int], out: memoryview[int]) -> int:
-    """Write the `turn_key` of each row; all arrays have the same length."""
+    """Write the `compute_turn_key` of each row; all arrays have the same length."""
     for i in range(len(out)):
-        out[i] = turn_key(first[i], turns[i])
+        out[i] = compute_turn_key(first[i], turns[i])
     return 0
 
 
 def fill_bits(keys: memoryview[int], counts: memoryview[int], out: memoryview[int]) -> int:
-    """Write draw number `counts[i]` of each `turn_key`; all arrays have the same length."""
+    """Write draw number `counts[i]` of each `compute_turn_key`; all arrays have the same length."""
     for i in range(len(out)):
-        out[i] = bits_at(keys[i], counts[i])
+        out[i] = compute_bits(keys[i], counts[i])
     return 0
 
 
 # -- streams that begin a game -----------------------------------------------------------------------------------------
 
 
-def upper_product(a: int, b: int) -> int:
+def compute_upper_product(a: int, b: int) -> int:
     """Return the upper 64 bits of a product, computed from 32-bit halves."""
     middle = (a >> 32) * (b & LOW) + ((a & LOW) * (b & LOW) >> 32)
     crossed = (a & LOW) * (b >> 32) + (middle & LOW)
@@ -152,8 +152,8 @@ def put_words(key_0: int, key_1: int, out: memoryview[int], begin: int) -> int:
     for _ in range(10):
         lower_0 = (a * PHILOX_0) & MASK
         lower_1 = (c * PHILOX_1) & MASK
-        a_next = upper_product(c, PHILOX_1) ^ b ^ key_0
-        c = upper_product(a, PHILOX_0) ^ d ^ key_1
+        a_next = compute_upper_product(c, PHILOX_1) ^ b ^ key_0
+        c = compute_upper_product(a, PHILOX_0) ^ d ^ key_1
         a = a_next
         b = lower_1
         d = lower_0
@@ -172,7 +172,7 @@ def put_halves(word: int, out: memoryview[int], begin: int) -> int:
     return 0
 
 
-def below_of_words(words: memoryview[int], begin: int, n: int) -> int:
+def draw_from_words(words: memoryview[int], begin: int, n: int) -> int:
     """Return the first `integers(n)` of NumPy's generator of a stream, by Lemire's method.
 
     Source: "Fast random integer generation in an interval" (TOMACS 2019).
@@ -196,9 +196,9 @@ def fill_words(keys: memoryview[int], out: memoryview[int]) -> int:
 
 
 def fill_below_of_words(words: memoryview[int], n: memoryview[int], out: memoryview[int]) -> int:
-    """Write `below_of_words` of streams for their bounds; `words` is (streams * 8,), the others are (streams,)."""
+    """Write `draw_from_words` of streams for their bounds; `words` is (streams * 8,), the others are (streams,)."""
     for i in range(len(out)):
-        out[i] = below_of_words(words, WORDS * i, n[i])
+        out[i] = draw_from_words(words, WORDS * i, n[i])
     return 0
 
 
@@ -218,7 +218,7 @@ def place_agents(
     for row in range(len(out)):
         i = row % agents
         put_words(keys[2 * row], keys[2 * row + 1], words, 0)
-        number = below_of_words(words, 0, len(rows) - i)
+        number = draw_from_words(words, 0, len(rows) - i)
         out[row] = rows[take_free(taken, i, number)]
     return 0
 
@@ -252,7 +252,7 @@ class RandomChoices:
     """Random numbers of agents; rows are game by game.
 
     Attributes:
-        keys: (rows,) the `first_key` of each agent.
+        keys: (rows,) the `compute_first_key` of each agent.
         counts: (rows,) the bound of each number, from 1 to 2 ** 32.
         chosen: (rows,) the drawn numbers, below the bounds.
     """
@@ -267,7 +267,7 @@ def choose(choices: RandomChoices, at: int, agents: memoryview[int], begin: int,
     """Write draw number 0 of a turn for `agents[begin:end]` of the game whose first row is `at`."""
     for place in range(begin, end):
         row = at + agents[place]
-        choices.chosen[row] = below_at(choices.keys[row], turn, 0, choices.counts[row])
+        choices.chosen[row] = draw_integer(choices.keys[row], turn, 0, choices.counts[row])
     return 0
 
 
@@ -322,8 +322,8 @@ class TurnCounter:
 class TurnStream:
     """A random stream of one name, which restarts in each turn.
 
-    A subclass has `first_key`, which returns the `first_key` of the name for the current seed, and `refuse_bound`,
-    which raises the error for a bad argument of `below`.
+    A subclass has `compute_first_key`, which returns the `compute_first_key` of the name for the current seed, and
+    `refuse_bound`, which raises the error for a bad argument of `convert_to_integer`.
 
     Args:
         turns: the turns of the game.
@@ -355,9 +355,9 @@ class TurnStream:
         begun = turns._catch_up()
         if begun != self._begun:
             if turns.seeds != self._seeds:
-                self._first = self.first_key()  # type: ignore[attr-defined] # of a subclass
+                self._first = self.compute_first_key()  # type: ignore[attr-defined] # of a subclass
                 self._seeds = turns.seeds
-            self._key = turn_key(self._first, turns.turn)
+            self._key = compute_turn_key(self._first, turns.turn)
             self._begun = begun
             self._count = 0
         return 0
@@ -365,7 +365,7 @@ class TurnStream:
     def _draw_next(self) -> int:
         self._seek()
         self._count += 1
-        return bits_at(self._key, self._count - 1)
+        return compute_bits(self._key, self._count - 1)
 
     def bits(self) -> int:
         """Return 64 random bits."""
@@ -373,7 +373,7 @@ class TurnStream:
 
     def random(self) -> float:
         """Return a number in [0, 1)."""
-        return fraction(self._draw_next())
+        return convert_to_fraction(self._draw_next())
 
     def below(self, n: Any) -> Any:
         """Return a uniform random integer from 0 to `n - 1`.
@@ -385,7 +385,7 @@ class TurnStream:
             self.refuse_bound(n)  # type: ignore[attr-defined] # of a subclass
         if type(n) is int:
             bound = n
-            return below(self._draw_next(), bound)
+            return convert_to_integer(self._draw_next(), bound)
         return (self._draw_next() >> 32) * n >> 32
 
     def choice(self, options: Any) -> Any:
@@ -397,4 +397,4 @@ class TurnStream:
         count = len(options)
         if count < 1:
             self.refuse_bound(count)  # type: ignore[attr-defined] # of a subclass
-        return options[below(self._draw_next(), count)]
+        return options[convert_to_integer(self._draw_next(), count)]

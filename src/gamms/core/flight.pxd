@@ -15,11 +15,11 @@ cdef class Flights:
     cdef Py_ssize_t find(self, i64 agent) except -2 nogil
     @cython.locals(found=i64)
     cdef Py_ssize_t find_row(self, i64 agent, i64 game) except -2 nogil
-    cpdef position_of(self, i64 agent, i64 game=*)
-    cpdef previous_of(self, i64 agent, i64 game=*)
-    cpdef quat_of(self, i64 agent, i64 game=*)
+    cpdef get_position(self, i64 agent, i64 game=*)
+    cpdef get_previous_position(self, i64 agent, i64 game=*)
+    cpdef get_rotation(self, i64 agent, i64 game=*)
     cpdef int fly(self, i64 agent, double x, double y, double z, i64 game=*) except -1
-    cpdef int turn(self, i64 agent, double w, double x, double y, double z, i64 game=*) except -1
+    cpdef int set_rotation(self, i64 agent, double w, double x, double y, double z, i64 game=*) except -1
     @cython.locals(source=i64, target=i64, i=i64)
     cpdef int copy_to(self, Flights flights, i64 agent, i64 game, i64 other, i64 in_game) except -1
     @cython.locals(row=Py_ssize_t)
@@ -27,7 +27,7 @@ cdef class Flights:
     @cython.locals(begin=i64, i=i64)
     cdef int fly_row(self, i64 row, double x, double y, double z) except -1 nogil
     @cython.locals(begin=i64)
-    cdef int turn_row(self, i64 row, double w, double x, double y, double z) except -1 nogil
+    cdef int set_row_rotation(self, i64 row, double w, double x, double y, double z) except -1 nogil
 
 
 @cython.final
@@ -37,7 +37,7 @@ cdef class TurnFlights(Flights):
     cdef public list chosen
 
     @cython.locals(row=i64)
-    cpdef wanted_of(self, i64 agent, i64 game)
+    cpdef get_wanted(self, i64 agent, i64 game)
     @cython.locals(row=i64)
     cpdef int hold(self, i64 agent, i64 game) except -1
     @cython.locals(row=i64, i=i64)

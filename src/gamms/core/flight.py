@@ -52,15 +52,15 @@ class Flights:
 
     # -- positions and rotations ------------------------------------------------------------------------------------
 
-    def position_of(self, agent: int, game: int = 0) -> Any:
+    def get_position(self, agent: int, game: int = 0) -> Any:
         """Return the position `(x, y, z)` of an agent; None: it does not fly, or is nowhere."""
         return read_place(self.position, self.find_row(agent, game))
 
-    def previous_of(self, agent: int, game: int = 0) -> Any:
-        """Return the position before the last flight; None as for `position_of`."""
+    def get_previous_position(self, agent: int, game: int = 0) -> Any:
+        """Return the position before the last flight; None as for `get_position`."""
         return read_place(self.previous, self.find_row(agent, game))
 
-    def quat_of(self, agent: int, game: int = 0) -> Any:
+    def get_rotation(self, agent: int, game: int = 0) -> Any:
         """Return the rotation `(w, x, y, z)` of an agent; None: it does not fly."""
         return read_rotation(self.quat, self.find_row(agent, game))
 
@@ -68,9 +68,9 @@ class Flights:
         """Move a flying agent to a position; return what this changes, see `fly_row`."""
         return self.fly_row(self.find_flyer(agent, game), x, y, z)
 
-    def turn(self, agent: int, w: float, x: float, y: float, z: float, game: int = 0) -> int:
+    def set_rotation(self, agent: int, w: float, x: float, y: float, z: float, game: int = 0) -> int:
         """Set the rotation of a flying agent."""
-        return self.turn_row(self.find_flyer(agent, game), w, x, y, z)
+        return self.set_row_rotation(self.find_flyer(agent, game), w, x, y, z)
 
     def copy_to(self, flights: Flights, agent: int, game: int, other: int, in_game: int) -> int:
         """Copy the positions and the rotation of an agent of a game to another agent, in a game of other flights."""
@@ -106,7 +106,7 @@ class Flights:
             return 2
         return z != self.previous[begin + 2]
 
-    def turn_row(self, row: int, w: float, x: float, y: float, z: float) -> int:
+    def set_row_rotation(self, row: int, w: float, x: float, y: float, z: float) -> int:
         """Set the rotation of the agent of a row."""
         begin = 4 * row
         self.quat[begin] = w
@@ -148,7 +148,7 @@ class TurnFlights(Flights):
         self.has_flown = has_flown
         self.chosen: list[Any] = []
 
-    def wanted_of(self, agent: int, game: int) -> tuple[Any, Any]:
+    def get_wanted(self, agent: int, game: int) -> tuple[Any, Any]:
         """Return the position and the rotation that an agent takes in the turn; None: unchanged."""
         row = self.find_row(agent, game)
         return read_place(self.wanted, row), read_rotation(self.turned, row)
@@ -223,7 +223,9 @@ class TurnFlights(Flights):
                 row = games[g] * self.count + i
                 a = 4 * row
                 if self.turned[a] == self.turned[a]:
-                    self.turn_row(row, self.turned[a], self.turned[a + 1], self.turned[a + 2], self.turned[a + 3])
+                    self.set_row_rotation(
+                        row, self.turned[a], self.turned[a + 1], self.turned[a + 2], self.turned[a + 3]
+                    )
                 a = 3 * row
                 if self.wanted[a] == self.wanted[a]:
                     changed = self.fly_row(row, self.wanted[a], self.wanted[a + 1], self.wanted[a + 2])

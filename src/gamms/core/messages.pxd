@@ -41,9 +41,9 @@ cdef class Messages:
 
 
 @cython.locals(x=double, y=double, z=double)
-cdef double distance(const double[::1] places, i64 k, const double[::1] others, i64 other) noexcept nogil
+cdef double compute_distance(const double[::1] places, i64 k, const double[::1] others, i64 other) noexcept nogil
 @cython.locals(k=Py_ssize_t, slope=double)
-cpdef double chance_at(Channel channel, double far) noexcept nogil
+cpdef double compute_loss_chance(Channel channel, double far) noexcept nogil
 @cython.locals(base=i64, i=i64, k=Py_ssize_t, jammer=i64, far=double)
 cdef int jam(Channel channel, ChannelNetwork network, i64 game) except -1 nogil
 cdef bint is_in_range(Channel channel, ChannelNetwork network, i64 row, i64 other) noexcept nogil

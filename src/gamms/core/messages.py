@@ -174,7 +174,7 @@ class Messages:
         self.arrivals = arrivals
 
 
-def distance(places: memoryview[float], k: int, others: memoryview[float], other: int) -> float:
+def compute_distance(places: memoryview[float], k: int, others: memoryview[float], other: int) -> float:
     """Return the distance in metres between place `k` of one column of x, y, z and place `other` of another."""
     x = places[3 * k] - others[3 * other]
     y = places[3 * k + 1] - others[3 * other + 1]
@@ -182,7 +182,7 @@ def distance(places: memoryview[float], k: int, others: memoryview[float], other
     return sqrt((x * x + y * y) + z * z)
 
 
-def chance_at(channel: Channel, far: float) -> float:
+def compute_loss_chance(channel: Channel, far: float) -> float:
     """Return the probability that a transmission over a distance is lost, by linear interpolation between points."""
     k = 0
     while k < len(channel.distances) and channel.distances[k] < far:
@@ -204,9 +204,9 @@ def jam(channel: Channel, network: ChannelNetwork, game: int) -> int:
         jammer = base + channel.jammers[k]
         for i in range(channel.agents):
             if channel.jammers[k] < 0:
-                far = distance(network.xyz, base + i, channel.places, k)
+                far = compute_distance(network.xyz, base + i, channel.places, k)
             elif network.alive[jammer]:
-                far = distance(network.xyz, base + i, network.xyz, jammer)
+                far = compute_distance(network.xyz, base + i, network.xyz, jammer)
             else:
                 break
             if far <= channel.radii[k]:
@@ -218,7 +218,7 @@ def is_in_range(channel: Channel, network: ChannelNetwork, row: int, other: int)
     """Return whether another agent lives and is within the range of a transmitter."""
     if row == other or not network.alive[other]:
         return False
-    return distance(network.xyz, other, network.xyz, row) <= channel.range_m
+    return compute_distance(network.xyz, other, network.xyz, row) <= channel.range_m
 
 
 def find_in_range(channel: Channel, network: ChannelNetwork, count: int, reach: memoryview[int]) -> int:
@@ -238,10 +238,12 @@ def is_lost(channel: Channel, network: ChannelNetwork, sent: Messages, m: int, b
     base = sent.games[m] * channel.agents
     name = network.names[to]
     if channel.is_relayed:
-        name = draws.bits_at(draws.turn_key(draws.first_key(network.names[by], name), 0), 0)
-    first = draws.first_key(network.purposes[base + sent.senders[m]], name)
-    bits = draws.bits_at(draws.turn_key(first, network.turns[sent.games[m]]), sent.numbers[m])
-    return draws.fraction(bits) < chance_at(channel, distance(network.xyz, base + to, network.xyz, base + by))
+        name = draws.compute_bits(draws.compute_turn_key(draws.compute_first_key(network.names[by], name), 0), 0)
+    first = draws.compute_first_key(network.purposes[base + sent.senders[m]], name)
+    bits = draws.compute_bits(draws.compute_turn_key(first, network.turns[sent.games[m]]), sent.numbers[m])
+    return draws.convert_to_fraction(bits) < compute_loss_chance(
+        channel, compute_distance(network.xyz, base + to, network.xyz, base + by)
+    )
 
 
 def prepare(channel: Channel, network: ChannelNetwork, sent: Messages, m: int) -> int:

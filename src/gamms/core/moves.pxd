@@ -60,8 +60,8 @@ cdef class OneEdgeMovers:
     cdef int go_all(self, GameColumns games, i64 game) except -1 nogil
     cdef bint is_put(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(row=i64)
-    cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
-    cdef i64 goal(self, i64 row) except -1 nogil
+    cdef bint is_moving(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    cdef i64 find_goal(self, i64 row) except -1 nogil
     @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
 
@@ -76,7 +76,7 @@ cdef class TripMovers(OneEdgeMovers):
 
 @cython.locals(at=i64, first=i64, part=i64, i=i64, row=i64)
 cdef int begin_part(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
-cdef bint decides_now(OneEdgeMovers m, i64 row, i64 i, i64 part) except -1 nogil
+cdef bint is_deciding(OneEdgeMovers m, i64 row, i64 i, i64 part) except -1 nogil
 @cython.locals(at=i64, part=i64, place=i64, i=i64)
 cdef int stay_all(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 @cython.locals(begin=i64, end=i64)
@@ -89,10 +89,10 @@ cdef int follow_steps(GameColumns games, OneEdgeMovers m, i64 game) except -1 no
 
 cdef i64 count_legal(LegalMoves s, i64 place) except? -2 nogil
 cdef i64 as_legal(i64 number, i64 count) except? -2 nogil
-cdef i64 legal_node(LegalMoves s, i64 first, i64 node, i64 number) except? -2 nogil
+cdef i64 get_legal_node(LegalMoves s, i64 first, i64 node, i64 number) except? -2 nogil
 cdef int set_out(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 @cython.locals(node=i64)
-cdef Py_ssize_t node_by_steps(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil
+cdef Py_ssize_t choose_node_by_steps(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil
 @cython.locals(node=i64, first=i64, number=i64)
 cdef i64 act(strategies.Strategies p, LegalMoves s, i64 game, i64 i) except? -2 nogil
 @cython.locals(row=i64, at=i64, place=i64, node=i64)
@@ -100,7 +100,7 @@ cpdef int ask(
     strategies.Strategies p, LegalMoves s, const i64[::1] games, const i64[::1] agents, const u8[::1] asked,
     i64[::1] drawn, i64[::1] found
 ) except -1 nogil
-cdef int block(OneEdgeMovers m, i64 row, i64 wanted) except -1 nogil
+cdef int block_agent(OneEdgeMovers m, i64 row, i64 wanted) except -1 nogil
 @cython.locals(row=i64)
 cdef bint is_put(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil
 cdef bint is_stopped(GameColumns games, OneEdgeMovers m, i64 row, i64 i) except -1 nogil

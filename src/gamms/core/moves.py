@@ -205,8 +205,8 @@ class OneEdgeMovers:
         part = self.part[game]
         for i in range(games.agents):
             is_loser = self.contests.stays[i] and self.part_of[i] == part  # type: ignore[union-attr] # there are conflicts
-            if is_loser and self.goes(games, game, i):
-                block(self, game * games.agents + i, self.goal(game * games.agents + i))
+            if is_loser and self.is_moving(games, game, i):
+                block_agent(self, game * games.agents + i, self.find_goal(game * games.agents + i))
                 self.stay(games, game, i)
         return 0
 
@@ -230,12 +230,12 @@ class OneEdgeMovers:
         """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
         return is_put(games, self, game, i)
 
-    def goes(self, games: GameColumns, game: int, i: int) -> bool:
+    def is_moving(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether an agent leaves its place."""
         row = game * games.agents + i
         return self.ends[row] != games.node[row]
 
-    def goal(self, row: int) -> int:
+    def find_goal(self, row: int) -> int:
         """Return the place where the move of an agent ends, as in `conflicts`."""
         return self.ends[row]
 
@@ -266,7 +266,7 @@ class TripMovers(OneEdgeMovers):
         self.has_all = has_all
 
     def take_game(self, games: GameColumns, game: int) -> int:
-        """Use the paths of a game; the edges that each agent may use are chosen for each, see `rules.first_place`."""
+        """Use the paths of a game; the edges that each agent may use are chosen; see `rules.find_first_place`."""
         self.first = game * games.agents if self.has_all else 0
         return 0
 
@@ -283,13 +283,13 @@ def begin_part(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
         row = at + i
         if part == 0:
             set_out(games, m, row)
-        elif decides_now(m, row, i, part):
+        elif is_deciding(m, row, i, part):
             games.start[row] = games.node[row]
         m.counts[row] = count_legal(m.streets, first + games.node[row])
     return 0
 
 
-def decides_now(m: OneEdgeMovers, row: int, i: int, part: int) -> bool:
+def is_deciding(m: OneEdgeMovers, row: int, i: int, part: int) -> bool:
     """Return whether an agent decides in a part of the turn."""
     return m.takes_part[row] > 0 and m.part_of[i] == part
 
@@ -301,7 +301,7 @@ def stay_all(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     for place in range(m.kind_ends[STAYS]):
         i = m.by_kind[place]
         m.ends[at + i] = games.node[at + i]
-        if decides_now(m, at + i, i, part):
+        if is_deciding(m, at + i, i, part):
             m.blocked[at + i] = 0
     return 0
 
@@ -324,10 +324,10 @@ def take_numbers(games: GameColumns, m: OneEdgeMovers, game: int, kind: int, num
     for place in range(m.kind_ends[kind - 1], m.kind_ends[kind]):
         i = m.by_kind[place]
         row = at + i
-        if decides_now(m, row, i, part):
+        if is_deciding(m, row, i, part):
             m.blocked[row] = 0
             number = as_legal(numbers[row], m.counts[row])
-            m.ends[row] = legal_node(m.streets, first, games.node[row], number)
+            m.ends[row] = get_legal_node(m.streets, first, games.node[row], number)
         else:
             m.ends[row] = games.node[row]
     return 0
@@ -342,9 +342,9 @@ def follow_steps(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     for place in range(m.kind_ends[IS_GIVEN], m.kind_ends[STEPS]):
         i = m.by_kind[place]
         m.ends[at + i] = games.node[at + i]
-        if decides_now(m, at + i, i, part):
+        if is_deciding(m, at + i, i, part):
             m.blocked[at + i] = 0
-            m.ends[at + i] = node_by_steps(games, m, game, i)
+            m.ends[at + i] = choose_node_by_steps(games, m, game, i)
     return 0
 
 
@@ -358,7 +358,7 @@ def as_legal(number: int, count: int) -> int:
     return number if 0 <= number < count else 0
 
 
-def legal_node(s: LegalMoves, first: int, node: int, number: int) -> int:
+def get_legal_node(s: LegalMoves, first: int, node: int, number: int) -> int:
     """Return legal node number `number` of a node; `first` is the place of the map's first node."""
     if not s.are_all_legal:
         return s.targets[s.offsets[first + node] + number]
@@ -376,7 +376,7 @@ def set_out(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
     return 0
 
 
-def node_by_steps(games: GameColumns, m: OneEdgeMovers, game: int, i: int) -> int:
+def choose_node_by_steps(games: GameColumns, m: OneEdgeMovers, game: int, i: int) -> int:
     """Return the legal node that the strategy steps of an agent choose."""
     m.by_steps.drawn = 0  # type: ignore[union-attr] # there are some
     node = act(m.by_steps, m.streets, game, i)  # type: ignore[arg-type]
@@ -389,7 +389,7 @@ def act(p: strategies.Strategies, s: LegalMoves, game: int, i: int) -> int:
     first = p.games.first_node[game]
     p.count = count_legal(s, first + node)
     for number in range(p.count):
-        p.legal[number] = legal_node(s, first, node, number)
+        p.legal[number] = get_legal_node(s, first, node, number)
     return strategies.act(p, game, i)
 
 
@@ -423,12 +423,12 @@ def ask(
                 node = act(p, s, games[at], agents[place])
                 drawn[row] = p.drawn
                 if node >= 0:
-                    found[row] = routes.number_of(p.legal, 0, p.count, node)
+                    found[row] = routes.find_number(p.legal, 0, p.count, node)
             row += 1
     return 0
 
 
-def block(m: OneEdgeMovers, row: int, wanted: int) -> int:
+def block_agent(m: OneEdgeMovers, row: int, wanted: int) -> int:
     """Record that a conflict has stopped an agent on the way to a place."""
     m.wanted[row] = wanted
     m.blocked[row] = 1

@@ -107,7 +107,7 @@ cpdef i64 list_seen(
     const u8[::1] is_asked,
     i64[::1] pairs,
 ) except -1
-cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
+cdef i64 get_node(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
 cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil
 @cython.locals(choice=i64)

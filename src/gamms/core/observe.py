@@ -407,9 +407,9 @@ def list_seen(
     for place in range(len(games)):
         game = games[place]
         if len(own) > 0:
-            s.place_between(game, own, 2 * place * s.agents)
+            s.load_positions(game, own, 2 * place * s.agents)
         else:
-            s.place(game, 0)
+            s.load_node_positions(game, 0)
         for viewer in range(len(viewers)):
             if not is_asked[place * len(viewers) + viewer]:
                 continue
@@ -425,7 +425,7 @@ def list_seen(
     return found
 
 
-def node_of(o: Observers, place: int, agent: int) -> int:
+def get_node(o: Observers, place: int, agent: int) -> int:
     """Return the node of an observer, in the game at a place."""
     return o.seen.node[o.games[place] * o.seen.agents + o.seen.viewers[agent]]
 
@@ -452,7 +452,7 @@ def observe(o: Observers, v: VectorObservations, found: NearestAgents, game: int
 
 def count_legal(o: Observers, game: int, agent: int) -> int:
     """Return the number of legal actions of an observer of the game at a place."""
-    choice = o.first_node[o.games[game]] + node_of(o, game, agent)
+    choice = o.first_node[o.games[game]] + get_node(o, game, agent)
     if not o.are_by_node:
         choice = o.choice[o.rows[game] + agent]
     return o.offsets[choice + 1] - o.offsets[choice]
@@ -462,7 +462,7 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
     """Write the vector of a living agent; return the number of legal actions."""
     row = o.rows[game] + agent
     base = o.first_node[o.games[game]]
-    here = base + node_of(o, game, agent)
+    here = base + get_node(o, game, agent)
     own_x = v.places[2 * here] if v.are_on_nodes else v.own[2 * row]
     own_y = v.places[2 * here + 1] if v.are_on_nodes else v.own[2 * row + 1]
     at = row * v.entries
@@ -508,7 +508,7 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
 def begin_looks(o: Observers, game: int) -> int:
     """Take the positions of the agents in the game at a place, before observers look."""
     if o.seen.is_searched:
-        o.seen.search.place(o.games[game], o.first_node[o.games[game]])  # type: ignore[union-attr]
+        o.seen.search.load_node_positions(o.games[game], o.first_node[o.games[game]])  # type: ignore[union-attr]
     return 0
 
 
@@ -577,7 +577,7 @@ def observe_nodes(o: Observers, n: NodeFeatures, found: NearestAgents, game: int
     begin_looks(o, game)
     for i in range(o.agents):
         row = o.rows[game] + i
-        node = node_of(o, game, i)
+        node = get_node(o, game, i)
         if not o.is_asked[row]:
             for entry in range(row * size, (row + 1) * size):
                 n.values[entry] = 0.0

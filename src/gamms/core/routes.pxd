@@ -22,7 +22,7 @@ cdef class Paths:
     cdef readonly i64 count
 
 
-cpdef double widened(double far) except? -1.0 nogil
+cpdef double widen_distance(double far) except? -1.0 nogil
 @cython.locals(left=i64, visited=i64, latest=double, number=i64, node=i64, arc=i64)
 cpdef i64 find(
     Arcs arcs, Paths paths, const i64[::1] roots, const i64[::1] goals, i64 most, double within, double least, bint is_nearest
@@ -57,13 +57,13 @@ cdef class PathTables:
     )
 
     @cython.locals(place=i64)
-    cdef Py_ssize_t place(self, i64 node, i64 target) except -1 nogil
+    cdef Py_ssize_t find_index(self, i64 node, i64 target) except -1 nogil
     @cython.locals(table=i64, first=i64, node=i64)
     cdef int begin(self, i64 place) except -1 nogil
     @cython.locals(table=i64, first=i64, least=double, is_whole=bint, number=i64, at=i64, place=i64)
     cdef int find(self, i64 target, i64 node) except -1 nogil
     cdef int fill(self, i64 target) except -1 nogil
-    cdef double distance(self, i64 node, i64 target) except? -1.0 nogil
+    cdef double get_distance(self, i64 node, i64 target) except? -1.0 nogil
 
 
 @cython.locals(place=i64, number=i64)
@@ -82,13 +82,13 @@ cpdef int find_actions(
     i64[::1] found,
 ) except -1 nogil
 @cython.locals(last=i64, length=i64, edges=i64, steps=i64)
-cdef i64 node_towards(
+cdef i64 find_next_node(
     PathTables ways, const i64[::1] legal, i64 first, i64 count, i64 node, i64 target, const u8[::1] allowed
 ) except? -2 nogil
 @cython.locals(steps=i64)
 cpdef i64 count_steps(const i64[::1] path, i64 length, const i64[::1] legal, i64 first, i64 count) except -1 nogil
 @cython.locals(number=i64)
-cdef i64 number_of(const i64[::1] legal, i64 first, i64 count, i64 node) except? -2 nogil
+cdef i64 find_number(const i64[::1] legal, i64 first, i64 count, i64 node) except? -2 nogil
 
 
 @cython.final

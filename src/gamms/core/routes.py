@@ -72,7 +72,7 @@ class Paths:
         self.count = 0
 
 
-def widened(far: float) -> float:
+def widen_distance(far: float) -> float:
     """Return a distance plus a margin for rounding errors."""
     return far * (1.0 + SLACK) + LEAST
 
@@ -117,7 +117,7 @@ def find(
         if paths.reach.listed[node] == paths.reach.search:
             left -= 1
             if is_nearest:
-                latest = min(latest, widened(paths.reach.when[node]))
+                latest = min(latest, widen_distance(paths.reach.when[node]))
         for arc in range(arcs.offsets[arcs.first + node], arcs.offsets[arcs.first + node + 1]):
             go_along(arcs, paths, node, arc, within)
     paths.count = paths.reach.count
@@ -242,7 +242,7 @@ class PathTables:
         self.targets = targets
         self.radius = radius
 
-    def place(self, node: int, target: int) -> int:
+    def find_index(self, node: int, target: int) -> int:
         """Return the index in `far` and `following` for a path from a node to a target."""
         if self.tables[self.arcs.first + target] < 0:
             self.begin(self.arcs.first + target)
@@ -299,9 +299,9 @@ class PathTables:
             self.find(target, -1)
         return 0
 
-    def distance(self, node: int, target: int) -> float:
+    def get_distance(self, node: int, target: int) -> float:
         """Return the distance from a node to a target; infinity if there is no path."""
-        return self.far[self.place(node, target)]
+        return self.far[self.find_index(node, target)]
 
 
 def find_distances(
@@ -311,7 +311,7 @@ def find_distances(
     for place in range(len(order)):
         number = order[place]
         ways.fill(targets[number])
-        found[number] = ways.distance(nodes[number], targets[number])
+        found[number] = ways.get_distance(nodes[number], targets[number])
     return 0
 
 
@@ -342,14 +342,14 @@ def find_actions(
         ways.fill(targets[number])
         first = offsets[nodes[number]]
         count = offsets[nodes[number] + 1] - first
-        node = node_towards(ways, legal, first, count, nodes[number], targets[number], allowed)
+        node = find_next_node(ways, legal, first, count, nodes[number], targets[number], allowed)
         if node >= 0 and len(allowed) > 0 and not allowed[node]:
             node = nodes[number]
-        found[number] = number_of(legal, first, count, node)
+        found[number] = find_number(legal, first, count, node)
     return 0
 
 
-def node_towards(
+def find_next_node(
     ways: PathTables, legal: memoryview[int], first: int, count: int, node: int, target: int, allowed: memoryview[int]
 ) -> int:
     """Return the node that an agent moves to in one move on its path from a node to a target; -1: no path.
@@ -366,9 +366,9 @@ def node_towards(
         target: the row of its target.
         allowed: see `find_actions`.
     """
-    if number_of(legal, first, count, target) >= 0:
+    if find_number(legal, first, count, target) >= 0:
         return target
-    if not ways.distance(node, target) < INFINITE:
+    if not ways.get_distance(node, target) < INFINITE:
         return -1
     ways.paths.path[0] = node
     last = node
@@ -378,7 +378,7 @@ def node_towards(
     while steps == edges:  # all known nodes are legal: more may be
         edges += 2
         while length <= edges:
-            last = ways.following[ways.place(last, target)]
+            last = ways.following[ways.find_index(last, target)]
             if last < 0 or (len(allowed) > 0 and not allowed[last]):
                 break
             ways.paths.path[length] = last
@@ -398,12 +398,12 @@ def count_steps(path: memoryview[int], length: int, legal: memoryview[int], firs
         count: see `legal`.
     """
     steps = 0
-    while steps + 1 < length and number_of(legal, first, count, path[steps + 1]) >= 0:
+    while steps + 1 < length and find_number(legal, first, count, path[steps + 1]) >= 0:
         steps += 1
     return steps
 
 
-def number_of(legal: memoryview[int], first: int, count: int, node: int) -> int:
+def find_number(legal: memoryview[int], first: int, count: int, node: int) -> int:
     """Return the number of a node among `count` legal nodes from index `first` on; -1: it is not legal."""
     for number in range(count):
         if legal[first + number] == node:

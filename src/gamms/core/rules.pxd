@@ -30,11 +30,11 @@ cdef class GameColumns:
     cdef double[::1] share
     cdef i64 nobody
 
-    cdef Py_ssize_t row_of(self, i64 game, i64 agent) noexcept nogil
+    cdef Py_ssize_t get_row(self, i64 game, i64 agent) noexcept nogil
     cpdef int bind(self, i64[::1] node, i64[::1] previous, u8[::1] alive) except -1
 
 
-cdef i64 first_place(GameColumns games, i64 game, i64 agent) except -1 nogil
+cdef i64 find_first_place(GameColumns games, i64 game, i64 agent) except -1 nogil
 
 
 @cython.final
@@ -49,7 +49,7 @@ cdef class Events:
     @cython.locals(row=i64)
     cdef int put(self, i64 game, i64 turn, i64 rule, i64 kind, i64 agent, i64 other, i64 node) except -1 nogil
     @cython.locals(row=Py_ssize_t)
-    cpdef list taken(self)
+    cpdef list take_all(self)
 
 
 @cython.locals(row=i64, node=i64)
@@ -58,7 +58,7 @@ cpdef int respawn(GameColumns games, Events events, i64 game, i64 agent) except 
 cpdef int eliminate(GameColumns games, Events events, i64 game, i64 agent) except -1 nogil
 cpdef int end_game(GameColumns games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
 @cython.locals(first=Py_ssize_t, best=i64, teams=i64, is_alone=bint, team=Py_ssize_t)
-cdef i64 leader(GameColumns games, i64 game) except? -1 nogil
+cdef i64 find_leader(GameColumns games, i64 game) except? -1 nogil
 
 
 @cython.locals(agent=i64, row=i64, slot=i64)

@@ -1,6 +1,6 @@
 """Rules of games: tags, flags, respawns, goals and ends, each applied to one game.
 
-Shapes: a block has games of `agents` agents, which are numbered in the order of their names. `GameColumns.row_of` is
+Shapes: a block has games of `agents` agents, which are numbered in the order of their names. `GameColumns.get_row` is
 the row of an agent in a column of all games; row `game * teams + team` of `score` is a team. Numbers are 64-bit
 integers, except `alive`, `placed` and `over` (bytes), `score` and `share` (64-bit floats), and keys (unsigned 64-bit
 integers). Nodes, agents, teams, flags and rules are numbered from 0; -1 stands for none.
@@ -20,7 +20,7 @@ from typing import Any
 
 from gamms.core import contacts, draws
 from gamms.core.agents import MoveColumns, NodeNumbers
-from gamms.core.contacts import Contacts, Legs, MotionIntervals, Tracks, extended
+from gamms.core.contacts import Contacts, Legs, MotionIntervals, Tracks, extend_column
 
 # kinds of events
 TAG = 0  # agent, other: whom it tagged, node
@@ -90,7 +90,7 @@ class GameColumns:
         plays: (games * teams,) 1: the team has, or had, an agent in the game.
         first_node: (games,) the place of the first node of the game's map in tables for several maps, which differ in
             the open roads; 0 if there is one map.
-        mode_first: (agents,) the offset from `first_node` to the edges that each agent may use; see `first_place`.
+        mode_first: (agents,) the offset from `first_node` to the edges that each agent may use; see `find_first_place`.
             Empty in games without modes.
         edge, share: (games * rows,) in games by metres, the edge of an agent, -1 on a node, and the share of the edge
             behind it; see also `by_edges`. Empty in games along one edge per turn.
@@ -144,7 +144,7 @@ class GameColumns:
         self.share = share
         self.nobody = nobody
 
-    def row_of(self, game: int, agent: int) -> int:
+    def get_row(self, game: int, agent: int) -> int:
         """Return the row of an agent in a game."""
         return game * self.rows + self.order[agent]
 
@@ -157,7 +157,7 @@ class GameColumns:
         return 0
 
 
-def first_place(games: GameColumns, game: int, agent: int) -> int:
+def find_first_place(games: GameColumns, game: int, agent: int) -> int:
     """Return the place of the first node, in tables of the edges that an agent may use."""
     if len(games.mode_first) == 0:
         return games.first_node[game]
@@ -192,14 +192,14 @@ class Events:
 
     def make_room(self, room: int) -> int:
         """Make room for `room` events, and keep the existing ones."""
-        self.games = extended("q", self.games, room)
-        self.turns = extended("q", self.turns, room)
-        self.rules = extended("q", self.rules, room)
-        self.kinds = extended("q", self.kinds, room)
-        self.agents = extended("q", self.agents, room)
-        self.others = extended("q", self.others, room)
-        self.nodes = extended("q", self.nodes, room)
-        self.times = extended("d", self.times, room)
+        self.games = extend_column("q", self.games, room)
+        self.turns = extend_column("q", self.turns, room)
+        self.rules = extend_column("q", self.rules, room)
+        self.kinds = extend_column("q", self.kinds, room)
+        self.agents = extend_column("q", self.agents, room)
+        self.others = extend_column("q", self.others, room)
+        self.nodes = extend_column("q", self.nodes, room)
+        self.times = extend_column("d", self.times, room)
         self.room = room
         return 0
 
@@ -218,7 +218,7 @@ class Events:
         self.count = row + 1
         return 0
 
-    def taken(self) -> list[tuple[int, int, int, int, int, float]]:
+    def take_all(self) -> list[tuple[int, int, int, int, int, float]]:
         """Remove all events; return the kind, rule, agent, other, node and time of each."""
         found = [
             (self.kinds[row], self.rules[row], self.agents[row], self.others[row], self.nodes[row], self.times[row])
@@ -233,7 +233,7 @@ class Events:
 
 def respawn(games: GameColumns, events: Events, game: int, agent: int) -> int:
     """Place an agent, dead or alive, on its home node, alive."""
-    row = games.row_of(game, agent)
+    row = games.get_row(game, agent)
     node = games.home[row]
     games.stops[row] += 1
     if games.applies_effects:
@@ -252,7 +252,7 @@ def eliminate(games: GameColumns, events: Events, game: int, agent: int) -> int:
 
     No rule eliminates an agent twice in one call, so the columns need not show the effects of this call.
     """
-    row = games.row_of(game, agent)
+    row = games.get_row(game, agent)
     if games.alive[row]:
         if games.applies_effects:
             games.alive[row] = 0
@@ -273,11 +273,11 @@ def end_game(games: GameColumns, events: Events, game: int, rule: int, winner: i
     """
     games.over[game] = BY_EVENT
     if winner == LEADER:
-        winner = leader(games, game)
+        winner = find_leader(games, game)
     return events.put(game, games.turn[game], rule, END, winner, -1, -1)
 
 
-def leader(games: GameColumns, game: int) -> int:
+def find_leader(games: GameColumns, game: int) -> int:
     """Return the team with the highest score; -1 if several teams have it, or only one team plays."""
     first = game * games.teams
     best = -1
@@ -311,7 +311,7 @@ def take_moves(
         took_part: whether the agent of each move took part.
     """
     for agent in range(games.agents):
-        row = games.row_of(0, agent)
+        row = games.get_row(0, agent)
         slot = slots[agent]
         if slot < 0 or not took_part[slot]:
             games.placed[row] = 1
@@ -341,7 +341,7 @@ class AgentPaths:
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game."""
         for agent in range(games.agents):
-            row = games.row_of(game, agent)
+            row = games.get_row(game, agent)
             node = games.node[row]
             self.nodes[2 * agent] = node
             self.nodes[2 * agent + 1] = node
@@ -376,7 +376,7 @@ def fill_steps(steps: AgentPaths, games: GameColumns, game: int) -> int:
 def fill_sides(games: GameColumns, game: int, plays: memoryview[int], sides: memoryview[int]) -> int:
     """Write the sides, (agents,), of the living agents of a game from `plays`, and 0 for all others."""
     for agent in range(games.agents):
-        sides[agent] = plays[agent] if games.alive[games.row_of(game, agent)] else 0
+        sides[agent] = plays[agent] if games.alive[games.get_row(game, agent)] else 0
     return 0
 
 
@@ -447,23 +447,23 @@ class Tags:
 
     def make_room(self, room: int) -> int:
         """Make room for `room` contacts, and keep the existing ones."""
-        self.times = extended("d", self.times, room)
-        self.distances = extended("d", self.distances, room)
-        self.draws = extended("Q", self.draws, room)
-        self.on_edges = extended("q", self.on_edges, room)
-        self.by = extended("q", self.by, room)
-        self.a = extended("q", self.a, room)
-        self.b = extended("q", self.b, room)
-        self.a_nodes = extended("q", self.a_nodes, room)
-        self.b_nodes = extended("q", self.b_nodes, room)
-        self.ways = extended("q", self.ways, room)
-        self.order = extended("q", self.order, room)
-        self.spare = extended("q", self.spare, room)
-        self.taggings = extended("q", self.taggings, 2 * room)  # a contact makes up to two tags
-        self.taggers = extended("q", self.taggers, 2 * room)
-        self.others = extended("q", self.others, 2 * room)
-        self.nodes = extended("q", self.nodes, 2 * room)
-        self.moments = extended("d", self.moments, 2 * room)
+        self.times = extend_column("d", self.times, room)
+        self.distances = extend_column("d", self.distances, room)
+        self.draws = extend_column("Q", self.draws, room)
+        self.on_edges = extend_column("q", self.on_edges, room)
+        self.by = extend_column("q", self.by, room)
+        self.a = extend_column("q", self.a, room)
+        self.b = extend_column("q", self.b, room)
+        self.a_nodes = extend_column("q", self.a_nodes, room)
+        self.b_nodes = extend_column("q", self.b_nodes, room)
+        self.ways = extend_column("q", self.ways, room)
+        self.order = extend_column("q", self.order, room)
+        self.spare = extend_column("q", self.spare, room)
+        self.taggings = extend_column("q", self.taggings, 2 * room)  # a contact makes up to two tags
+        self.taggers = extend_column("q", self.taggers, 2 * room)
+        self.others = extend_column("q", self.others, 2 * room)
+        self.nodes = extend_column("q", self.nodes, 2 * room)
+        self.moments = extend_column("d", self.moments, 2 * room)
         self.room = room
         return 0
 
@@ -670,7 +670,7 @@ class Tagging:
         count = 0
         for agent in range(games.agents):
             if self.plays[agent] & contacts.THEIRS:
-                row = games.row_of(game, agent)
+                row = games.get_row(game, agent)
                 if games.alive[row]:
                     pieces.order[count] = games.start[row]
                     pieces.order[count + 1] = games.node[row]
@@ -679,7 +679,7 @@ class Tagging:
             pieces.first[pieces.order[place]] = 0
         for agent in range(games.agents):
             if self.plays[agent] & contacts.OURS:
-                row = games.row_of(game, agent)
+                row = games.get_row(game, agent)
                 if games.alive[row] and (pieces.first[games.start[row]] == 0 or pieces.first[games.node[row]] == 0):
                     found = True
                     break
@@ -787,11 +787,11 @@ class Flags:
             if agent == NOBODY:
                 continue
             number = flag - game * self.flags
-            if agent == GONE or games.home[games.row_of(game, agent)] < 0:
+            if agent == GONE or games.home[games.get_row(game, agent)] < 0:
                 events.put(game, games.turn[game], rule, DROP, agent, number, self.base[number])
                 self.carriers[flag] = -1
                 continue
-            row = games.row_of(game, agent)
+            row = games.get_row(game, agent)
             if not games.alive[row] or games.stops[row] != self.stops[flag]:
                 events.put(game, games.turn[game], rule, DROP, agent, number, games.node[row])
                 self.carriers[flag] = -1
@@ -801,7 +801,7 @@ class Flags:
         """Store the stops of carriers, for `drop` in the next turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             if self.carriers[flag] >= 0:
-                self.stops[flag] = games.stops[games.row_of(game, self.carriers[flag])]
+                self.stops[flag] = games.stops[games.get_row(game, self.carriers[flag])]
         return 0
 
     def concern(self, games: GameColumns, game: int) -> bool:
@@ -814,7 +814,7 @@ class Flags:
             if carrier >= 0 and self._may_be_home(games, game, carrier):
                 return True
         for agent in range(games.agents):
-            node = games.node[games.row_of(game, agent)]
+            node = games.node[games.get_row(game, agent)]
             for flag in range(self.flags):
                 if node == self.base[flag] and self._may_take(agent, flag):
                     return True
@@ -825,7 +825,7 @@ class Flags:
         team = self.takes[agent]
         if team < 0 or not self.ground.is_empty or self.home[team] < 0:
             return True
-        return games.node[games.row_of(game, agent)] == self.home[team]
+        return games.node[games.get_row(game, agent)] == self.home[team]
 
     def _may_take(self, agent: int, flag: int) -> bool:
         """Return whether an agent may take a flag: it takes flags, and the flag is not its team's."""
@@ -922,7 +922,7 @@ class Flags:
             return self.home[team] == node
         found = False
         for agent in range(games.agents):
-            found = found or (self.members[agent] == team and games.home[games.row_of(game, agent)] == node)
+            found = found or (self.members[agent] == team and games.home[games.get_row(game, agent)] == node)
         return found
 
     def _take(
@@ -945,8 +945,8 @@ class Flags:
                 or self._is_carrying(game, agent)
             ):
                 continue
-            first = draws.first_key(self.purposes[row], self.names[agent])
-            bits = draws.bits_at(draws.turn_key(first, games.turn[game]), 0)
+            first = draws.compute_first_key(self.purposes[row], self.names[agent])
+            bits = draws.compute_bits(draws.compute_turn_key(first, games.turn[game]), 0)
             if taker < 0 or bits < least or (bits == least and agent < taker):
                 taker = agent
                 least = bits
@@ -990,7 +990,7 @@ class Rule:
         number: the number of the rule, for events.
 
     Attributes:
-        behind: the next rule; `is_last`: there is none. `chained` sets both.
+        behind: the next rule; `is_last`: there is none. `link_rules` sets both.
     """
 
     def __init__(self, games: GameColumns, events: Events, number: int) -> None:
@@ -1013,7 +1013,7 @@ class Rule:
         return 0
 
 
-def chained(rules: list[Rule]) -> Rule:
+def link_rules(rules: list[Rule]) -> Rule:
     """Link rules into a chain; return the first one."""
     for rule, behind in pairwise(rules):
         rule.behind = behind
@@ -1086,7 +1086,7 @@ class TagRule(Rule):
             by = self.tags.taggings[tag]
             self.events.put(game, self.turn[0], self.number + by, TAG, tagger, other, self.tags.nodes[tag])
             self.events.times[self.events.count - 1] = self.tags.moments[tag]
-            self.games.stops[self.games.row_of(game, other)] += 1
+            self.games.stops[self.games.get_row(game, other)] += 1
             self.first.score(by, self.games, game, tagger)
         for tag in range(number):
             tagger = self.tags.taggers[tag]
@@ -1219,7 +1219,7 @@ class RespawnRule(Rule):
         """Respawn the agents that have waited long enough."""
         first = game * self.games.agents
         for agent in range(self.games.agents):
-            row = self.games.row_of(game, agent)
+            row = self.games.get_row(game, agent)
             place = first + agent
             if self.games.alive[row] or self.games.home[row] < 0 or not self.plays[agent]:
                 self.out[place] = -1
@@ -1284,7 +1284,7 @@ class NoneLeftRule(Rule):
         has_come = self.team >= 0 and self.games.plays[game * self.games.teams + self.team] == 1
         for agent in range(self.games.agents):
             if self.members[agent]:
-                row = self.games.row_of(game, agent)
+                row = self.games.get_row(game, agent)
                 if self.games.alive[row]:
                     return 0
                 if self.team < 0 and self.games.home[row] >= 0:
@@ -1308,7 +1308,7 @@ class LastTeamRule(Rule):
         left = -1
         for agent in range(self.games.agents):
             team = self.games.team[agent]
-            if team != self.games.nobody and self.games.alive[self.games.row_of(game, agent)]:
+            if team != self.games.nobody and self.games.alive[self.games.get_row(game, agent)]:
                 if left >= 0 and team != left:
                     return 0
                 left = team
@@ -1361,7 +1361,7 @@ class ReachRule(Rule):
     def _mark_starts(self, game: int, mark: int) -> int:
         """Set or clear the goal marks of start nodes."""
         for place in range(self.games.agents * self.games.teams if len(self.starters) > 0 else 0):
-            home = self.games.home[self.games.row_of(game, place // self.games.teams)]
+            home = self.games.home[self.games.get_row(game, place // self.games.teams)]
             if self.starters[place] and home >= 0:
                 self.goals[home * self.games.teams + place % self.games.teams] = mark
         return 0
@@ -1457,7 +1457,7 @@ class ArriveRule(Rule):
     def _mark_starts(self, game: int, mark: int) -> int:
         """Set the owner of start nodes."""
         for agent in range(self.games.agents if len(self.starters) > 0 else 0):
-            home = self.games.home[self.games.row_of(game, agent)]
+            home = self.games.home[self.games.get_row(game, agent)]
             if self.starters[agent] and home >= 0:
                 self.owners[home] = mark
         return 0

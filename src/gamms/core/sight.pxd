@@ -13,7 +13,7 @@ cdef double LEAST, MOST, SCALE, MOST_CELLS, SLACK, TURN
 cdef i64 FACTOR_X, FACTOR_Y, MANY, MOST_KEPT
 
 
-cpdef double scale_of(double radius) noexcept nogil
+cpdef double compute_scale(double radius) noexcept nogil
 cdef bint is_within(double dx, double dy, double square) noexcept nogil
 @cython.locals(off=double)
 cdef bint is_ahead(double dx, double dy, double axis, double rim) noexcept nogil
@@ -30,7 +30,7 @@ cdef class SensorTable:
 @cython.locals(sensor=i64)
 cdef bint is_shown(SensorTable sensors, i64 viewer, i64 team, double dx, double dy) except -1 nogil
 @cython.locals(widest=double, sensor=i64)
-cdef double widest_square(SensorTable sensors, i64 viewer) except? -1.0 nogil
+cdef double find_widest_square(SensorTable sensors, i64 viewer) except? -1.0 nogil
 
 
 @cython.final
@@ -44,9 +44,9 @@ cdef class AgentSearch:
     cdef double[::1] places
 
     @cython.locals(first=i64, row=i64, node=i64)
-    cdef int place(self, i64 game, i64 base) except -1 nogil
+    cdef int load_node_positions(self, i64 game, i64 base) except -1 nogil
     @cython.locals(first=i64, number=i64)
-    cdef int place_between(self, i64 game, const double[::1] xy, i64 begin) except -1 nogil
+    cdef int load_positions(self, i64 game, const double[::1] xy, i64 begin) except -1 nogil
     @cython.locals(first=i64, number=i64, agent=i64, x=double, place=i64)
     cdef int sort(self, i64 game) except -1 nogil
 
@@ -105,15 +105,15 @@ cdef class RangeSearch:
     cdef Py_ssize_t _find(self, double x, double y) except -1 nogil
     @cython.locals(names=list, nodes=list, data=dict, place=i64, row=i64, own_row=i64)
     cdef dict _make_named_results(self, i64 count, str own)
-    cpdef dict by_name(self, double x, double y, str own)
+    cpdef dict find_by_name(self, double x, double y, str own)
     @cython.locals(count=i64, place=i64)
-    cpdef list rows(self, double x, double y)
+    cpdef list find_rows(self, double x, double y)
     @cython.locals(
         place=i64, row=i64, xs=double[::1], ys=double[::1], rows=list
     )
-    cpdef list rows_ahead(self, double x, double y, double axis, double rim)
+    cpdef list find_rows_ahead(self, double x, double y, double axis, double rim)
     @cython.locals(place=tuple, found=dict, data=dict, count=i64)
-    cpdef dict seen_from(self, object node, str own)
+    cpdef dict find_around_node(self, object node, str own)
 
 
 @cython.final
@@ -129,7 +129,7 @@ cdef class AgentIndex:
     cdef public AgentColumns entered
     cdef public i64 epoch, version
 
-    cpdef shared_look(self, double radius)
+    cpdef get_shared_look(self, double radius)
     @cython.locals(entered=AgentColumns, sight=RangeSearch)
     cpdef bint follow(self) except -1
 

@@ -29,7 +29,7 @@ TURN = 6.283185307179586  # radians
 # -- tests -------------------------------------------------------------------------------------------------------------
 
 
-def scale_of(radius: float) -> float:
+def compute_scale(radius: float) -> float:
     """Return the power of two that scales a radius so that its square is neither zero nor infinite."""
     if radius <= LEAST:
         return SCALE
@@ -85,7 +85,7 @@ def is_shown(sensors: SensorTable, viewer: int, team: int, dx: float, dy: float)
     return False
 
 
-def widest_square(sensors: SensorTable, viewer: int) -> float:
+def find_widest_square(sensors: SensorTable, viewer: int) -> float:
     """Return the largest squared radius of an agent's sensors; -1: it has none."""
     widest = -1.0
     for sensor in range(sensors.begins[viewer], sensors.begins[viewer + 1]):
@@ -127,7 +127,7 @@ class AgentSearch:
         self.ranks = memoryview(array(INT64, bytes(8 * len(order))))
         self.places: memoryview[Any] = memoryview(array("d", bytes(16 * len(order))))
 
-    def place(self, game: int, base: int) -> int:
+    def load_node_positions(self, game: int, base: int) -> int:
         """Take the positions of the agents of a game from their nodes, which are numbered from `base` in `xy`."""
         first = game * self.agents
         for row in range(first, first + self.agents):
@@ -136,7 +136,7 @@ class AgentSearch:
             self.places[2 * row + 1] = self.xy[2 * node + 1]
         return self.sort(game)
 
-    def place_between(self, game: int, xy: memoryview[float], begin: int) -> int:
+    def load_positions(self, game: int, xy: memoryview[float], begin: int) -> int:
         """Take the positions of the agents of a game, who may be between nodes, from `xy[begin:]`."""
         first = 2 * game * self.agents
         for number in range(2 * self.agents):
@@ -168,7 +168,7 @@ def see(s: AgentSearch, game: int, viewer: int, seen: memoryview[int]) -> int:
     Dead agents and the agent itself are left out. The search goes to both sides along the x axis, up to the widest
     radius of the agent's sensors.
     """
-    widest = widest_square(s.looks, viewer)
+    widest = find_widest_square(s.looks, viewer)
     first = game * s.agents
     here = first + viewer
     count = 0
@@ -278,7 +278,7 @@ class AgentPositions:
         self.y[row] = place[1]
         self.is_seen[row] = is_seen
 
-    def node_of(self, row: int) -> Any:
+    def get_node(self, row: int) -> Any:
         """Return the node of an agent."""
         return self.nodes[row]
 
@@ -305,7 +305,7 @@ class RangeSearch:
         self.view = view
         self.is_built = False
         self.radius = radius
-        self.scale = scale_of(radius)
+        self.scale = compute_scale(radius)
         self.square = (radius * self.scale) * (radius * self.scale)
         self.is_endless = radius == float("inf")
         self.size = 1.0
@@ -455,7 +455,7 @@ class RangeSearch:
                 data[names[row]] = nodes[row]
         return data
 
-    def by_name(self, x: float, y: float, own: str) -> dict[Any, Any]:
+    def find_by_name(self, x: float, y: float, own: str) -> dict[Any, Any]:
         """Return name -> node of the agents near a point, except the agent `own`; "" excludes none."""
         if not self.is_built:
             self.build()
@@ -465,14 +465,14 @@ class RangeSearch:
         data.pop(own, None)
         return data
 
-    def rows(self, x: float, y: float) -> list[int]:
+    def find_rows(self, x: float, y: float) -> list[int]:
         """Return the rows of the agents near a point, ascending."""
         if not self.is_built:
             self.build()
         count = self._find(x, y)
         return [self.found[place] for place in range(count)]
 
-    def rows_ahead(self, x: float, y: float, axis: float, rim: float) -> list[int]:
+    def find_rows_ahead(self, x: float, y: float, axis: float, rim: float) -> list[int]:
         """Return the rows of the agents near a point and within a sector, ascending; an agent at the point is included.
 
         Args:
@@ -492,11 +492,11 @@ class RangeSearch:
                 rows.append(row)
         return rows
 
-    def seen_from(self, node: Any, own: str) -> dict[Any, Any]:
+    def find_around_node(self, node: Any, own: str) -> dict[Any, Any]:
         """Return name -> node of the agents near a node, except the agent `own` (KeyError: the node does not exist)."""
         place = self.places.at[node]
         if self.is_endless or not self.is_built:
-            return self.by_name(place[0], place[1], own)
+            return self.find_by_name(place[0], place[1], own)
         # NOTE: copying a large dict takes a tenth of the time of building it (w3, AGENT_RANGE among 1,000).
         found = self.known.get(node)
         if found is None:
@@ -559,9 +559,9 @@ class AgentIndex:
         self.revision: Any = None
         self.moment: Any = None
 
-    def shared_look(self, radius: float) -> Any:
+    def get_shared_look(self, radius: float) -> Any:
         """Return a search for agents around nodes, valid until an agent moves; None if agents are on edges."""
-        if not self.follow() and self.have_travellers():
+        if not self.follow() and self.load_all_positions():
             return None
         found = self.sights.get(radius)
         return self.find_sight(radius) if found is None else found
@@ -580,7 +580,7 @@ class AgentIndex:
         self.moment = self.phase.moment
         return True
 
-    def have_travellers(self) -> bool:
+    def load_all_positions(self) -> bool:
         """Take all positions; return whether agents may be on edges."""
         raise NotImplementedError
 

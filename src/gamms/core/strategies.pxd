@@ -13,13 +13,13 @@ cdef i64 NOTHING
 cdef double INFINITE
 
 
-cpdef i64 next_stop(
+cpdef i64 find_next_stop(
     const i64[::1] stops, const i64[::1] following, i64 first, i64 count, i64 at, i64 node
 ) except? -2 nogil
-cpdef i64 turns_left(bint is_there, i64 left, double far) noexcept nogil
+cpdef i64 count_turns_left(bint is_there, i64 left, double far) noexcept nogil
 cpdef bint is_nearer(double far, i64 number, double least, i64 found) noexcept nogil
 @cython.locals(found=i64, number=i64)
-cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) except? -2 nogil
+cpdef i64 find_farthest(const double[::1] distances, const i64[::1] ids, i64 count) except? -2 nogil
 cpdef bint is_drawn(double fraction, double chance) noexcept nogil
 cpdef bint are_mates(i64 own, i64 other, i64 nobody) noexcept nogil
 @cython.locals(pair=i64)

@@ -30,7 +30,9 @@ INFINITE = float("inf")
 # -- decisions common to single games and batches ----------------------------------------------------------------------
 
 
-def next_stop(stops: memoryview[int], following: memoryview[int], first: int, count: int, at: int, node: int) -> int:
+def find_next_stop(
+    stops: memoryview[int], following: memoryview[int], first: int, count: int, at: int, node: int
+) -> int:
     """Return the index of the stop that an agent goes to next; `count` after the last stop.
 
     Args:
@@ -46,7 +48,7 @@ def next_stop(stops: memoryview[int], following: memoryview[int], first: int, co
     return at
 
 
-def turns_left(is_there: bool, left: int, far: float) -> int:
+def count_turns_left(is_there: bool, left: int, far: float) -> int:
     """Return the number of turns that an agent still waits at its waypoint; -1: it draws another waypoint.
 
     Args:
@@ -71,7 +73,7 @@ def is_nearer(far: float, number: int, least: float, found: int) -> bool:
     return far < least or (far == least and far < INFINITE and number < found)
 
 
-def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> int:
+def find_farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> int:
     """Return the index of the greatest of the first `count` distances; ties go to the lowest id."""
     found = 0
     for number in range(1, count):
@@ -151,7 +153,7 @@ class Strategies:
         search: finds the agents that agents see; it has no memory unless `has_lookers`.
         has_lookers: whether some agents look for others.
         seen: (agents,) working memory: the numbers of the agents that were found last.
-        keys: (rows,) the `draws.first_key` of each agent.
+        keys: (rows,) the `draws.compute_first_key` of each agent.
         shares: (rows,) the number in [0, 1) drawn for the team of each agent in its game; empty without `PICKS`.
         legal: (nodes,) the legal nodes of the current agent, its own node first; written by the caller.
         legal_ids, safety: (nodes,) working memory: their ids, and their distances from the nearest enemy.
@@ -162,7 +164,7 @@ class Strategies:
         long_ways: and the paths that it then follows.
         has_roads: whether there are such paths, for agents that do not all go along one edge a turn.
         near_offsets, near_targets: the legal moves, as in `moves.LegalMoves`, of agents that go along one edge a turn.
-        anywhere: empty; all nodes are allowed, see `routes.node_towards`.
+        anywhere: empty; all nodes are allowed, see `routes.find_next_node`.
         drawn: the number of draws of the current agent in this turn; set by the caller.
     """
 
@@ -215,7 +217,7 @@ class Strategies:
 def begin(p: Strategies, game: int) -> int:
     """Take the places of the agents of a game, before the agents of a part of a turn decide."""
     if p.has_lookers:
-        p.search.place(game, 0)
+        p.search.load_node_positions(game, 0)
     return 0
 
 
@@ -230,7 +232,7 @@ def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
 def act(p: Strategies, game: int, agent: int) -> int:
     """Return the node that an agent chooses, legal unless `goes_far`; -1: it stays."""
     node = p.games.node[game * p.games.agents + agent]
-    p.ways.arcs.first = rules.first_place(p.games, game, agent)
+    p.ways.arcs.first = rules.find_first_place(p.games, game, agent)
     step = p.steps.begins[agent]
     while step < p.steps.begins[agent + 1]:
         kind = p.steps.kinds[step]
@@ -264,16 +266,16 @@ def act(p: Strategies, game: int, agent: int) -> int:
 def _find_distance(p: Strategies, game: int, agent: int, node: int, target: int) -> float:
     """Return the distance from a node to the target of an agent; with `goes_far`, the path is stored."""
     if p.goes_far:
-        return travel.distance(p.long_ways, game * p.games.agents + agent, node, target)  # type: ignore[arg-type]
-    return p.ways.distance(node, target)
+        return travel.compute_distance(p.long_ways, game * p.games.agents + agent, node, target)  # type: ignore[arg-type]
+    return p.ways.get_distance(node, target)
 
 
 def _step_towards(p: Strategies, game: int, agent: int, node: int, target: int) -> int:
     """Return the node that an agent moves to on its path to a target; NOTHING: no target, or no path."""
     if target < 0:
         return NOTHING
-    if not p.goes_far or routes.number_of(p.legal, 0, p.count, target) >= 0:
-        return routes.node_towards(p.ways, p.legal, 0, p.count, node, target, p.anywhere)
+    if not p.goes_far or routes.find_number(p.legal, 0, p.count, target) >= 0:
+        return routes.find_next_node(p.ways, p.legal, 0, p.count, node, target, p.anywhere)
     has_path = _find_distance(p, game, agent, node, target) < INFINITE
     if p.ahead >= 0 and not has_path:
         has_path = _find_distance(p, game, agent, p.ahead, target) < INFINITE
@@ -283,14 +285,14 @@ def _step_towards(p: Strategies, game: int, agent: int, node: int, target: int) 
 def _draw_number(p: Strategies, game: int, agent: int, bound: int) -> int:
     """Return a random number below a bound."""
     p.drawn += 1
-    return draws.below_at(p.keys[game * p.games.agents + agent], p.games.turn[game], p.drawn - 1, bound)
+    return draws.draw_integer(p.keys[game * p.games.agents + agent], p.games.turn[game], p.drawn - 1, bound)
 
 
 def _draw_fraction(p: Strategies, game: int, agent: int) -> float:
     """Return a random number in [0, 1)."""
     p.drawn += 1
-    key = draws.turn_key(p.keys[game * p.games.agents + agent], p.games.turn[game])
-    return draws.fraction(draws.bits_at(key, p.drawn - 1))
+    key = draws.compute_turn_key(p.keys[game * p.games.agents + agent], p.games.turn[game])
+    return draws.convert_to_fraction(draws.compute_bits(key, p.drawn - 1))
 
 
 def _find_index(p: Strategies, game: int, agent: int, column: int) -> int:
@@ -305,7 +307,7 @@ def _stop(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
     at = p.memory[place]
     if at < 0:
         at = _find_nearest_stop(p, step, node) if p.steps.numbers[step] else 0
-    at = next_stop(p.steps.nodes, p.steps.following, first, p.steps.sizes[step], at, node)
+    at = find_next_stop(p.steps.nodes, p.steps.following, first, p.steps.sizes[step], at, node)
     p.memory[place] = at
     return p.steps.nodes[first + at] if at < p.steps.sizes[step] else -1
 
@@ -316,7 +318,7 @@ def _find_nearest_stop(p: Strategies, step: int, node: int) -> int:
     found = p.steps.sizes[step]
     least = INFINITE
     for number in range(p.steps.sizes[step]):
-        far = p.ways.distance(node, p.steps.nodes[first + number])
+        far = p.ways.get_distance(node, p.steps.nodes[first + number])
         if is_nearer(far, number, least, found):
             least = far
             found = number
@@ -331,7 +333,7 @@ def _choose_waypoint(p: Strategies, game: int, agent: int, step: int, node: int)
     far = INFINITE
     if target >= 0 and target != node:
         far = _find_distance(p, game, agent, node, target)
-    left = turns_left(target == node, p.memory[place_of_left], far)
+    left = count_turns_left(target == node, p.memory[place_of_left], far)
     if left < 0:
         target = _draw_waypoint(p, game, agent, step, node)
         left = p.steps.numbers[step]
@@ -347,7 +349,7 @@ def _draw_waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -
     """
     first = p.steps.first[step]
     target = p.steps.nodes[first + _draw_number(p, game, agent, p.steps.sizes[step])]
-    is_near = not p.goes_far and routes.number_of(p.legal, 0, p.count, target) >= 0
+    is_near = not p.goes_far and routes.find_number(p.legal, 0, p.count, target) >= 0
     if is_near or _find_distance(p, game, agent, node, target) < INFINITE:
         return target
     _list_reachable(p, node)
@@ -376,8 +378,8 @@ def _list_reachable(p: Strategies, node: int) -> int:
         at = p.ways.paths.reach.nodes[place]
         if p.has_roads:
             for number in range(p.long_ways.roads.count(at)):  # type: ignore[union-attr] # there are some
-                edge = p.long_ways.roads.edge(at, number)  # type: ignore[union-attr]
-                if not p.goes_far or p.long_ways.roads.cost(edge) < INFINITE:  # type: ignore[union-attr]
+                edge = p.long_ways.roads.get_edge(at, number)  # type: ignore[union-attr]
+                if not p.goes_far or p.long_ways.roads.get_cost(edge) < INFINITE:  # type: ignore[union-attr]
                     travel.list_node(p.ways.paths.reach, p.long_ways.roads.targets[edge], 0.0)  # type: ignore[union-attr]
         else:
             at += p.ways.arcs.first
@@ -405,7 +407,7 @@ def _find_nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     least = INFINITE
     for place in range(_find_enemies(p, game, agent)):
         other = p.seen[place]
-        far = p.ways.distance(node, p.games.node[at + other])
+        far = p.ways.get_distance(node, p.games.node[at + other])
         if is_nearer(far, other, least, found):
             least = far
             found = other
@@ -423,6 +425,6 @@ def _find_farthest(p: Strategies, game: int, agent: int) -> int:
         p.legal_ids[number] = p.ways.ids[p.legal[number]]
     for place in range(count):
         for number in range(p.count):
-            far = p.ways.distance(p.games.node[at + p.seen[place]], p.legal[number])
+            far = p.ways.get_distance(p.games.node[at + p.seen[place]], p.legal[number])
             p.safety[number] = min(p.safety[number], far)
-    return p.legal[farthest(p.safety, p.legal_ids, p.count)]
+    return p.legal[find_farthest(p.safety, p.legal_ids, p.count)]

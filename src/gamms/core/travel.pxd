@@ -21,8 +21,8 @@ cdef class RoadEdges:
 
     cpdef int use(self, i64 first) except -1 nogil
     cdef Py_ssize_t count(self, i64 node) except -1 nogil
-    cdef double cost(self, i64 edge) except? -1.0 nogil
-    cdef Py_ssize_t edge(self, i64 node, i64 number) except -1 nogil
+    cdef double get_cost(self, i64 edge) except? -1.0 nogil
+    cdef Py_ssize_t get_edge(self, i64 node, i64 number) except -1 nogil
 
 
 @cython.final
@@ -73,11 +73,11 @@ cdef class LegalByMetres(LegalNodes):
 
 
 @cython.locals(found=i64, number=i64, edge=i64)
-cpdef Py_ssize_t cheapest(RoadEdges roads, i64 source, i64 target) except -2 nogil
+cpdef Py_ssize_t find_cheapest(RoadEdges roads, i64 source, i64 target) except -2 nogil
 @cython.locals(node=i64, length=double, number=i64, other=i64)
-cpdef Py_ssize_t back(RoadEdges roads, i64 edge) except -2 nogil
+cpdef Py_ssize_t find_reverse_edge(RoadEdges roads, i64 edge) except -2 nogil
 @cython.locals(metres=double, pace=double, taken=double, least=double)
-cpdef double turns(RoadEdges roads, i64 edge, double share, double speed) except? -1.0 nogil
+cpdef double compute_turns(RoadEdges roads, i64 edge, double share, double speed) except? -1.0 nogil
 cpdef bint is_endless(RoadEdges roads, double speed) except -1 nogil
 @cython.locals(node=i64, number=i64, found=bint)
 cdef bint is_open(RoadEdges roads, i64 edge) except -1 nogil
@@ -85,13 +85,13 @@ cdef bint is_removed(RoadEdges roads, i64 edge) except -1 nogil
 cpdef bint is_going(RoadEdges roads, i64 edge, i64 motion) except -1 nogil
 
 @cython.locals(left=double, is_paced=bint, end=i64, ahead=double, behind=double, may_turn=bint)
-cpdef Py_ssize_t reachable(
+cpdef Py_ssize_t find_reachable(
     RoadEdges roads, ReachSearch reach, i64 node, i64 edge, double share, i64 motion, double speed, double now, bint goes_on
 ) except -1 nogil
 @cython.locals(key=i64, count=i64, place=i64)
 cpdef Py_ssize_t count_legal(RoadEdges roads, ReachSearch reach, LegalCache known, i64 agent, i64 node, double speed) except -1 nogil
 @cython.locals(key=i64, is_known=bint)
-cpdef Py_ssize_t legal_node(RoadEdges roads, ReachSearch reach, LegalCache known, i64 agent, i64 node, i64 number) except -1 nogil
+cpdef Py_ssize_t get_legal_node(RoadEdges roads, ReachSearch reach, LegalCache known, i64 agent, i64 node, i64 number) except -1 nogil
 cdef int list_node(ReachSearch reach, i64 node, double time) except -1 nogil
 @cython.locals(number=i64)
 cdef int list_near(RoadEdges roads, ReachSearch reach, i64 node) except -1 nogil
@@ -101,7 +101,7 @@ cdef int list_around(RoadEdges roads, ReachSearch reach, i64 node, double speed,
 cdef int forget_seen(ReachSearch reach) except -1 nogil
 @cython.locals(number=i64, place=i64)
 cdef int sort_seen(ReachSearch reach) except -1 nogil
-cdef bint comes_before(ReachSearch reach, i64 one, i64 other) except -1 nogil
+cdef bint is_before(ReachSearch reach, i64 one, i64 other) except -1 nogil
 @cython.locals(place=i64, above=i64)
 cdef int reach_node(ReachSearch reach, i64 node, double time, i64 rank) except -1 nogil
 @cython.locals(first=i64, node=i64, place=i64, below=i64)
@@ -114,19 +114,19 @@ cdef bint is_direct(GoalPaths ways, i64 source, i64 target) except -1 nogil
 @cython.locals(at=i64, number=i64, edge=i64, cost=double, node=i64, place=i64)
 cpdef Py_ssize_t find_way(GoalPaths ways, i64 row, i64 source, i64 goal) except -1 nogil
 @cython.locals(found=i64, number=i64, edge=i64, other=i64)
-cdef Py_ssize_t next_on_way(GoalPaths ways, i64 node) except -2 nogil
+cdef Py_ssize_t get_next_on_path(GoalPaths ways, i64 node) except -2 nogil
 @cython.locals(place=i64, _=i64)
-cdef Py_ssize_t place_on_way(GoalPaths ways, i64 row, i64 node, i64 goal) except -2 nogil
+cdef Py_ssize_t find_place_on_path(GoalPaths ways, i64 row, i64 node, i64 goal) except -2 nogil
 @cython.locals(place=i64)
-cpdef double distance(GoalPaths ways, i64 row, i64 node, i64 goal) except? -1.0 nogil
+cpdef double compute_distance(GoalPaths ways, i64 row, i64 node, i64 goal) except? -1.0 nogil
 @cython.locals(place=i64)
-cpdef Py_ssize_t following(GoalPaths ways, i64 row, i64 node, i64 goal) except -1 nogil
+cpdef Py_ssize_t find_next_node(GoalPaths ways, i64 row, i64 node, i64 goal) except -1 nogil
 @cython.locals(place=i64, count=i64, first=i64, number=i64)
 cpdef Py_ssize_t put_route(GoalPaths ways, TurnPaths trips, i64 row, i64 node, i64 goal, i64 begin) except -1 nogil
 
 cdef Py_ssize_t end_towards(RoadEdges roads, i64 node, i64 edge, i64 target) except -1 nogil
 @cython.locals(cost=double)
-cpdef Py_ssize_t shorter_way(RoadEdges roads, i64 edge, double share, double ahead, double behind) except -1 nogil
+cpdef Py_ssize_t find_shorter_direction(RoadEdges roads, i64 edge, double share, double ahead, double behind) except -1 nogil
 
 cpdef int begin(
     TurnPaths trips, i64 row, i64 node, i64 edge, double share, i64 motion, double now, double speed, i64 left
@@ -139,13 +139,13 @@ cdef int put_new_leg(
 cdef int stand_still(TurnPaths trips, i64 row) except -1 nogil
 cdef int add_leg(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
 @cython.locals(share=double)
-cdef double turns_to_end(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil
+cdef double compute_turns_to_end(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil
 @cython.locals(first=double, last=double, part=double, stop=double)
 cdef double stop_before_end(TurnPaths trips, i64 row, i64 motion, double takes) except? -1.0 nogil
 @cython.locals(first=double, takes=double, until=double, stop=double, node=i64, place=i64)
 cdef bint cover(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except -1 nogil
 cpdef int stand(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
-cpdef bint begins_on_edge(TurnPaths trips, i64 row) except -1 nogil
+cpdef bint is_on_edge_at_start(TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(first=i64)
 cpdef bint is_moving(TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(first=i64)
@@ -155,8 +155,8 @@ cpdef int stop_short(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(first=i64, node=i64, stands=bint, leg=i64, place=i64, last=i64)
 cpdef int go_in_part(TurnPaths trips, i64 row, i64 part, i64 parts) except -1 nogil
 @cython.locals(share=double)
-cpdef double share_at(double begin, double end, double since, double until, double time) except? -1.0 nogil
-cpdef Py_ssize_t motion_of(double begin, double end) except -1 nogil
+cpdef double compute_share(double begin, double end, double since, double until, double time) except? -1.0 nogil
+cpdef Py_ssize_t get_motion(double begin, double end) except -1 nogil
 cdef int put_leg(TurnPaths trips, i64 leg, i64 other, double share, double since, double until) except -1 nogil
 cdef int copy_leg(TurnPaths trips, i64 leg, TurnPaths others, i64 other) except -1 nogil
 cdef class PathsBySlot:
@@ -165,23 +165,23 @@ cdef class PathsBySlot:
     cdef object make_progress, motions
 
     @cython.locals(found=i64, i=Py_ssize_t)
-    cpdef i64 most_legs(self) except -1
+    cpdef i64 count_most_legs(self) except -1
     @cython.locals(found=i64, i=Py_ssize_t)
-    cpdef i64 most_nodes(self) except -1
+    cpdef i64 count_most_nodes(self) except -1
     cpdef int take(self, i64 i, TurnPaths paths, i64 row, i64 room, object roads) except -1
     @cython.locals(paths=TurnPaths)
-    cpdef progress(self, i64 i)
+    cpdef get_progress(self, i64 i)
     @cython.locals(paths=TurnPaths, leg=i64, begin=double, end=double, share=double)
-    cpdef place_at(self, i64 i, double time)
+    cpdef get_position_at(self, i64 i, double time)
 
 
 cpdef int copy_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other) except -1 nogil
 @cython.locals(number=i64, place=i64)
 cpdef int add_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other, i64 first) except -1 nogil
 @cython.locals(at=i64, number=i64)
-cpdef Py_ssize_t without_edge(RoadEdges roads, TurnPaths trips, i64 node, i64 count) except -2 nogil
+cpdef Py_ssize_t find_missing_edge(RoadEdges roads, TurnPaths trips, i64 node, i64 count) except -2 nogil
 @cython.locals(speed=double)
-cdef bint takes_all(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
+cdef bint is_using_whole_turn(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(at=i64, left=i64, metres=double, edge=i64, number=i64)
 cdef int set_pace(RoadEdges roads, TurnPaths trips, i64 row, i64 motion, i64 count) except -1 nogil
 @cython.locals(number=i64, node=i64)
@@ -189,12 +189,12 @@ cpdef bint go(RoadEdges roads, TurnPaths trips, i64 row, i64 motion, i64 count) 
 @cython.locals(node=i64, edge=i64, motion=i64, needs_whole=bint, count=i64, before=i64, goes_on=bint)
 cpdef bint go_towards(RoadEdges roads, TurnPaths trips, GoalPaths ways, i64 memory, i64 row, i64 target) except -1 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)
-cdef Py_ssize_t motion_towards(
+cdef Py_ssize_t find_motion(
     RoadEdges roads, TurnPaths trips, GoalPaths ways, i64 memory, i64 row, i64 target
 ) except -1 nogil
 
 @cython.locals(number=i64)
-cpdef int backs(RoadEdges roads, const i64[::1] edges, i64[::1] found) except -1 nogil
+cpdef int find_reverse_edges(RoadEdges roads, const i64[::1] edges, i64[::1] found) except -1 nogil
 @cython.locals(used=i64, number=i64, count=i64, place=i64)
 cpdef Py_ssize_t find_each(
     LegalNodes legal, i64 first, const i64[::1] node, const i64[::1] edge, const double[::1] share,

@@ -94,7 +94,7 @@ class RoadEdges:
         self.first = first
         return 0
 
-    def cost(self, edge: int) -> float:
+    def get_cost(self, edge: int) -> float:
         """Return the cost of an edge on the map in use."""
         return self.costs[self.first_cost + edge]
 
@@ -102,7 +102,7 @@ class RoadEdges:
         """Return the number of edges out of a node."""
         return self.offsets[self.first + node + 1] - self.offsets[self.first + node]
 
-    def edge(self, node: int, number: int) -> int:
+    def get_edge(self, node: int, number: int) -> int:
         """Return edge number `number` out of a node."""
         return self.leaving[self.offsets[self.first + node] + number]
 
@@ -311,7 +311,7 @@ class LegalByMetres(LegalNodes):
 
     Attributes:
         roads: the map.
-        goes_on: see `reachable`.
+        goes_on: see `find_reachable`.
     """
 
     def __init__(self, roads: RoadEdges, reach: ReachSearch, *, goes_on: bool) -> None:
@@ -321,34 +321,34 @@ class LegalByMetres(LegalNodes):
 
     def find(self, node: int, edge: int, share: float, motion: int, speed: float, now: float) -> int:
         """Find the legal nodes of an agent; return their number."""
-        return reachable(self.roads, self.reach, node, edge, share, motion, speed, now, self.goes_on)
+        return find_reachable(self.roads, self.reach, node, edge, share, motion, speed, now, self.goes_on)
 
 
 # -- edges -----------------------------------------------------------------------------------------------------------
 
 
-def cheapest(roads: RoadEdges, source: int, target: int) -> int:
+def find_cheapest(roads: RoadEdges, source: int, target: int) -> int:
     """Return the cheapest edge from one node to another, the first of equals; -1: none."""
     found = -1
     for number in range(roads.count(source)):
-        edge = roads.edge(source, number)
-        if roads.targets[edge] == target and (found < 0 or roads.cost(edge) < roads.cost(found)):
+        edge = roads.get_edge(source, number)
+        if roads.targets[edge] == target and (found < 0 or roads.get_cost(edge) < roads.get_cost(found)):
             found = edge
     return found
 
 
-def back(roads: RoadEdges, edge: int) -> int:
+def find_reverse_edge(roads: RoadEdges, edge: int) -> int:
     """Return the edge for turning around: the first edge back with equal length; -1: none."""
     node = roads.targets[edge]
     length = roads.lengths[edge]
     for number in range(roads.count(node)):
-        other = roads.edge(node, number)
+        other = roads.get_edge(node, number)
         if roads.targets[other] == roads.sources[edge] and fabs(roads.lengths[other] - length) <= SLACK * length:
             return other
     return -1
 
 
-def turns(roads: RoadEdges, edge: int, share: float, speed: float) -> float:
+def compute_turns(roads: RoadEdges, edge: int, share: float, speed: float) -> float:
     """Return the travel time of a share of an edge at a speed, in turns."""
     if speed != speed:  # noqa: PLR0124 - NaN
         return share
@@ -376,7 +376,7 @@ def is_open(roads: RoadEdges, edge: int) -> bool:
     node = roads.sources[edge]
     found = False
     for number in range(roads.count(node)):
-        found = found or roads.edge(node, number) == edge
+        found = found or roads.get_edge(node, number) == edge
     return found
 
 
@@ -387,13 +387,13 @@ def is_removed(roads: RoadEdges, edge: int) -> bool:
 
 def is_going(roads: RoadEdges, edge: int, motion: int) -> bool:
     """Return whether an agent moves along an edge, or back where it can turn around."""
-    return motion == FORWARD or (motion == BACK and back(roads, edge) >= 0)
+    return motion == FORWARD or (motion == BACK and find_reverse_edge(roads, edge) >= 0)
 
 
 # -- legal nodes -----------------------------------------------------------------------------------------------------
 
 
-def reachable(
+def find_reachable(
     roads: RoadEdges,
     reach: ReachSearch,
     node: int,
@@ -430,9 +430,9 @@ def reachable(
             list_around(roads, reach, node, speed, 0.0, left)
         return reach.found
     end = roads.targets[edge]
-    ahead = turns(roads, edge, 1.0 - share, speed)
-    behind = turns(roads, edge, share, speed)
-    may_turn = back(roads, edge) >= 0
+    ahead = compute_turns(roads, edge, 1.0 - share, speed)
+    behind = compute_turns(roads, edge, share, speed)
+    may_turn = find_reverse_edge(roads, edge) >= 0
     if goes_on and (motion == FORWARD or (motion == BACK and may_turn)):
         if motion == BACK:
             end = node
@@ -459,7 +459,7 @@ def count_legal(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: 
     key = known.kinds[agent] * len(roads.ids) + node
     if roads.first == 0 and known.counts[key] > 0:
         return known.counts[key]
-    count = reachable(roads, reach, node, -1, 0.0, 0, speed, 0.0, False)
+    count = find_reachable(roads, reach, node, -1, 0.0, 0, speed, 0.0, False)
     if roads.first == 0 and known.used + count <= len(known.nodes):
         known.counts[key] = count
         known.first[key] = known.used
@@ -469,7 +469,7 @@ def count_legal(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: 
     return count
 
 
-def legal_node(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: int, node: int, number: int) -> int:
+def get_legal_node(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: int, node: int, number: int) -> int:
     """Return legal node number `number` after a call of `count_legal`."""
     key = known.kinds[agent] * len(roads.ids) + node
     is_known = roads.first == 0 and known.counts[key] > 0
@@ -490,7 +490,7 @@ def list_near(roads: RoadEdges, reach: ReachSearch, node: int) -> int:
     """Append a node and its neighbors."""
     list_node(reach, node, 0.0)
     for number in range(roads.count(node)):
-        list_node(reach, roads.targets[roads.edge(node, number)], 0.0)
+        list_node(reach, roads.targets[roads.get_edge(node, number)], 0.0)
     return 0
 
 
@@ -510,9 +510,9 @@ def list_around(roads: RoadEdges, reach: ReachSearch, node: int, speed: float, b
         if not endless:
             list_node(reach, at, reach.when[at])
         for number in range(roads.count(at)):
-            edge = roads.edge(at, number)
+            edge = roads.get_edge(at, number)
             if not endless:
-                time = reach.when[at] + turns(roads, edge, 1.0, speed)
+                time = reach.when[at] + compute_turns(roads, edge, 1.0, speed)
                 if time <= latest:
                     reach_node(reach, roads.targets[edge], time, roads.ids[roads.targets[edge]])
             elif roads.lengths[edge] < INFINITE:
@@ -544,7 +544,7 @@ def sort_seen(reach: ReachSearch) -> int:
     return forget_seen(reach)
 
 
-def comes_before(reach: ReachSearch, one: int, other: int) -> bool:
+def is_before(reach: ReachSearch, one: int, other: int) -> bool:
     """Return whether a node comes before another in the heap, by time, then by rank."""
     if reach.when[one] != reach.when[other]:
         return reach.when[one] < reach.when[other]
@@ -567,7 +567,7 @@ def reach_node(reach: ReachSearch, node: int, time: float, rank: int) -> int:
     reach.rank[node] = rank
     while place > 1:
         above = reach.heap[(place >> 1) - 1]
-        if not comes_before(reach, node, above):
+        if not is_before(reach, node, above):
             break
         reach.heap[place - 1] = above
         reach.places[above] = place
@@ -586,9 +586,9 @@ def visit_first(reach: ReachSearch) -> int:
     place = 1
     while 2 * place <= reach.size:
         below = 2 * place
-        if below < reach.size and comes_before(reach, reach.heap[below], reach.heap[below - 1]):
+        if below < reach.size and is_before(reach, reach.heap[below], reach.heap[below - 1]):
             below += 1
-        if not comes_before(reach, reach.heap[below - 1], node):
+        if not is_before(reach, reach.heap[below - 1], node):
             break
         reach.heap[place - 1] = reach.heap[below - 1]
         reach.places[reach.heap[place - 1]] = place
@@ -601,10 +601,10 @@ def visit_first(reach: ReachSearch) -> int:
 
 def is_only_way(roads: RoadEdges, reach: ReachSearch, source: int, target: int) -> bool:
     """Return whether an edge is the shortest path from a node to another by more than rounding errors."""
-    edge = cheapest(roads, source, target)
-    if edge < 0 or not roads.cost(edge) < INFINITE:
+    edge = find_cheapest(roads, source, target)
+    if edge < 0 or not roads.get_cost(edge) < INFINITE:
         return False
-    latest = roads.cost(edge) * (1.0 + SLACK)
+    latest = roads.get_cost(edge) * (1.0 + SLACK)
     reach.size = 0
     reach.count = 0
     found = True
@@ -612,8 +612,8 @@ def is_only_way(roads: RoadEdges, reach: ReachSearch, source: int, target: int) 
     while found and reach.size > 0:
         at = visit_first(reach)
         for number in range(roads.count(at)):
-            edge = roads.edge(at, number)
-            cost = reach.when[at] + roads.cost(edge)
+            edge = roads.get_edge(at, number)
+            cost = reach.when[at] + roads.get_cost(edge)
             if cost <= latest and (at != source or roads.targets[edge] != target):
                 found = found and roads.targets[edge] != target
                 reach_node(reach, roads.targets[edge], cost, 0)
@@ -626,7 +626,7 @@ def is_only_way(roads: RoadEdges, reach: ReachSearch, source: int, target: int) 
 
 def is_direct(ways: GoalPaths, source: int, target: int) -> bool:
     """Return whether an edge is the only shortest path from one node to another."""
-    edge = cheapest(ways.roads, source, target)
+    edge = find_cheapest(ways.roads, source, target)
     if edge < 0 or source == target or ways.roads.first > 0:
         return False
     if ways.direct[edge] == 0:
@@ -646,8 +646,8 @@ def find_way(ways: GoalPaths, row: int, source: int, goal: int) -> int:
     while ways.reach.size > 0 and ways.reach.places[source] >= 0:
         at = visit_first(ways.reach)
         for number in range(ways.back.count(at)):
-            edge = ways.back.edge(at, number)
-            cost = ways.reach.when[at] + ways.back.cost(edge)
+            edge = ways.back.get_edge(at, number)
+            cost = ways.reach.when[at] + ways.back.get_cost(edge)
             reach_node(ways.reach, ways.back.targets[edge], cost, ways.reach.rank[at] + 1)
     ways.goal[row] = ways.roads.first + goal
     ways.at[row] = 0
@@ -658,20 +658,20 @@ def find_way(ways: GoalPaths, row: int, source: int, goal: int) -> int:
         ways.nodes[place] = node
         ways.far[place] = ways.reach.when[node]
         ways.count[row] += 1
-        node = next_on_way(ways, node)
+        node = get_next_on_path(ways, node)
     forget_seen(ways.reach)
     return ways.count[row]
 
 
-def next_on_way(ways: GoalPaths, node: int) -> int:
+def get_next_on_path(ways: GoalPaths, node: int) -> int:
     """Return the next node on the path to the goal of a search; -1: the node is the goal."""
     found = -1
     for number in range(ways.roads.count(node)):
-        edge = ways.roads.edge(node, number)
+        edge = ways.roads.get_edge(node, number)
         other = ways.roads.targets[edge]
         if (
             ways.reach.places[other] < 0
-            and ways.reach.when[other] + ways.roads.cost(edge) == ways.reach.when[node]
+            and ways.reach.when[other] + ways.roads.get_cost(edge) == ways.reach.when[node]
             and ways.reach.rank[other] + 1 == ways.reach.rank[node]
             and (found < 0 or ways.roads.ids[other] < ways.roads.ids[found])
         ):
@@ -679,7 +679,7 @@ def next_on_way(ways: GoalPaths, node: int) -> int:
     return found
 
 
-def place_on_way(ways: GoalPaths, row: int, node: int, goal: int) -> int:
+def find_place_on_path(ways: GoalPaths, row: int, node: int, goal: int) -> int:
     """Return the index of a node on the stored path to a goal, after a search if necessary; -1: there is no path."""
     if ways.goal[row] == ways.roads.first + goal:
         place = ways.at[row]
@@ -692,19 +692,19 @@ def place_on_way(ways: GoalPaths, row: int, node: int, goal: int) -> int:
     return 0 if find_way(ways, row, node, goal) > 0 else -1
 
 
-def distance(ways: GoalPaths, row: int, node: int, goal: int) -> float:
+def compute_distance(ways: GoalPaths, row: int, node: int, goal: int) -> float:
     """Return the cost of an agent's path from a node to a goal; infinity if there is no path."""
     if is_direct(ways, node, goal):
-        return ways.roads.cost(cheapest(ways.roads, node, goal))
-    place = place_on_way(ways, row, node, goal)
+        return ways.roads.get_cost(find_cheapest(ways.roads, node, goal))
+    place = find_place_on_path(ways, row, node, goal)
     return ways.far[row * ways.most + place] if place >= 0 else INFINITE
 
 
-def following(ways: GoalPaths, row: int, node: int, goal: int) -> int:
+def find_next_node(ways: GoalPaths, row: int, node: int, goal: int) -> int:
     """Return the next node on an agent's path from a node to a goal; the node itself if there is no path."""
     if is_direct(ways, node, goal):
         return goal
-    place = place_on_way(ways, row, node, goal)
+    place = find_place_on_path(ways, row, node, goal)
     return ways.nodes[row * ways.most + place + 1] if place >= 0 and node != goal else node
 
 
@@ -716,7 +716,7 @@ def put_route(ways: GoalPaths, trips: TurnPaths, row: int, node: int, goal: int,
     if is_direct(ways, node, goal):
         trips.route[begin] = goal
         return begin + 1
-    place = place_on_way(ways, row, node, goal)
+    place = find_place_on_path(ways, row, node, goal)
     count = ways.count[row] - place - 1 if place >= 0 else 0
     first = row * ways.most + place + 1
     for number in range(count):
@@ -734,12 +734,12 @@ def end_towards(roads: RoadEdges, node: int, edge: int, target: int) -> int:
     """
     if target == roads.targets[edge]:
         return FORWARD
-    if target == node and back(roads, edge) >= 0:
+    if target == node and find_reverse_edge(roads, edge) >= 0:
         return BACK
     return 0
 
 
-def shorter_way(roads: RoadEdges, edge: int, share: float, ahead: float, behind: float) -> int:
+def find_shorter_direction(roads: RoadEdges, edge: int, share: float, ahead: float, behind: float) -> int:
     """Return the motion on an edge toward the cheaper path; on a tie, forward; 0: no path.
 
     Args:
@@ -749,9 +749,9 @@ def shorter_way(roads: RoadEdges, edge: int, share: float, ahead: float, behind:
         ahead: the cost of the path from the end of the edge.
         behind: the cost of the path from its source.
     """
-    cost = roads.cost(edge)
+    cost = roads.get_cost(edge)
     ahead = (1.0 - share) * cost + ahead
-    behind = share * cost + behind if back(roads, edge) >= 0 else INFINITE
+    behind = share * cost + behind if find_reverse_edge(roads, edge) >= 0 else INFINITE
     if behind < ahead:
         return BACK
     return FORWARD if ahead < INFINITE else 0
@@ -786,7 +786,7 @@ def stand_on(trips: TurnPaths, row: int, back: int) -> int:
 
 def add_leg(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, begin: float, end: float, until: float) -> int:
     """Add a leg along a part of an edge, from the current time until `until`."""
-    return put_new_leg(trips, row, edge, back(roads, edge), begin, end, until)
+    return put_new_leg(trips, row, edge, find_reverse_edge(roads, edge), begin, end, until)
 
 
 def put_new_leg(trips: TurnPaths, row: int, edge: int, back: int, begin: float, end: float, until: float) -> int:
@@ -815,12 +815,12 @@ def stand_still(trips: TurnPaths, row: int) -> int:
     return 0
 
 
-def turns_to_end(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) -> float:
+def compute_turns_to_end(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) -> float:
     """Return the time that an agent needs to reach the end of its edge, in turns."""
     share = fabs((0.0 if motion == BACK else 1.0) - trips.share[row])
     if trips.pace[row] >= 0.0:
         return share * roads.lengths[edge] * trips.pace[row]
-    return turns(roads, edge, share, trips.speed[row])
+    return compute_turns(roads, edge, share, trips.speed[row])
 
 
 def stop_before_end(trips: TurnPaths, row: int, motion: int, takes: float) -> float:
@@ -841,7 +841,7 @@ def cover(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) 
         stand_still(trips, row)
         return False
     first = trips.share[row]
-    takes = turns_to_end(roads, trips, row, edge, motion)
+    takes = compute_turns_to_end(roads, trips, row, edge, motion)
     until = trips.now[row] + takes
     if until > 1.0 + SLACK:
         stop = stop_before_end(trips, row, motion, takes)
@@ -874,7 +874,7 @@ def stand(roads: RoadEdges, trips: TurnPaths, row: int) -> int:
     return 0
 
 
-def begins_on_edge(trips: TurnPaths, row: int) -> bool:
+def is_on_edge_at_start(trips: TurnPaths, row: int) -> bool:
     """Return whether an agent is on an edge at the start of its path."""
     return trips.legs[row] > 0 and 0.0 < trips.begins[row * trips.most] < 1.0
 
@@ -890,7 +890,7 @@ def stay(trips: TurnPaths, row: int) -> int:
     first = row * trips.most
     trips.edge[row] = -1
     trips.share[row] = 0.0
-    if begins_on_edge(trips, row):
+    if is_on_edge_at_start(trips, row):
         trips.edge[row] = trips.edges[first]
         trips.share[row] = trips.begins[first]
         put_leg(trips, first, first, trips.begins[first], 0.0, 1.0)
@@ -921,7 +921,7 @@ def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
     """Fit the path of an agent into one of several equal parts of the turn; until then it waits at its start."""
     first = row * trips.most
     node = row * (trips.most + 1)
-    stands = begins_on_edge(trips, row)
+    stands = is_on_edge_at_start(trips, row)
     for leg in range(first, first + trips.legs[row]):
         trips.since[leg] = (part + trips.since[leg]) / parts
         trips.until[leg] = (part + trips.until[leg]) / parts
@@ -946,7 +946,7 @@ def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
     return 0
 
 
-def share_at(begin: float, end: float, since: float, until: float, time: float) -> float:
+def compute_share(begin: float, end: float, since: float, until: float, time: float) -> float:
     """Return the share of an edge where an agent on a leg is at a time; the ends of the edge only when it is there."""
     if time >= until:
         return end
@@ -954,7 +954,7 @@ def share_at(begin: float, end: float, since: float, until: float, time: float) 
     return min(max(share, LEAST), MOST) if begin != end else share
 
 
-def motion_of(begin: float, end: float) -> int:
+def get_motion(begin: float, end: float) -> int:
     """Return the motion of an agent on a leg between two shares of an edge."""
     if begin == end:
         return STOPPED
@@ -999,14 +999,14 @@ class PathsBySlot:
         self.make_progress = make_progress
         self.motions = motions
 
-    def most_legs(self) -> int:
+    def count_most_legs(self) -> int:
         """Return the maximum number of legs of an agent."""
         found = 0
         for i in range(len(self.core.legs)):
             found = max(found, self.core.legs[i])
         return found
 
-    def most_nodes(self) -> int:
+    def count_most_nodes(self) -> int:
         """Return the maximum number of nodes of an agent, at least 1."""
         found = 1
         for i in range(len(self.core.passed)):
@@ -1033,7 +1033,7 @@ class PathsBySlot:
         """Make room for so many legs of an agent, and legs before and after them; return whether memory is new."""
         raise NotImplementedError
 
-    def progress(self, i: int) -> Any:
+    def get_progress(self, i: int) -> Any:
         """Return the position of an agent on an edge when its path ends; None: it is on a node."""
         roads = self.maps[i]
         paths = self.core
@@ -1044,17 +1044,17 @@ class PathsBySlot:
         source, target, id = roads.edge_ids[paths.edge[i]]
         return self.make_progress(source, target, paths.share[i], id, self.motions[paths.motion[i]])
 
-    def place_at(self, i: int, time: float) -> Any:
+    def get_position_at(self, i: int, time: float) -> Any:
         """Return the position of an agent on its last leg at a time of the turn; None: it is on a node."""
         paths = self.core
         leg = i * paths.most + paths.legs[i] - 1
         begin = paths.begins[leg]
         end = paths.ends[leg]
-        share = share_at(begin, end, paths.since[leg], paths.until[leg], time)
+        share = compute_share(begin, end, paths.since[leg], paths.until[leg], time)
         if share <= 0.0 or share >= 1.0:
             return None
         source, target, id = self.maps[i].edge_ids[paths.edges[leg]]
-        return self.make_progress(source, target, share, id, self.motions[motion_of(begin, end)])
+        return self.make_progress(source, target, share, id, self.motions[get_motion(begin, end)])
 
 
 def copy_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int) -> int:
@@ -1087,17 +1087,17 @@ def add_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int, first: i
     return 0
 
 
-def without_edge(roads: RoadEdges, trips: TurnPaths, node: int, count: int) -> int:
+def find_missing_edge(roads: RoadEdges, trips: TurnPaths, node: int, count: int) -> int:
     """Return the index of the first route node that no edge reaches from the previous one; -1: there is none."""
     at = node
     for number in range(count):
-        if trips.route[number] != at and cheapest(roads, at, trips.route[number]) < 0:
+        if trips.route[number] != at and find_cheapest(roads, at, trips.route[number]) < 0:
             return number
         at = trips.route[number]
     return -1
 
 
-def takes_all(roads: RoadEdges, trips: TurnPaths, row: int) -> bool:
+def is_using_whole_turn(roads: RoadEdges, trips: TurnPaths, row: int) -> bool:
     """Return whether the path of an agent takes the rest of the turn, whatever its length."""
     speed = trips.speed[row]
     return speed != speed or is_endless(roads, speed)  # noqa: PLR0124 - NaN
@@ -1115,7 +1115,7 @@ def set_pace(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: i
         left -= 1
     for number in range(count):
         if trips.route[number] != at and left > 0:
-            metres += roads.lengths[cheapest(roads, at, trips.route[number])]
+            metres += roads.lengths[find_cheapest(roads, at, trips.route[number])]
             at = trips.route[number]
             left -= 1
     trips.pace[row] = (1.0 - trips.now[row]) / metres if metres > 0.0 else 0.0
@@ -1135,7 +1135,7 @@ def go(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: int) ->
         motion: for an agent on an edge: BACK or FORWARD.
         count: the number of nodes of the route.
     """
-    if trips.pace[row] < 0.0 and takes_all(roads, trips, row):
+    if trips.pace[row] < 0.0 and is_using_whole_turn(roads, trips, row):
         set_pace(roads, trips, row, motion, count)
     if trips.edge[row] >= 0 and not cover(roads, trips, row, trips.edge[row], motion):
         return False
@@ -1143,7 +1143,7 @@ def go(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: int) ->
         node = trips.route[number]
         if node == trips.node[row]:
             continue
-        if trips.left[row] <= 0 or not cover(roads, trips, row, cheapest(roads, trips.node[row], node), FORWARD):
+        if trips.left[row] <= 0 or not cover(roads, trips, row, find_cheapest(roads, trips.node[row], node), FORWARD):
             return False
     return trips.left[row] > 0
 
@@ -1168,7 +1168,7 @@ def go_towards(roads: RoadEdges, trips: TurnPaths, ways: GoalPaths, memory: int,
     count = 0
     goes_on = True
     if edge >= 0:
-        motion = motion_towards(roads, trips, ways, memory, row, target)
+        motion = find_motion(roads, trips, ways, memory, row, target)
         if motion == 0:
             return False
         node = roads.sources[edge] if motion == BACK else roads.targets[edge]
@@ -1186,25 +1186,25 @@ def go_towards(roads: RoadEdges, trips: TurnPaths, ways: GoalPaths, memory: int,
     return True
 
 
-def motion_towards(roads: RoadEdges, trips: TurnPaths, ways: GoalPaths, memory: int, row: int, target: int) -> int:
+def find_motion(roads: RoadEdges, trips: TurnPaths, ways: GoalPaths, memory: int, row: int, target: int) -> int:
     """Return the motion of an agent on an edge toward a node; 0: it cannot go there."""
     node = trips.node[row]
     edge = trips.edge[row]
     motion = end_towards(roads, node, edge, target)
     if motion == 0 and trips.speed[row] == trips.speed[row]:  # not NaN
-        ahead = distance(ways, memory, roads.targets[edge], target)
-        behind = distance(ways, memory, node, target)
-        motion = shorter_way(roads, edge, trips.share[row], ahead, behind)
+        ahead = compute_distance(ways, memory, roads.targets[edge], target)
+        behind = compute_distance(ways, memory, node, target)
+        motion = find_shorter_direction(roads, edge, trips.share[row], ahead, behind)
     return motion
 
 
 # -- many agents ----------------------------------------------------------------------------------------------------
 
 
-def backs(roads: RoadEdges, edges: memoryview[int], found: memoryview[int]) -> int:
+def find_reverse_edges(roads: RoadEdges, edges: memoryview[int], found: memoryview[int]) -> int:
     """Write the edge for turning around on each edge of an array, see `back`; -1 stays -1."""
     for number in range(len(edges)):
-        found[number] = back(roads, edges[number]) if edges[number] >= 0 else -1
+        found[number] = find_reverse_edge(roads, edges[number]) if edges[number] >= 0 else -1
     return 0
 
 

@@ -112,12 +112,12 @@ cdef class TurnDriver:
     cdef public TurnPlan plan_now
     cdef public i64 first, part
 
-    cpdef bint before(self) except -1
+    cpdef bint run_before_moves(self) except -1
     cpdef int begin_moves(self, TurnPlan plan) except -1
     cpdef int end_moves(self) except -1
-    cpdef int after(self) except -1
+    cpdef int run_after_moves(self) except -1
     cpdef int end(self) except -1
-    cpdef bint skips_parts(self) except -1
+    cpdef bint is_cut_short(self) except -1
     @cython.locals(plan=TurnPlan)
     cpdef int play_turn(self) except -1
     @cython.locals(entries=list)
@@ -136,7 +136,7 @@ cdef class ShippedDecisions:
     cdef readonly bint remembers
 
     @cython.locals(games=GameColumns, i=i64, number=i64, place=i64, is_alive=bint)
-    cpdef bint place(self, AgentColumns columns) except -1
+    cpdef bint load_places(self, AgentColumns columns) except -1
     @cython.locals(games=GameColumns, i=i64)
     cpdef int decide(self, i64 turn, MoveColumns to) except -1
 
@@ -203,7 +203,7 @@ cdef class GameTurn(TurnDriver):
     @cython.locals(unread=UnreadStates)
     cdef MoveColumns _ask_rest(self, object order, object rest)
     @cython.locals(moving=MovingAgents)
-    cpdef list living(self)
+    cpdef list list_living(self)
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)
@@ -276,10 +276,10 @@ cdef class MovesForRules:
     cpdef bint is_of_map(self) except -1
     cpdef int begin(self, object ctx) except -1
     @cython.locals(now=RuleMoves, number=i64, seeds=i64, is_known=bint)
-    cpdef turn(self, object ctx)
+    cpdef get_turn_moves(self, object ctx)
     @cython.locals(moves=TurnMovesInCore)
     cpdef RuleMoves follow_moves(self, object ctx, object moves)
-    cpdef RuleMoves any_moves(self, object ctx)
+    cpdef RuleMoves get_any_moves(self, object ctx)
 
 
 @cython.final

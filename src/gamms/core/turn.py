@@ -426,11 +426,11 @@ class TurnPlan:
         self.order = order
         self.entries = entries
 
-    def entries_from(self, part: int) -> list[Entry]:
+    def list_entries_from(self, part: int) -> list[Entry]:
         """Return the phases from a part of the turn on."""
         return [entry for entry in self.entries if entry.part >= part]
 
-    def entries_after(self, last: Entry) -> list[Entry]:
+    def list_entries_after(self, last: Entry) -> list[Entry]:
         """Return the phases after a phase of this plan or an earlier one."""
         played = last.part, PHASES_OF_PLAN.index(last.phase)
         return [one for one in self.entries if (one.part, PHASES_OF_PLAN.index(one.phase)) > played]
@@ -460,7 +460,7 @@ class TurnDriver:
         """Return the phases of a turn; they stay the same until `epoch` is larger."""
         raise NotImplementedError
 
-    def before(self) -> bool:
+    def run_before_moves(self) -> bool:
         """Apply the rules before the moves; return whether there are moves."""
         raise NotImplementedError
 
@@ -476,7 +476,7 @@ class TurnDriver:
         """Tidy up after the phases of the plan, also after an error."""
         return 0
 
-    def after(self) -> int:
+    def run_after_moves(self) -> int:
         """Apply the rules after the moves, and collect the values of the turn."""
         raise NotImplementedError
 
@@ -484,7 +484,7 @@ class TurnDriver:
         """Show the end of the turn, also after an error in a rule: the agents have moved."""
         return 0
 
-    def skips_parts(self) -> bool:
+    def is_cut_short(self) -> bool:
         """Return whether later parts of the turn are not played."""
         return False
 
@@ -509,7 +509,7 @@ class TurnDriver:
             BadValue: the order of play lacks a team.
             MissingKey (KeyError): the priorities of `by_priority` lack a team.
         """
-        if not self.before():
+        if not self.run_before_moves():
             return 0
         plan = self.plan_now
         if plan is None or plan.epoch != self.phase.epoch:
@@ -523,14 +523,14 @@ class TurnDriver:
         finally:
             self.end_moves()
         try:
-            self.after()
+            self.run_after_moves()
         finally:
             self.end()
         return 0
 
     def play_moves(self, plan: TurnPlan) -> int:
         """Let all agents observe, decide and move, part by part."""
-        entries = plan.entries if self.first == 0 else plan.entries_from(self.first)
+        entries = plan.entries if self.first == 0 else plan.list_entries_from(self.first)
         return self.play_on(plan, entries)
 
     def play_on(self, plan: TurnPlan, entries: list[Entry]) -> int:
@@ -539,7 +539,7 @@ class TurnDriver:
         while played < len(entries):  # a function has changed what the plan depends on
             last = entries[played - 1]
             plan = self.plan()
-            entries = plan.entries_after(last)
+            entries = plan.list_entries_after(last)
             played = self.play_entries(entries, plan.epoch)
         return 0
 
@@ -556,7 +556,7 @@ class TurnDriver:
         began = perf_counter()
         for number in range(len(entries)):
             entry = entries[number]
-            if entry.part > self.part and entry.phase != "send" and self.skips_parts():
+            if entry.part > self.part and entry.phase != "send" and self.is_cut_short():
                 continue
             entry.play(entry.part)
             now = perf_counter()
@@ -614,7 +614,7 @@ class ShippedDecisions:
         """Show the present memories in the game, or those before the last turn."""
         raise NotImplementedError
 
-    def place(self, columns: AgentColumns) -> bool:
+    def load_places(self, columns: AgentColumns) -> bool:
         """Take where the agents are, and which are alive; return False if a living one is not on the map.
 
         Args:
@@ -807,7 +807,7 @@ class TurnMovesInCore:
         self.slots = order.slots
         self.by_names: dict[str, Any] | None = None
 
-    def in_core(self) -> MoveColumns:
+    def get_core_columns(self) -> MoveColumns:
         """Return the starts and ends of all moves as arrays of the core."""
         raise NotImplementedError
 
@@ -903,7 +903,7 @@ class GameTurn(TurnDriver):
         self.answers: Any
         self._ctx: Any
 
-    def order(self) -> Any:
+    def get_order(self) -> Any:
         """Return the agents in the order of a turn, dead or alive."""
         raise NotImplementedError
 
@@ -1003,7 +1003,7 @@ class GameTurn(TurnDriver):
         """Write positions on edges, headings and flights of a part to the columns of the agents."""
         raise NotImplementedError
 
-    def before(self) -> bool:
+    def run_before_moves(self) -> bool:
         """Apply the rules before the moves; return whether there are moves."""
         state = self.state
         if state.parts_played is None and "before" in self.rules.now.phases:
@@ -1047,7 +1047,7 @@ class GameTurn(TurnDriver):
             self._follow_order()
         return 0
 
-    def after(self) -> int:
+    def run_after_moves(self) -> int:
         """Count the turn, apply the rules after the moves, and collect the values of the turn."""
         state = self.state
         state.turn += 1
@@ -1065,11 +1065,11 @@ class GameTurn(TurnDriver):
         self.state.timings["draw"] += perf_counter() - began
         return 0
 
-    def skips_parts(self) -> bool:
+    def is_cut_short(self) -> bool:
         """Return whether a rule has ended the game."""
         return self.state.over is not None
 
-    def living(self) -> list[Any]:
+    def list_living(self) -> list[Any]:
         """Return the living agents in the order of names."""
         order = self.order_now
         phase = self.phase
@@ -1081,9 +1081,9 @@ class GameTurn(TurnDriver):
                     # NOTE: a changed set of agents requires no new order here, which costs more (decision 0057).
                     every = [agents.agents[name] for name in sorted(agents.agents)]
                     return [one for one in every if one.alive]
-                order = self.order()
+                order = self.get_order()
         moving: MovingAgents = order.moving
-        return moving.living(order.agents_of(self._ctx.agent.agents) if order.agents is None else order.agents)
+        return moving.select_living(order.list_agents(self._ctx.agent.agents) if order.agents is None else order.agents)
 
     def play_decisions(self, number: int) -> int:
         """Let the agents of a part of the turn observe and decide."""
@@ -1101,7 +1101,7 @@ class GameTurn(TurnDriver):
             moves = self.ask(order, part, self.observers)
         state.moves = moves
         if order.whole.paced:
-            moves.let_stand(order.moving.present(order.whole.paced), self.travel)
+            moves.let_stand(order.moving.select_present(order.whole.paced), self.travel)
         return 0
 
     def ask(self, order: Any, part: Any, observers: Any, paths: Any = None) -> Any:
@@ -1125,7 +1125,7 @@ class GameTurn(TurnDriver):
         if order.has_channels or blocked.known or blocked.stopped or answers.failures or answers.written:
             self._publish(order, part, answers)
         if answers.ends is answers.starts:
-            answers.ends_to_write()
+            answers.get_writable_ends()
         return self.make_moves(order, answers.starts, answers.ends, answers.actions, answers.moves, answers.paths)
 
     def decide_in_core(self, order: Any, part: Any) -> bool:
@@ -1155,7 +1155,7 @@ class GameTurn(TurnDriver):
             return False
         block = order.block
         rest, own = self._split(order, part)
-        if own is None or not shipped.place(block):
+        if own is None or not shipped.load_places(block):
             return False
         if self.unread is not None and self.unread.shipped is not shipped:
             self.forget_states()
@@ -1170,7 +1170,7 @@ class GameTurn(TurnDriver):
         if shipped.remembers and block.is_noting:
             shipped.show_memories(of_start=False)
         blocked = state.blocked
-        before = blocked.copied() if blocked.known or blocked.stopped else None
+        before = blocked.copy_blocked() if blocked.known or blocked.stopped else None
         known = self._copy_team_memories() if state.team_memories else {}
         self.unread = UnreadStates(shipped, order, own, bytes(block.games.memory), state.turn, before, known)
         phase.leave_unread(self.reader)
@@ -1297,7 +1297,7 @@ class GameTurn(TurnDriver):
         if asked.has_starts:
             self._begin_answers(order, asked)
         else:
-            answers.begin(order.slots, order.nodes(), None, None)
+            answers.begin(order.slots, order.get_nodes(), None, None)
         answers.paths = paths
         if asked.is_paced:
             self._leave_closed_edges(order, part)
@@ -1354,7 +1354,7 @@ class GameTurn(TurnDriver):
         """Return the moves of the turn for the present agents: a check or a resolver may create and delete agents."""
         moves = self.state.moves
         if moves.order is not self.order_now:
-            moves = moves.on(self.order_now)
+            moves = moves.fit_to_order(self.order_now)
             self.state.moves = moves
         return moves
 
@@ -1371,15 +1371,15 @@ class GameTurn(TurnDriver):
         agents = moving.moving
         if not agents.are_all or moves.took_part is not agents.lives:
             agents.leave_out(moves.starts, ends, moves.took_part)
-        block.move_all(moving.ground, ends if moving.is_all_ground else part.of_ground(ends))
-        moving.moving.count(moves.in_core() if moves.columns is None else moves.columns)
+        block.move_all(moving.ground, ends if moving.is_all_ground else part.select_ground(ends))
+        moving.moving.count(moves.get_core_columns() if moves.columns is None else moves.columns)
         if not moving.has_starts:
             order.end(ends)
         if moving.is_paced or moves.actions:
             self._apply_actions(moves, part, block)
         if block.placed:
             rows = order.selection.rows
-            block.placed.difference_update([rows[i] for i in order.moving.present(part.members)])
+            block.placed.difference_update([rows[i] for i in order.moving.select_present(part.members)])
         if moves.paths is not None and not (block.placed or order.has_parts or block.flyers):
             moves.applied = block.version
         return 0
@@ -1448,7 +1448,7 @@ class NodeConflicts:
         """Resolve the conflicts of the moves that were written; return the number of agents that stay, in `found`."""
         if conflicts.resolve(self.contests, self.requests, 0, turn) == 0:
             return 0
-        return conflicts.losers(self.contests, self.found)
+        return conflicts.find_losers(self.contests, self.found)
 
 
 # -- shipped rules of one game ------------------------------------------------------------------------------------
@@ -1503,9 +1503,9 @@ class RuleMoves:
     def take_steps(self, moves: TurnMovesInCore, columns: AgentColumns) -> int:
         """Take the moves of agents along at most one edge each."""
         if moves.order is not self.order:
-            self.slots = self.slots_of(moves.order, columns)
+            self.slots = self.find_slots(moves.order, columns)
             self.order = moves.order
-        taken = moves.in_core() if moves.columns is None else moves.columns
+        taken = moves.get_core_columns() if moves.columns is None else moves.columns
         rules.take_moves(self.games, taken, columns.numbers, self.slots, moves.took_part)
         block: Any = columns
         if block.placed:
@@ -1520,7 +1520,7 @@ class RuleMoves:
         """Take the tracks of agents that may have moved along several edges, or parts of edges."""
         raise NotImplementedError
 
-    def slots_of(self, order: Any, block: Any) -> memoryview[int]:
+    def find_slots(self, order: Any, block: Any) -> memoryview[int]:
         """Return the slot of each agent in an order, (agents,); -1: it has none."""
         raise NotImplementedError
 
@@ -1614,7 +1614,7 @@ class MovesForRules:
         self.turn_number[0] = self.state.turn
         return 0
 
-    def turn(self, ctx: Any) -> Any:
+    def get_turn_moves(self, ctx: Any) -> Any:
         """Return the moves of this turn."""
         self.begin(ctx)
         state = self.state
@@ -1656,7 +1656,7 @@ class MovesForRules:
         self.tracks.follow(ctx)
         return self.tracks
 
-    def any_moves(self, ctx: Any) -> RuleMoves:
+    def get_any_moves(self, ctx: Any) -> RuleMoves:
         """Return the present agents, for rules that do not depend on how they have moved."""
         self.begin(ctx)
         return self.steps
@@ -1688,7 +1688,7 @@ class GamePlayer:
         if game is None or not game.is_of_map():
             game = self.find_game(self.ctx)
             self.game = game
-        moves = game.turn(self.ctx) if self.follows else game.any_moves(self.ctx)
+        moves = game.get_turn_moves(self.ctx) if self.follows else game.get_any_moves(self.ctx)
         rule = moves.get_rule(self.ctx, self.form, self.key)
         if self.play is None:
             rule.play(self.ctx)

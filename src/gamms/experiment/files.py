@@ -12,8 +12,8 @@ from gamms.experiment.variants import Vary
 from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError, load
-from gamms.scenario.code import inside
-from gamms.scenario.documents import at, named, read
+from gamms.scenario.code import find_path
+from gamms.scenario.documents import locate_errors, name_errors, read
 from gamms.text import describe_empty_range, shown
 
 _KEYS = ("scenario", "seeds", "vary", "sample", "out", "workers")
@@ -47,7 +47,7 @@ def read_experiment(
     """
     file = as_path(path, "path")
     folder = file.absolute().parent
-    with named(file):
+    with name_errors(file):
         raw = read(file)
         if not isinstance(raw, Mapping):
             raise ScenarioError("", f"an experiment is a mapping with scenario and seeds; this is {shown(raw)}.")
@@ -60,7 +60,7 @@ def read_experiment(
         game, out = (None if raw.get(key) is None else _find_file(raw[key], folder, key) for key in ("scenario", "out"))
         if game is None:
             raise ScenarioError("scenario", "is the name of a scenario file beside this one.")
-        with at("sample" if "sample" in raw else "seeds"):
+        with locate_errors("sample" if "sample" in raw else "seeds"):
             vary = _make_sample(raw["sample"]) if "sample" in raw else raw.get("vary")
             seeds = parse_seeds(raw["seeds"])
         workers = raw.get("workers")
@@ -97,7 +97,7 @@ def parse_seeds(given: Plain) -> list[int]:
 def _find_file(given: Plain, folder: Path, key: str) -> Path:
     if not isinstance(given, str) or not given:
         raise ScenarioError(key, f"is the name of a file or folder beside this one, not {shown(given)}.")
-    return inside(given, folder, key, "file" if key == "scenario" else "folder")
+    return find_path(given, folder, key, "file" if key == "scenario" else "folder")
 
 
 def _make_sample(given: Plain) -> Vary:

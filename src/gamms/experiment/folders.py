@@ -36,8 +36,8 @@ from gamms.folders import (
     lock_folder,
     make_folder,
     make_place_beside,
+    open_regular_file,
     open_whole_file,
-    opened,
     read_json,
     read_json_lines,
     refuse_link,
@@ -163,7 +163,7 @@ class _AppendedLines:
             return
         if self._file is None:
             cut_torn_line(self._path)
-            self._file = opened(self._path, "ab")
+            self._file = open_regular_file(self._path, "ab")
         with add_path_to_errors(self._path, self._path):
             self._file.write(made)
             self._file.flush()
@@ -266,7 +266,7 @@ def read_rows(folder: Path) -> tuple[ExperimentPlan, list[Row]]:
 # -- the files at the end -----------------------------------------------------------------------------------------
 
 
-def columns_of(rows: Sequence[Row], varied: Sequence[str]) -> list[str]:
+def list_columns(rows: Sequence[Row], varied: Sequence[str]) -> list[str]:
     """Return the columns of rows in the order of the files."""
     found = set(chain.from_iterable(rows))
     known = [*_FIRST, *varied, *_MIDDLE]
@@ -279,7 +279,7 @@ def write_rows(folder: Path, rows: Sequence[Row], varied: Sequence[str]) -> list
 
     The series of the folder are put into the order of the rows.
     """
-    columns = columns_of(rows, varied)
+    columns = list_columns(rows, varied)
     full = [{name: row.get(name) for name in columns} for row in rows]
     files = [folder / "rows.jsonl", folder / "rows.csv"]
     write_whole(files[0], as_lines(full))
@@ -418,7 +418,7 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
 
 def as_columns(rows: Sequence[Row], varied: Sequence[str]) -> dict[str, Any]:
     """Return rows as columns; missing numbers are NaN."""
-    table = make_table({name: [row.get(name) for row in rows] for name in columns_of(rows, varied)})
+    table = make_table({name: [row.get(name) for row in rows] for name in list_columns(rows, varied)})
     return {name: _convert_column(column) for name, column in table.items()}
 
 
@@ -474,7 +474,7 @@ def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
     if target.resolve().is_relative_to(source.resolve()):
         raise BadValue(f"{str(target)!r} would be in the folder that it is made of. Name a file elsewhere.")
     with lock_folder(source):
-        found = files_in(source)
+        found = list_files(source)
         with open_whole_file(target, through_links=True) as beside:
             try:
                 _write(found, source, beside)
@@ -485,7 +485,7 @@ def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
     return len(found)
 
 
-def files_in(folder: Path) -> list[Path]:
+def list_files(folder: Path) -> list[Path]:
     """Return the paths of all files in the folder of an experiment and below, without its lock, in order.
 
     Raises:
@@ -517,7 +517,7 @@ def _write(found: list[Path], source: Path, target: Path) -> None:
             why = _find_fault(about)
             if why is not None:
                 raise BadFile(f"{str(source)!r} holds {shown(about.filename)}, which cannot be packed: {why}.")
-            with opened(source / name, "rb") as stream:
+            with open_regular_file(source / name, "rb") as stream:
                 about.file_size = os.fstat(stream.fileno()).st_size
                 with packed.open(about, "w") as into:
                     shutil.copyfileobj(stream, into, _CHUNK)
@@ -549,7 +549,7 @@ def unpack(file: str | os.PathLike[str], folder: str | os.PathLike[str]) -> int:
         raise BadValue(f"{str(target)!r} is not empty, or a link to another folder. Name a new folder.")
     if is_new and target.exists():
         raise BadValue(f"There is {str(target)!r} already, and it is not a folder. Name another folder.")
-    with opened(Path(os.path.realpath(source)), "rb") as stream, _report_damage(source):
+    with open_regular_file(Path(os.path.realpath(source)), "rb") as stream, _report_damage(source):
         count = _check_end(stream, source)
         with zipfile.ZipFile(stream) as packed:
             entries = packed.infolist()

@@ -59,7 +59,7 @@ class VariantPlayer:
     def __init__(self, settings: ExperimentSettings, variant: Variant) -> None:
         self._settings = settings
         self._strategies = variant.strategies
-        self._scenario = variant.of(settings.scenario)
+        self._scenario = variant.apply_to(settings.scenario)
 
     def play(self, seeds: Sequence[int]) -> FinishedTask:
         """Play games and return their rows; a game that raises becomes a row with an error."""
@@ -76,7 +76,7 @@ class VariantPlayer:
             return {"error": _describe_error(error)}, {}
 
     def _read(self, result: Result) -> tuple[Row, Series]:
-        return row_of(result, self._settings.collect), collect_series(result)
+        return make_row(result, self._settings.collect), collect_series(result)
 
     def _play_in_arrays(self, seeds: Sequence[int]) -> list[tuple[Row, Series]] | None:
         """Return the rows and series of games played as a batch; None: a game has raised."""
@@ -99,11 +99,11 @@ def play(task: Task) -> FinishedTask:
 
 @lru_cache(maxsize=16)
 def _make_player(settings: bytes, variant: bytes) -> VariantPlayer:
-    return VariantPlayer(loaded(settings), pickle.loads(variant))  # noqa: S301 - our own
+    return VariantPlayer(load_settings(settings), pickle.loads(variant))  # noqa: S301 - our own
 
 
 @lru_cache(maxsize=2)
-def loaded(settings: bytes) -> Any:
+def load_settings(settings: bytes) -> Any:
     """Return unpickled settings; each process loads the map of their scenario once."""
     return pickle.loads(settings)  # noqa: S301 - our own
 
@@ -123,7 +123,7 @@ def pickle_value(value: object, name: str) -> bytes:
         ) from error
 
 
-def row_of(result: Result, collect: Collect) -> Row:
+def make_row(result: Result, collect: Collect) -> Row:
     """Return the row of a game, with the values of the `collect` functions."""
     row = {name: _make_plain(value) for name, value in result.row().items()}
     row |= {f"collector.{name}": _make_plain(function(result)) for name, function in collect.items()}

@@ -21,17 +21,17 @@ from gamms.experiment.statistics import (
     Interval,
     PairedComparison,
     compare_pairs,
+    compute_t_interval,
     correct_by_holm,
     count_seeds_needed,
     estimate_mean,
     estimate_rate_of_seeds,
     estimate_sobol_indices,
-    t_interval,
 )
 from gamms.experiment.tables import Table, plot
-from gamms.experiment.variants import Variant, digest_of
+from gamms.experiment.variants import Variant, compute_digest
 from gamms.game.result import Result
-from gamms.ir.tables import frame_of, make_table
+from gamms.ir.tables import make_frame, make_table
 from gamms.limits import max_memory
 from gamms.scenario import Scenario, ScenarioError
 from gamms.visual import Engine
@@ -109,7 +109,7 @@ class Rows(Sequence[Row]):
             UnknownName (KeyError): no game has a collector of this name.
             BadFile: a line of `series.jsonl` is not of a series.
         """
-        lines = [*self._lines_of_series()]
+        lines = [*self._read_series_lines()]
         known = dict.fromkeys(line["name"] for line in lines)
         as_known(name, "collector", known)
         columns: dict[str, list[Any]] = {"id": [], "turn": [], "agent": [], "value": []}
@@ -140,7 +140,7 @@ class Rows(Sequence[Row]):
             BadFile: the folder holds a link, or folders that are nested too deeply.
             TooLarge: the recordings have more bytes than is allowed.
         """
-        return verification.find_root(self._known_source(), self._rows, self._lines_of_series())
+        return verification.find_root(self._get_source(), self._rows, self._read_series_lines())
 
     def verify(self, root: str | None = None, *, sample: int | None = None, seed: int = 0) -> verification.Verification:
         """Check the folder of these rows: its root, the files that follow from the rows, and some games, played again.
@@ -167,13 +167,13 @@ class Rows(Sequence[Row]):
         found = current.root()
         if wanted in (None, found):
             drawn = verification.draw_rows(found, draw, current, count)
-            return verification.verify(current._known_source(), found, current, drawn, current._play_row)
+            return verification.verify(current._get_source(), found, current, drawn, current._play_row)
         fault = f"The root of the folder is {found}, not {wanted}: something that it covers was altered."
-        return verification.verify(current._known_source(), found, current, [], current._play_row, [fault])
+        return verification.verify(current._get_source(), found, current, [], current._play_row, [fault])
 
     def _read_again(self) -> "Rows":
         """Return the rows that the folder has now, with the map of their scenario loaded once."""
-        folder = self._known_source().folder
+        folder = self._get_source().folder
         if folder is None:
             raise BadValue("These rows have no folder: pass out= to run, or load a folder.")
         plan, rows = read_rows(folder)
@@ -181,12 +181,12 @@ class Rows(Sequence[Row]):
         source = verification.Provenance(plan, folder)
         return Rows(rows, plan["keys"], scenario, self._variants, self._sample, self._series, source)
 
-    def _known_source(self) -> verification.Provenance:
+    def _get_source(self) -> verification.Provenance:
         if self._source is None:
             raise BadValue("These rows have no plan: run and load return rows that have one.")
         return self._source
 
-    def _lines_of_series(self) -> Iterable[SeriesLine]:
+    def _read_series_lines(self) -> Iterable[SeriesLine]:
         return () if self._series is None else self._series(row["id"] for row in self._rows)
 
     def to_pandas(self) -> "pd.DataFrame":
@@ -195,7 +195,7 @@ class Rows(Sequence[Row]):
         Raises:
             MissingExtra (ImportError): pandas is not installed.
         """
-        return frame_of(self.table())
+        return make_frame(self.table())
 
     # -- statistics -----------------------------------------------------------------------------------------------
 
@@ -474,8 +474,8 @@ class Rows(Sequence[Row]):
                 "GAMMS wrote the plan. Give load(…, scenario=…, vary=…)."
             )
         try:
-            scenario = variant.of(self._scenario() if callable(self._scenario) else self._scenario)
-            digest = digest_of(scenario)
+            scenario = variant.apply_to(self._scenario() if callable(self._scenario) else self._scenario)
+            digest = compute_digest(scenario)
         except ScenarioError as error:
             way = "Give load(…, folder=…), the folder of its code and maps, and allow= for packages that you trust."
             raise ScenarioError(error.path, f"{error.message} {way}", error.file, error.place) from None
@@ -540,7 +540,7 @@ def _compare(
 
 def _find_ends_of_t(means: Sequence[float], confidence: float) -> dict[str, float]:
     """Return the columns of Student's interval of the mean over seeds; NaN for as many seeds as the bootstrap needs."""
-    ends = t_interval(means, confidence) if len(means) < FEW_SEEDS else (np.nan, np.nan)
+    ends = compute_t_interval(means, confidence) if len(means) < FEW_SEEDS else (np.nan, np.nan)
     return dict(zip(_ENDS_OF_T, ends, strict=True))
 
 

@@ -30,13 +30,13 @@ from gamms.experiment.games import (
 )
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
-from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
+from gamms.experiment.variants import Variant, Vary, compute_digest, compute_row_id, make_variants
 from gamms.experiment.verification import Provenance
 from gamms.folders import lock_folder
 from gamms.limits import max_memory, refuse_above
 from gamms.plain import as_json, to_plain
 from gamms.progress import Show
-from gamms.progress import progress as progress_line
+from gamms.progress import show_progress as progress_line
 from gamms.scenario import Scenario
 from gamms.scenario import load as load_scenario
 from gamms.scenario.scenario import from_plain
@@ -64,22 +64,22 @@ class _GamePlan(NamedTuple):
     collect: dict[str, Any]
     sample: tuple[list[str], int] | None  # keys and n of a sample for Sobol indices
 
-    def ids(self) -> list[str]:
+    def list_ids(self) -> list[str]:
         """Return the ids of all rows, in order."""
         names = list(self.collect)
         return [
-            row_id(digest, variant.settings, names, seed)
+            compute_row_id(digest, variant.settings, names, seed)
             for (digest, variant), seed in product(zip(self.digests, self.variants, strict=True), self.seeds)
         ]
 
-    def keys(self) -> list[str]:
+    def list_keys(self) -> list[str]:
         return list(self.variants[0].settings)
 
-    def on_disk(self, ids: list[str]) -> dict[str, Any]:
+    def make_plain(self, ids: list[str]) -> dict[str, Any]:
         """Return the plan as plain values for its file."""
         return {
             "scenario": self.scenario.to_dict(),
-            "keys": self.keys(),
+            "keys": self.list_keys(),
             "variants": [variant.settings for variant in self.variants],
             "digests": self.digests,
             "seeds": self.seeds,
@@ -130,13 +130,13 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     """
     refuse_in_worker()
     plan = _make_plan(scenario, seeds, vary, collect)
-    chosen = executor_for(executor, workers)
+    chosen = get_executor(executor, workers)
     part = folders.parse_shard(shard)
     if part is not None and out is None:
         raise BadValue("A shard needs out, the folder in which merge finds its rows.")
     for variant in plan.variants:
-        variant.of(plan.scenario).warn_of_idle_teams(variant.strategies)
-    ids = plan.ids()
+        variant.apply_to(plan.scenario).warn_of_idle_teams(variant.strategies)
+    ids = plan.list_ids()
     with ExitStack() as ending:
         if chosen[1]:
             ending.callback(chosen[0].shutdown, cancel_futures=True)
@@ -146,18 +146,18 @@ def run(  # noqa: PLR0913 - each option is independent of the others
             folder = folders.find_shard_folder(as_path(out, "out"), part)
             ending.enter_context(lock_folder(folder))
             journal = folders.Journal(folder, *folders.ROW)
-            folders.refuse_incomplete(folder, journal.rows, ids, plan.keys())
+            folders.refuse_incomplete(folder, journal.rows, ids, plan.list_keys())
             ending.callback(journal.close)
         runner = _Runner(plan, ids, chosen[0], workers, journal)
         if folder is not None:
-            folders.write_plan(folder, plan.on_disk(ids))
+            folders.write_plan(folder, plan.make_plain(ids))
         runner.play(part, as_bool(progress, "progress"))
         rows = [runner.rows[id] for id in ids if id in runner.rows]
         if folder is not None and part is None:
-            folders.write_rows(folder, rows, plan.keys())
-        series = partial(folders.read_series, folder) if folder is not None else runner.series_of
-        source = Provenance(plan.on_disk(ids), folder)
-        return Rows(rows, plan.keys(), plan.scenario, plan.variants, plan.sample, series, source)
+            folders.write_rows(folder, rows, plan.list_keys())
+        series = partial(folders.read_series, folder) if folder is not None else runner.read_series
+        source = Provenance(plan.make_plain(ids), folder)
+        return Rows(rows, plan.list_keys(), plan.scenario, plan.variants, plan.sample, series, source)
 
 
 def load(
@@ -195,7 +195,7 @@ def load(
         ]
     else:
         own = _as_scenario(scenario)
-        variants = variants_of(own, vary)
+        variants = make_variants(own, vary)
     series = partial(folders.read_series, where)
     return Rows(rows, plan["keys"], own, variants, plan["sample"], series, Provenance(plan, where))
 
@@ -213,7 +213,7 @@ def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collec
     chosen = as_ids(seeds, "seeds")
     if not chosen or len(set(chosen)) < len(chosen):
         raise BadValue(f"seeds must be different integers, at least one, not {shown(chosen)}.")
-    variants = variants_of(base, vary)
+    variants = make_variants(base, vary)
     count = len(variants) * len(chosen)
     refuse_above(count * _BYTES, f"An experiment of {count:,} games ({len(variants):,} variants)")
     wanted = dict(as_mapping({} if collect is None else collect, "collect"))
@@ -221,7 +221,7 @@ def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collec
         if not isinstance(name, str):
             raise BadType(f"collect is a dict of names and functions of a result, not {shown(wanted)}.")
         as_function_of(function, f"{name!r} of collect", "a result")
-    digests = [digest_of(variant.of(base)) for variant in variants]
+    digests = [compute_digest(variant.apply_to(base)) for variant in variants]
     sample = (list(vary.keys), vary.n) if isinstance(vary, Sample) and vary.method == "sobol" else None
     return _GamePlan(base, variants, digests, chosen, wanted, sample)
 
@@ -386,7 +386,7 @@ class _Runner:
         if self._journal is not None:
             self._journal.add(rows, lines)
 
-    def series_of(self, ids: Iterable[str]) -> Iterator[folders.SeriesLine]:
+    def read_series(self, ids: Iterable[str]) -> Iterator[folders.SeriesLine]:
         """Yield the collected values of the games of some rows; see `folders.read_series`."""
         for id in ids:
             yield from self._series.get(id, ())
@@ -400,7 +400,7 @@ def _show(show: Show, done: int, total: int, seconds: float) -> None:
 # -- executors --------------------------------------------------------------------------------------------------------
 
 
-def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:
+def get_executor(given: object, workers: int | None) -> tuple[Executor, bool]:
     """Return the executor of a run, and whether the run has to shut it down.
 
     Raises:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 
 _RESAMPLES = 2_000
 _PERMUTATIONS = 9_999
@@ -81,7 +81,7 @@ def estimate_mean(values: Sequence[float] | FloatArray, confidence: float = 0.95
     return Interval(mean, float(found.low), float(found.high))
 
 
-def t_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> tuple[float, float]:
+def compute_t_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> tuple[float, float]:
     """Return the ends of Student's interval of the mean (Biometrika 6, 1908); NaN for equal values, or fewer than two.
 
     It assumes that the values are roughly normal, and then covers the mean as often as it says, also for few values.
@@ -264,6 +264,6 @@ def _resample_indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
 
 
 def _import_stats() -> Any:
-    with needing("An interval or a sample", "accel"):
+    with require_extra("An interval or a sample", "accel"):
         import scipy.stats
     return scipy.stats

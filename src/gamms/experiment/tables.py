@@ -9,7 +9,7 @@ import numpy as np
 from gamms.errors import UnknownName
 from gamms.experiment.statistics import Interval
 from gamms.ir.tables import make_table
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.text import make_printable_line
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def plot(
     Raises:
         MissingExtra: matplotlib is not installed.
     """
-    with needing("A plot", "plot"):
+    with require_extra("A plot", "plot"):
         import matplotlib.pyplot as plt
         from matplotlib.ticker import MaxNLocator
     axes: Axes = plt.subplots(layout="constrained")[1] if ax is None else ax

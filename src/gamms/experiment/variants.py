@@ -12,7 +12,7 @@ from gamms.errors import BadValue, UnknownName, nearest
 from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError
-from gamms.scenario.placement import members
+from gamms.scenario.placement import list_members
 from gamms.text import as_code, remove_addresses, shown
 
 Function = Callable[..., Any]
@@ -36,12 +36,12 @@ class Variant(NamedTuple):
     changes: dict[str, Plain]
     strategies: dict[str, Function]
 
-    def of(self, scenario: Scenario) -> Scenario:
+    def apply_to(self, scenario: Scenario) -> Scenario:
         """Return the scenario with the changes of this variant."""
         return scenario.replace(**self.changes) if self.changes else scenario
 
 
-def variants_of(scenario: Scenario, vary: Vary | None) -> list[Variant]:
+def make_variants(scenario: Scenario, vary: Vary | None) -> list[Variant]:
     """Return the variants of a grid, or of a list of settings, after checking each with the scenario.
 
     Raises:
@@ -74,7 +74,7 @@ def _read_list(given: list[dict[str, Any]]) -> list[dict[str, tuple[Plain, Any]]
         if list(point) != known:
             raise BadValue(f"All variants have the same keys, {', '.join(known)}; one has {', '.join(point)}.")
     names = {key: _ValueNames(key) for key in known}
-    return [{key: (names[key].of(value), value) for key, value in point.items()} for point in given]
+    return [{key: (names[key].find_name(value), value) for key, value in point.items()} for point in given]
 
 
 def _name_values(key: str, values: object) -> list[tuple[Plain, Any]]:
@@ -82,7 +82,9 @@ def _name_values(key: str, values: object) -> list[tuple[Plain, Any]]:
     if isinstance(values, Mapping):
         return [(_find_name(name), value) for name, value in values.items()]
     names = _ValueNames(key)
-    found = [(names.of(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")]
+    found = [
+        (names.find_name(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")
+    ]
     if len({(type(name), name) for name, _ in found}) < len(found):
         raise BadValue(f"A value of {shown(key)} in vary is there twice: {shown(values)}.")
     return found
@@ -95,7 +97,7 @@ class _ValueNames:
         self._key = key
         self._values: dict[Plain, Any] = {}
 
-    def of(self, value: Any) -> Plain:
+    def find_name(self, value: Any) -> Plain:
         name = _find_name(value)
         other = self._values.setdefault((type(name), name), value)
         if callable(value) and other is not value:
@@ -133,7 +135,7 @@ def _make_variant(scenario: Scenario, point: Mapping[Any, tuple[Plain, Any]]) ->
         else:
             _check_open(scenario, key)
             found.changes[key] = value
-    found.of(scenario)  # checks the spelling of keys
+    found.apply_to(scenario)  # checks the spelling of keys
     return found
 
 
@@ -149,7 +151,7 @@ def _check_open(scenario: Scenario, key: str) -> None:
 
 def _set_strategy(scenario: Scenario, of: str, value: Any, variant: Variant) -> None:
     """Set the strategy of a team or agent: a function, a reference to code, or None for the scenario's own."""
-    by_team = members(scenario.spec)
+    by_team = list_members(scenario.spec)
     agents = {member.name: member for member in chain.from_iterable(by_team.values())}
     if of not in by_team and of not in agents:
         raise UnknownName("team or agent", of, [*by_team, *agents])
@@ -171,7 +173,7 @@ def _set_strategy(scenario: Scenario, of: str, value: Any, variant: Variant) -> 
 # -- digests ------------------------------------------------------------------------------------------------------
 
 
-def digest_of(scenario: Scenario) -> str:
+def compute_digest(scenario: Scenario) -> str:
     """Return the SHA-256 of everything that determines a game except seed and GAMMS version, in hexadecimal.
 
     These are the parts of the scenario, the strategies that it names, and the files of the code that it names.
@@ -192,7 +194,7 @@ def digest_of(scenario: Scenario) -> str:
     return _hash_value([scenario.digests(), deciders, code])
 
 
-def row_id(digest: str, settings: Mapping[str, Plain], collected: Sequence[str], seed: int) -> str:
+def compute_row_id(digest: str, settings: Mapping[str, Plain], collected: Sequence[str], seed: int) -> str:
     """Return the id of a row: the first 16 digits of the SHA-256 of its settings and seed."""
     return _hash_value([digest, dict(settings), sorted(collected), seed])[:16]
 

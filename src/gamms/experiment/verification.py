@@ -21,8 +21,8 @@ from gamms.arguments import as_float, as_text
 from gamms.errors import BadFile, BadValue, GammsError
 from gamms.experiment import folders
 from gamms.experiment.games import Row
-from gamms.experiment.variants import row_id
-from gamms.folders import as_lines, opened, read_bytes, read_json_lines
+from gamms.experiment.variants import compute_row_id
+from gamms.folders import as_lines, open_regular_file, read_bytes, read_json_lines
 from gamms.limits import refuse_above
 from gamms.text import make_printable_line, shown
 
@@ -125,14 +125,14 @@ def find_root(source: Provenance, rows: Iterable[Row], series: Iterable[Mapping[
 
 def _hash_recordings(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of each recording in a folder and below, by its path in the folder."""
-    names = [name for name in folders.files_in(folder) if name.suffix == _RECORDING]
+    names = [name for name in folders.list_files(folder) if name.suffix == _RECORDING]
     refuse_above(sum((folder / name).lstat().st_size for name in names), f"Reading the recordings in {str(folder)!r}")
     return {name.as_posix(): _hash_file(folder / name) for name in names}
 
 
 def _hash_file(file: Path) -> str:
     digest = hashlib.sha256()
-    with opened(file, "rb") as stream:
+    with open_regular_file(file, "rb") as stream:
         while chunk := stream.read(_CHUNK):
             digest.update(chunk)
     return digest.hexdigest()
@@ -183,30 +183,30 @@ def verify(
     misfit = _check_fit(folder, plan)
     found = [
         *faults,
-        *_faults_of_plan(folder, plan),
-        *([*_faults_of_ids(plan), *_faults_of_rows(plan, rows)] if misfit is None else [misfit]),
-        *_faults_of_spelling(folder / folders.JOURNAL, lines),
-        *_faults_of_copies(folder, plan, rows),
-        *_faults_of_games(plan, folder, played, play),
+        *_check_plan(folder, plan),
+        *([*_check_ids(plan), *_check_rows(plan, rows)] if misfit is None else [misfit]),
+        *_check_spelling(folder / folders.JOURNAL, lines),
+        *_check_copies(folder, plan, rows),
+        *_check_games(plan, folder, played, play),
     ]
-    notes = [*_notes_of_files(folder, plan, len(lines)), *_notes_of_games(plan, drawn)]
+    notes = [*_describe_unchecked_files(folder, plan, len(lines)), *_describe_unchecked_values(plan, drawn)]
     ids = tuple(row["id"] for row in played)
     return Verification(root, len({*plan["rows"]}), ids, tuple(found), tuple(notes))
 
 
-def _faults_of_copies(folder: Path, plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
+def _check_copies(folder: Path, plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
     """Yield a fault for each file that follows from the rows and differs from the one made again."""
-    columns = len(folders.columns_of(rows, plan["keys"]))
+    columns = len(folders.list_columns(rows, plan["keys"]))
     refuse_above(len(rows) * columns * _CELL_BYTES, f"A table of {len(rows):,} rows and {columns:,} columns")
     with tempfile.TemporaryDirectory() as made:
         for file in folders.write_rows(Path(made), rows, plan["keys"]):
-            yield from _faults_of_copy(folder / file.name, file)
+            yield from _compare_copy(folder / file.name, file)
     series = folder / folders.SERIES
     if series.exists() and read_bytes(series) != as_lines([*folders.read_series(folder, (row["id"] for row in rows))]):
         yield f"{folders.SERIES} does not have the series of the rows, in the order of the plan, as a run writes them."
 
 
-def _faults_of_plan(folder: Path, plan: Mapping[str, Any]) -> Iterator[str]:
+def _check_plan(folder: Path, plan: Mapping[str, Any]) -> Iterator[str]:
     raw = json.loads(read_bytes(folder / folders.PLAN))
     if read_bytes(folder / folders.PLAN) != folders.plan_as_bytes(raw) or not set(raw) <= set(plan):
         yield f"{folders.PLAN} is not written as a run writes it: it has other spaces, signs or keys."
@@ -234,15 +234,15 @@ def _check_fit(folder: Path, plan: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _faults_of_ids(plan: Mapping[str, Any]) -> Iterator[str]:
+def _check_ids(plan: Mapping[str, Any]) -> Iterator[str]:
     games = product(zip(plan["digests"], plan["variants"], strict=True), plan["seeds"])
     for id, ((digest, settings), seed) in zip(plan["rows"], games, strict=True):
-        expected = row_id(digest, settings, plan["collect"], seed)
+        expected = compute_row_id(digest, settings, plan["collect"], seed)
         if id != expected:
             yield f"{folders.PLAN} names the row {shown(id)} for seed {seed}, whose id is {expected}."
 
 
-def _faults_of_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> Iterator[str]:
+def _check_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> Iterator[str]:
     """Yield a fault if a file of JSON lines has other bytes than GAMMS writes for its values."""
     found = read_bytes(file).splitlines(keepends=True) if file.exists() else []  # without it, its rows are missing
     for number, (line, value) in enumerate(zip_longest(found, lines), 1):
@@ -251,7 +251,7 @@ def _faults_of_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> It
             return
 
 
-def _faults_of_rows(plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
+def _check_rows(plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
     by_id = {row["id"]: row for row in rows}
     games = product(zip(plan["digests"], plan["variants"], strict=True), plan["seeds"])
     versions = {name: plan["versions"].get(name) for name in _VERSIONS}
@@ -262,12 +262,12 @@ def _faults_of_rows(plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[st
             missing.append(id)
             continue
         expected = {"scenario": digest, **versions, **settings, "seed": seed}
-        yield from _differences(row, expected, expected, "and the plan says")
+        yield from _compare_row(row, expected, expected, "and the plan says")
     if missing:
         yield f"{len(missing):,} of {len(plan['rows']):,} rows are missing, such as {missing[0]}: run to the end."
 
 
-def _differences(row: Row, expected: Mapping[str, Any], columns: Iterable[str], whence: str) -> Iterator[str]:
+def _compare_row(row: Row, expected: Mapping[str, Any], columns: Iterable[str], whence: str) -> Iterator[str]:
     """Yield a fault for each column in which a row differs from expected values."""
     for column in columns:
         found = row.get(column)
@@ -281,29 +281,29 @@ def _name_row(row: Row) -> str:
     return f"Row {row['id']} (seed {row.get('seed')})"
 
 
-def _faults_of_copy(file: Path, expected: Path) -> Iterator[str]:
+def _compare_copy(file: Path, expected: Path) -> Iterator[str]:
     """Yield a fault if a file that follows from the rows differs from the one made again."""
     if not file.exists() and not file.is_symlink():
         return
     data = expected.read_bytes()
     try:
-        with opened(file, "rb") as stream:
+        with open_regular_file(file, "rb") as stream:
             found = stream.read(len(data) + 1)
     except BadFile as error:
         yield str(error)
         return
-    if found == data or (file.suffix == ".parquet" and _writer_of(file) not in (None, _writer_of(expected))):
+    if found == data or (file.suffix == ".parquet" and _read_writer(file) not in (None, _read_writer(expected))):
         return
     place = _find_first_difference(found, data) if file.suffix != ".parquet" else ""
     if len(found) > len(data):
         yield f"{file.name} is larger than the file made again from the rows, of {len(data):,} bytes{place}."
     elif file.suffix == ".jsonl":
-        yield from _faults_of_lines(file, expected)
+        yield from _compare_lines(file, expected)
     else:
         yield f"{file.name} differs from the file made again from the rows{place}."
 
 
-def _faults_of_lines(file: Path, expected: Path) -> Iterator[str]:
+def _compare_lines(file: Path, expected: Path) -> Iterator[str]:
     try:
         found = read_json_lines(file, "a row", folders.RowWithId)
     except BadFile as error:
@@ -316,8 +316,8 @@ def _faults_of_lines(file: Path, expected: Path) -> Iterator[str]:
     faults = list[str]()
     for one, other in zip(found, made, strict=True):
         columns = dict.fromkeys([*other, *one]) if one != other else {}
-        faults += _differences(one, other, columns, f"in {file.name}, and the journal says")
-    yield from faults or _faults_of_spelling(file, made)
+        faults += _compare_row(one, other, columns, f"in {file.name}, and the journal says")
+    yield from faults or _check_spelling(file, made)
 
 
 def _find_first_difference(found: bytes, expected: bytes) -> str:
@@ -331,15 +331,15 @@ def _find_first_difference(found: bytes, expected: bytes) -> str:
     return ", in the ends of its lines"
 
 
-def _writer_of(file: Path) -> str | None:
+def _read_writer(file: Path) -> str | None:
     """Return the version of pyarrow that a Parquet file names as its writer; None: it names none."""
-    with opened(file, "rb") as stream:
+    with open_regular_file(file, "rb") as stream:
         stream.seek(max(stream.seek(0, SEEK_END) - _CHUNK, 0))
         found = _PYARROW.search(stream.read(_CHUNK))
     return None if found is None else found[1].decode()
 
 
-def _notes_of_files(folder: Path, plan: Mapping[str, Any], lines: int) -> Iterator[str]:
+def _describe_unchecked_files(folder: Path, plan: Mapping[str, Any], lines: int) -> Iterator[str]:
     """Yield sentences about the content of a folder that verification does not check.
 
     Args:
@@ -355,7 +355,7 @@ def _notes_of_files(folder: Path, plan: Mapping[str, Any], lines: int) -> Iterat
         )
     derived = ("rows.jsonl", "rows.csv", "rows.parquet")
     checked = {folders.PLAN, folders.JOURNAL, folders.SERIES, *derived}
-    others = [one for one in folders.files_in(folder) if one.suffix != _RECORDING and one.as_posix() not in checked]
+    others = [one for one in folders.list_files(folder) if one.suffix != _RECORDING and one.as_posix() not in checked]
     if others:
         names = ", ".join(make_printable_line(one.as_posix()) for one in others[:_FEW])
         more = f" and {len(others) - _FEW:,} more" if len(others) > _FEW else ""
@@ -373,7 +373,7 @@ def _note_of_parquet(file: Path) -> Iterator[str]:
     if version is None:
         yield f'{file.name} was not compared, because pyarrow is not installed: pip install ".[parquet]".'
         return
-    writer = _writer_of(file)
+    writer = _read_writer(file)
     if writer not in (None, version):
         yield (
             f"{file.name} was not compared: it names pyarrow {writer} as its writer, and other versions write other "
@@ -391,7 +391,7 @@ def draw_rows(root: str, seed: int, rows: Sequence[Row], count: int) -> list[Row
     return [by_id[id] for id in nsmallest(count, keys, keys.__getitem__)]
 
 
-def _faults_of_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row], play: PlayRow) -> Iterator[str]:
+def _check_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row], play: PlayRow) -> Iterator[str]:
     """Play the games of rows again, and yield a fault for each value that differs."""
     given = {"id", "scenario", "seed", *_VERSIONS, *plan["keys"], *(f"collector.{name}" for name in plan["collect"])}
     collected: dict[str, list[folders.SeriesLine]] = {row["id"]: [] for row in rows}
@@ -404,13 +404,11 @@ def _faults_of_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row],
             yield make_printable_line(f"{_name_row(row)} could not be played again: {error}")
             continue
         columns = [name for name in dict.fromkeys([*row, *played]) if name not in given]
-        yield from _differences(row, played, columns, "and played again")
-        yield from _differing_series(row, collected[row["id"]], series)
+        yield from _compare_row(row, played, columns, "and played again")
+        yield from _compare_series(row, collected[row["id"]], series)
 
 
-def _differing_series(
-    row: Row, found: Iterable[folders.SeriesLine], made: Iterable[folders.SeriesLine]
-) -> Iterator[str]:
+def _compare_series(row: Row, found: Iterable[folders.SeriesLine], made: Iterable[folders.SeriesLine]) -> Iterator[str]:
     by_name = {line["name"]: as_lines([line]) for line in found}
     again = {line["name"]: as_lines([line]) for line in made}
     for name in dict.fromkeys([*by_name, *again]):
@@ -420,7 +418,7 @@ def _differing_series(
             )
 
 
-def _notes_of_games(plan: Mapping[str, Any], rows: Iterable[Row]) -> Iterator[str]:
+def _describe_unchecked_values(plan: Mapping[str, Any], rows: Iterable[Row]) -> Iterator[str]:
     """Yield sentences about values of rows that playing a game again does not check."""
     if plan["collect"]:
         names = ", ".join(f"collector.{name}" for name in plan["collect"])

@@ -41,7 +41,7 @@ from gamms.game.block.columns import (
     make_roster,
 )
 from gamms.game.block.state import Columns, GameArrays, LeavingGame
-from gamms.game.cursor.called_functions import first_called
+from gamms.game.cursor.called_functions import find_first_called
 from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.cursor.separate_games import SeparateGames
 from gamms.game.hidden_state import is_drawing_globally, refuse_changes
@@ -52,8 +52,8 @@ from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.plain import MOST_WHOLE
-from gamms.progress import TurnInterrupted, uninterrupted
-from gamms.progress import progress as progress_line
+from gamms.progress import TurnInterrupted, delay_interrupts
+from gamms.progress import show_progress as progress_line
 from gamms.readonly import Immutable, NotPickled, copy_locked
 from gamms.text import shown
 
@@ -147,7 +147,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._source_of = maps.copy()  # (games,) the number of the source of each game
         # Before agents move in those contexts:
         self._first_nodes = [
-            roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
+            roster.list_start_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
         self._own = [self._make_functions(source) for source in sources]
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
@@ -172,7 +172,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _set_apart(self, games: IntArray) -> None:
         """Play games in contexts of their own from their start on that need what rows cannot carry."""
         for number in range(len(self._sources)):
-            why = self._engine.games_on(number).why_apart
+            why = self._engine.get_map_games(number).why_apart
             for game in games[self._source_of[games] == number].tolist() if why else ():
                 self._separate.add(game, why)
 
@@ -188,7 +188,7 @@ class Batch(Surface, Immutable, NotPickled):
         each = zip(games, self._rosters, self._own, strict=True)
         movements = [make_core_movement(game, roster, own.more_edges) for game, roster, own in each]
         begin = self._draw_starts(self.seeds, self.maps)
-        self._put_public(slow=first_called(games[0], self._roster))
+        self._put_public(slow=find_first_called(games[0], self._roster))
         played = games, movements, self.seeds, self._source_of, begin
         return BatchEngine(*played, self._rosters, self._own, self._num_maps)
 
@@ -236,7 +236,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._sources[those] = sources
         self._rosters[those] = rosters
         self._own[those] = own
-        self._put_public(slow=first_called(games[0], self._roster))
+        self._put_public(slow=find_first_called(games[0], self._roster))
         self._is_said = False
 
     def _make_functions(self, source: BatchSource) -> FunctionsPerGame:
@@ -334,7 +334,7 @@ class Batch(Surface, Immutable, NotPickled):
             with self._lock_for_playing():
                 is_played = False
                 while not is_played:  # Ctrl-C may do something else than to raise an error
-                    if plays_at_once(self, given):
+                    if can_play_in_one_call(self, given):
                         is_played = self._try_play(1, threads, given, writer=writer)
                     else:
                         is_played = self._try_step(given, threads)
@@ -347,9 +347,9 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _try_step(self, given: Mapping[Hashable, OutsideActions], threads: int) -> bool:
         """Play one turn; return whether it was played, and not interrupted and taken back."""
-        before = self._engine.turns()
+        before = self._engine.count_turns()
         is_played = False
-        with uninterrupted(at_most_once=True, on_interrupt=self._interrupt):
+        with delay_interrupts(at_most_once=True, on_interrupt=self._interrupt):
             try:
                 with self._check_hidden_state():
                     self._play_turn(given, threads, before)
@@ -357,7 +357,7 @@ class Batch(Surface, Immutable, NotPickled):
             except TurnInterrupted:
                 return False
             finally:
-                if is_played or (self._engine.turns() > before).any():  # a rule may raise after all agents moved
+                if is_played or (self._engine.count_turns() > before).any():  # a rule may raise after all agents moved
                     self._note(before, given)
         return True
 
@@ -376,7 +376,7 @@ class Batch(Surface, Immutable, NotPickled):
                 separate.step([*going, *leaving], given)
 
         is_single = np.count_nonzero(~engine.is_over) == 1
-        with separate.undoing_after_error(is_single=is_single):
+        with separate.undo_after_error(is_single=is_single):
             engine.step(given, threads, play_others=play_others)
 
     def _let_given_leave(self, given: Mapping[Hashable, OutsideActions]) -> None:
@@ -384,7 +384,9 @@ class Batch(Surface, Immutable, NotPickled):
 
         These are games with actions from outside for agents whose states or sensors functions need.
         """
-        whys = [self._engine.games_on(number).why_all_decide for number in self._engine.maps_in_use] if given else []
+        whys = (
+            [self._engine.get_map_games(number).why_all_decide for number in self._engine.maps_in_use] if given else []
+        )
         if any(whys):
             self._leave_now(self._engine.playing, f"agents have actions from outside, and {max(whys)}")
 
@@ -396,7 +398,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _is_at_start(self, number: int) -> bool:
         """Return whether a game has not begun to play."""
         is_over = self._engine.is_over[number] or self._is_loaded[number]
-        return bool(self._engine.turns()[number] == self._first_turn and not is_over)
+        return bool(self._engine.count_turns()[number] == self._first_turn and not is_over)
 
     @contextmanager
     def _lock_for_playing(self) -> Iterator[None]:
@@ -461,7 +463,7 @@ class Batch(Surface, Immutable, NotPickled):
             self._say_what_is_slow()
         with self._lock_for_playing(), progress_line() as line:
             show = line if is_shown else None
-            self._ran_from = self._engine.turns()
+            self._ran_from = self._engine.count_turns()
             self._engine.stop_after(turns)
             limits = [turns, game.settings()["max_turns"], *(rule.spec.last_turn for rule in game.rules)]
             self._warns_of_no_end = not any(isinstance(limit, int) for limit in limits)
@@ -484,7 +486,7 @@ class Batch(Surface, Immutable, NotPickled):
             why = "a plain function draws from the global generators of random numbers"
             self._leave_now(self._engine.playing, why)
         steps = 0
-        while (left := self._engine.turns_left()) > 0:
+        while (left := self._engine.count_turns_left()) > 0:
             if plays_by_phases:
                 self.step()
                 steps += 1
@@ -511,8 +513,8 @@ class Batch(Surface, Immutable, NotPickled):
 
         None is played if Ctrl-C was pressed in a long turn. See `BatchEngine.play` for `given` and `writer`.
         """
-        with uninterrupted(at_most_once=True, on_interrupt=self._interrupt), suppress(TurnInterrupted):
-            before = self._engine.turns()
+        with delay_interrupts(at_most_once=True, on_interrupt=self._interrupt), suppress(TurnInterrupted):
+            before = self._engine.count_turns()
             played = self._engine.play(most, threads, given, writer)
             if given is None:
                 self._steps += played
@@ -522,7 +524,7 @@ class Batch(Surface, Immutable, NotPickled):
                 starts = self._engine.starts
                 rows = starts.now[writer.begun]
                 first = self._engine.newest.start
-                self._put_seeds(writer.begun, starts.seeds_of(rows), starts.streets[rows], first)
+                self._put_seeds(writer.begun, starts.get_seeds(rows), starts.streets[rows], first)
                 self._note_begun(writer.begun)
             return True
         return False
@@ -530,12 +532,12 @@ class Batch(Surface, Immutable, NotPickled):
     def _count_turns_of_run(self) -> int:
         """Return how many turns the games that are played in the current run have played in it."""
         before = 0 if self._ran_from is None else self._ran_from
-        played: IntArray = (self._engine.turns() - before)[self._engine.playing]
+        played: IntArray = (self._engine.count_turns() - before)[self._engine.playing]
         return int(played.max(initial=0))
 
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())
-        show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
+        show(f"{over} of {len(self)} games over, turn {int(self._engine.count_turns().max())}")
 
     def _say_what_is_slow(self) -> None:
         if self._is_said or self.slow is None:
@@ -566,7 +568,7 @@ class Batch(Surface, Immutable, NotPickled):
         if self._shown is not None and self._shown.number in numbers:
             self._hide()
         starts = self._engine.starts
-        if starts.seeds_of(starts.now[numbers]) == [*given]:
+        if starts.get_seeds(starts.now[numbers]) == [*given]:
             starts.next[numbers] = starts.now[numbers]
         else:
             self._prepare(starts.next[numbers], given)
@@ -579,7 +581,7 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _prepare(self, rows: IntArray, seeds: Sequence[int]) -> None:
         """Draw what games have by these seeds when they begin, unless their rows have these seeds; see `NextStarts`."""
-        drawn = self._engine.starts.seeds_of(rows)
+        drawn = self._engine.starts.get_seeds(rows)
         places = [place for place, seed in enumerate(seeds) if seed != drawn[place]]
         if places:
             new = [seeds[place] for place in places]
@@ -612,7 +614,7 @@ class Batch(Surface, Immutable, NotPickled):
         Raises:
             BadValue: the core does not play all parts of the games, or they have several maps.
         """
-        return self._get_arrays("columns").columns()
+        return self._get_arrays("columns").copy_columns()
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
         """Set the state of all games from `columns`; games keep their seeds.
@@ -663,7 +665,7 @@ class Batch(Surface, Immutable, NotPickled):
                 f"{what} is for games on one map, whose nodes its columns number; these are on {self._num_maps}: "
                 "make a batch for each map."
             )
-        return self._engine.state_of(0)
+        return self._engine.get_map_state(0)
 
     # -- seeing -------------------------------------------------------------------------------------------------
 
@@ -713,7 +715,7 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _make_source_view(self, agents: IntArray, number: int) -> ArrayView:
         self._separate.observe([game for game in self.detached if self._source_of[game] == number])
-        return self._engine.view(agents, number)
+        return self._engine.make_view(agents, number)
 
     @property
     def game(self) -> PlayedGame:
@@ -743,12 +745,12 @@ class Batch(Surface, Immutable, NotPickled):
     @property
     def turn(self) -> IntArray:
         """The number of turns played, (games,)."""
-        return self._engine.turns()
+        return self._engine.count_turns()
 
     @property
     def scores(self) -> dict[Any, Any]:
         """The scores, key -> float64 (games,); a score that no game has set is 0."""
-        return defaultdict(partial(np.zeros, len(self)), self._engine.scores())
+        return defaultdict(partial(np.zeros, len(self)), self._engine.collect_scores())
 
     @property
     def is_over(self) -> BoolArray:
@@ -765,7 +767,7 @@ class Batch(Surface, Immutable, NotPickled):
         """Whether each game has ended because of its time limit, (games,)."""
         late = np.zeros(len(self), np.bool_)
         for game in np.flatnonzero(self._engine.is_over).tolist():
-            over = self._engine.over(game)
+            over = self._engine.describe_end(game)
             late[game] = over is not None and over["truncated"]
         return late
 
@@ -773,7 +775,7 @@ class Batch(Surface, Immutable, NotPickled):
     def result(self, game: int) -> Result:
         """Return the result of a game so far; timings are 0 if the core plays it."""
         number = self._as_game(game)
-        return self._separate.result(number) if number in self._separate else self._engine.result(number)
+        return self._separate.get_result(number) if number in self._separate else self._engine.get_result(number)
 
     @property
     def detached(self) -> dict[int, str]:
@@ -786,8 +788,8 @@ class Batch(Surface, Immutable, NotPickled):
         With several maps, the column `map` is the number of each game's map. For a team that plays a pool,
         `opponent.<team>` is the name of the member that it has drawn.
         """
-        overs = [self._engine.over(game) or {} for game in range(len(self))]
-        columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
+        overs = [self._engine.describe_end(game) or {} for game in range(len(self))]
+        columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.count_turns()}
         if self._num_maps > 1:
             columns["map"] = self.maps.copy()
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
@@ -795,7 +797,9 @@ class Batch(Surface, Immutable, NotPickled):
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
         for team in find_pools(self):
             columns[f"opponent.{team}"] = find_opponent_names(self, team, np.arange(len(self)))
-        return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
+        return columns | {
+            f"score.{key}": numbers for key, numbers in sorted(self._engine.collect_scores().items(), key=str)
+        }
 
     @explain_call_errors
     def record(self, game: int, path: str | os.PathLike[str]) -> None:
@@ -814,7 +818,7 @@ class Batch(Surface, Immutable, NotPickled):
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
         if self._is_loaded[number]:
             raise BadValue(f"Game {number} was loaded, and its turns before are unknown: begin it with reset first.")
-        given = self._actions.of(number)
+        given = self._actions.list_actions(number)
         with build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
             self._play_to_now(ctx.game, number, given)
@@ -829,8 +833,8 @@ class Batch(Surface, Immutable, NotPickled):
             number: its number.
             given: the number of turns played before -> the actions from outside, team by team.
         """
-        turns = int(self._engine.turns()[number])
-        game.internals.state.last_turn = self._engine.state_in(number).run_until(number)
+        turns = int(self._engine.count_turns()[number])
+        game.internals.state.last_turn = self._engine.get_game_state(number).run_until(number)
         is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
         acting = OutsideActor(game, self._roster)
         try:
@@ -910,8 +914,8 @@ class Batch(Surface, Immutable, NotPickled):
     def _fork(self, number: int) -> PlayedGame:
         """Return a game as it is now, in a context of its own."""
         if number not in self._separate:
-            return self._engine.games_on(int(self._source_of[number])).fork(number)
-        game: PlayedGame = deepcopy(self._separate.game(number).ctx).game
+            return self._engine.get_map_games(int(self._source_of[number])).fork(number)
+        game: PlayedGame = deepcopy(self._separate.get_game(number).ctx).game
         game.internals.left_as = number
         return game
 
@@ -1108,23 +1112,23 @@ def reset_alike(games: Batch, which: IntArray, seeds: Sequence[int]) -> None:
 
 
 def list_sources(games: Batch) -> list[int]:
-    """Return the numbers of the sources of the games now, for `view_source`: one for each map and set of strategies."""
+    """Return the numbers of the present sources, for `make_source_view`: one for each map and set of strategies."""
     return games._engine.maps_in_use
 
 
 def list_newest_sources(games: Batch) -> range:
-    """Return the numbers of the sources from which games begin, one for each map; see `view_source`."""
+    """Return the numbers of the sources from which games begin, one for each map; see `make_source_view`."""
     return games._engine.newest
 
 
-def view_source(games: Batch, number: int, team: Hashable, agent: str | None = None) -> ArrayView:
+def make_source_view(games: Batch, number: int, team: Hashable, agent: str | None = None) -> ArrayView:
     """Return a view of a team, or of one agent, in the games of a source; see `Batch.observe`."""
     roster = games._roster
     agents = roster.members(team) if agent is None else np.array([roster.names.index(agent)])
     return games._make_source_view(agents, number)
 
 
-def have_first_roads(games: Batch) -> bool:
+def has_first_roads(games: Batch) -> bool:
     """Return whether in all games the roads of the start are open."""
     return games._engine.has_first_roads
 
@@ -1159,18 +1163,18 @@ def step_with(
         games: the batch.
         given: team -> the actions of its agents; the batch keeps their arrays.
         threads: the number of threads that play.
-        writer: writes what learners get and see, if the core plays the turn at once; see `plays_at_once`.
+        writer: writes what learners get and see, if the core plays the turn at once; see `can_play_in_one_call`.
     """
     games._refuse_closed()
     games._step(given, threads, writer=writer)
 
 
-def plays_at_once(games: Batch, given: Mapping[Hashable, OutsideActions]) -> bool:
+def can_play_in_one_call(games: Batch, given: Mapping[Hashable, OutsideActions]) -> bool:
     """Return whether the core plays a whole turn with these actions in one call."""
-    return not games._separate and games._engine.plays_moves(given)
+    return not games._separate and games._engine.can_play_moves(given)
 
 
-def begins_at_once(games: Batch) -> bool:
+def can_restart_in_one_call(games: Batch) -> bool:
     """Return whether games may begin again in the call that plays a turn.
 
     No game is shown, and no functions are made for the games that begin.
@@ -1216,6 +1220,6 @@ def find_winners(games: Batch) -> IntArray:
     """Return the number of each game's winning team in `games.teams`, (games,); -1: there is none."""
     numbers = {team: number for number, team in enumerate(games.teams) if team is not None}
     found = np.full(len(games), -1)
-    ended, ends = games._engine.ends()
+    ended, ends = games._engine.list_ends()
     found[ended] = [-1 if end is None else numbers.get(end["winner"], -1) for end in ends]
     return found

@@ -31,33 +31,33 @@ from gamms.game.block.columns import (
     AgentTable,
     ComingAgent,
     PlayedGame,
+    describe_turns,
     find_decider,
     get_or_make,
-    in_turns,
+    get_sensors,
     play_in_threads,
-    sensors_of,
 )
-from gamms.game.block.in_core import CoreColumns, CoreGames, is_function, list_called_rules, memory_of, put_scores
+from gamms.game.block.in_core import CoreColumns, CoreGames, get_memory, is_function, list_called_rules, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, make_movement
-from gamms.game.block.sensing import list_sensors_called_each_turn, look, note_sensors, turns_with_agent
+from gamms.game.block.sensing import is_turning_with_agent, list_sensors_called_each_turn, look, note_sensors
 from gamms.game.block.state import NO_STOP, GameArrays, LeavingGame
-from gamms.game.conflicts import flat, refuse_unranked, unranked
+from gamms.game.conflicts import find_unranked, flatten, refuse_unranked
 from gamms.game.cursor.called_functions import (
     CalledFunctions,
-    acts_before_moves,
-    asked_of,
+    find_first_called,
     find_why_all_decide,
     find_why_apart,
-    first_called,
     has_function_of_conflicts,
+    is_acting_before_moves,
     is_plain_rule,
+    list_asked,
 )
 from gamms.game.cursor.cursor import Cursor
 from gamms.game.cursor.own_functions import FunctionsPerGame, get_function_in
 from gamms.game.cursor.pointed import PointedContext
 from gamms.game.deeds import DeclaredDeeds, check_value
 from gamms.game.hidden_state import find_names
-from gamms.game.lasting import DoingReader
+from gamms.game.lasting import DeedReader
 from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction, explain_edge, refuse_any, refuse_edge
@@ -65,7 +65,7 @@ from gamms.game.movement.roads import join_streets
 from gamms.game.order import make_left_out_error
 from gamms.game.result import Result, list_opponents
 from gamms.game.settings import NamedRule, Plan
-from gamms.game.strategy_specs import call_each, decides_in_arrays, get_strategy_spec, make_form_key
+from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays, make_form_key
 from gamms.ir.columns import Failure, select_rows
 from gamms.ir.deeds import DeedLog, DeedsInArrays
 from gamms.ir.game_state import PHASES
@@ -141,8 +141,8 @@ class GamesOnOneMap:
             state.share_memories()
         self._declare_deeds(settings)
         self._block = block
-        self._unlisted = roster.unlisted(settings["order"])
-        self._unranked = unranked(settings["conflicts"], roster.names, roster.teams_by_agent()) & ~roster.flies
+        self._unlisted = roster.find_unlisted(settings["order"])
+        self._unranked = find_unranked(settings["conflicts"], roster.names, roster.list_teams()) & ~roster.flies
         self.why_apart = find_why_apart(game, roster)
         self.why_all_decide = find_why_all_decide(game, roster)
         asks_all = bool(self.why_all_decide)
@@ -152,9 +152,9 @@ class GamesOnOneMap:
         self.deeds = [one for one in rules if one.phase == "deeds"]
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
         self.has_conflicts = has_function_of_conflicts(game, roster)
-        self.acts = acts_before_moves(game, roster)
+        self.acts = is_acting_before_moves(game, roster)
         self._groups = _group_strategies(roster, settings)
-        asked = asked_of(game, roster, all_first=asks_all)
+        asked = list_asked(game, roster, all_first=asks_all)
         collects = len(game.internals.parts.collectors.by_name) > 0
         self._observing = _find_observing_agents(game, roster)
         observing = np.flatnonzero(self._observing).tolist()
@@ -162,8 +162,8 @@ class GamesOnOneMap:
         calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
         has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
         self._begin_all(starts, games)
-        carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
-        note_sensors(state, with_nodes=any(map(turns_with_agent, carried)))
+        carried = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
+        note_sensors(state, with_nodes=any(map(is_turning_with_agent, carried)))
         self._pointed = PointedContext(game, state, own)
         state.look = partial(look, game, state, self._pointed)
         state.change_roads = self._pointed.change_roads
@@ -199,22 +199,22 @@ class GamesOnOneMap:
         That are looks that are counted in each game, and `view.towards` of agents with speeds or that obey turns.
         """
         movement = self.state.movement
-        at_arrivals = decides_at_arrivals(movement)
+        at_arrivals = is_deciding_at_arrivals(movement)
         verbs = {"towards"} if movement.acts_by_paths else set[str]()
         for agent in self.state.roster.agents:
             decider = find_decider(agent, settings["plans"])
             form = get_strategy_spec(decider).array_form
-            if form is None or not decides_in_arrays(decider, settings):
+            if form is None or not is_deciding_in_arrays(decider, settings):
                 continue
             is_named = any(not verbs.isdisjoint(names) for names in find_names([form]))
             if asks_all or is_named or (at_arrivals and has_counted_looks(agent)):
                 call_each(decider)
 
     def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], has_arrays: bool) -> Cursor:
-        """Return the object that calls plain functions; see `CalledFunctions.of`."""
+        """Return the object that calls plain functions; see `CalledFunctions.from_game`."""
         roster = self.state.roster
         asks_all = len(self.why_all_decide) > 0
-        called = CalledFunctions.of(
+        called = CalledFunctions.from_game(
             self.game, roster, asked, observing, has_array_functions=has_arrays, asks_all=asks_all
         )
         return Cursor(self.game, self._pointed, self.state, self.core, called)
@@ -238,7 +238,7 @@ class GamesOnOneMap:
         state.deeds = DeclaredDeeds(settings["deeds"], check, roster.names, state.streets, state.roads.are_open)
         if state.deeds.lasting:
             self._first_data = thaw(self.game.internals.state.data)
-            state.doings = DoingReader(settings, roster.names, roster.teams_by_agent(), self._get_data)
+            state.doings = DeedReader(settings, roster.names, roster.list_teams(), self._get_data)
 
     def _get_data(self, number: int) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game."""
@@ -248,7 +248,7 @@ class GamesOnOneMap:
 
     @property
     def _at_arrivals(self) -> bool:
-        return decides_at_arrivals(self.state.movement)
+        return is_deciding_at_arrivals(self.state.movement)
 
     @property
     def asks_functions(self) -> bool:
@@ -268,7 +268,7 @@ class GamesOnOneMap:
         """Return a function that undoes all later changes."""
         return self.state.checkpoint(self.core.moves) if self.cursor is None else self.cursor.checkpoint()
 
-    def needs_checkpoint(self, *, is_given: bool, is_single: bool) -> bool:
+    def is_checkpoint_needed(self, *, is_given: bool, is_single: bool) -> bool:
         """Return whether functions may raise after something has changed.
 
         Args:
@@ -276,11 +276,11 @@ class GamesOnOneMap:
             is_single: whether one game plays: it is taken back only if the turn is not counted.
         """
         may_raise = len(self._groups) > 0 or self.state.radio is not None
-        may_raise_later = (may_raise and self.core.num_parts > 1) or self.asks_at_arrivals(is_given=is_given)
+        may_raise_later = (may_raise and self.core.num_parts > 1) or self.is_asking_at_arrivals(is_given=is_given)
         calls = self.cursor is not None and (not is_single or self.game.internals.parts.turns.needs_checkpoint)
         return calls or may_raise_later or self.leaves_out
 
-    def asks_at_arrivals(self, *, is_given: bool) -> bool:
+    def is_asking_at_arrivals(self, *, is_given: bool) -> bool:
         """Return whether functions, or actions from outside, decide for agents on arrival."""
         return self._at_arrivals and (is_given or self.asks_functions or self.has_conflicts)
 
@@ -290,7 +290,7 @@ class GamesOnOneMap:
         if not self._at_arrivals:
             return None
         games, agents = self.state.node.shape
-        at_rest: BoolArray = self.state.movement.on_edge((np.arange(games)[:, None], np.arange(agents))) < 0
+        at_rest: BoolArray = self.state.movement.find_edges((np.arange(games)[:, None], np.arange(agents))) < 0
         return at_rest
 
     @property
@@ -300,7 +300,7 @@ class GamesOnOneMap:
 
     def begin(self, games: IntArray) -> None:
         """Begin games on this map; see `note_begun`."""
-        self.starts.begin(flat(games, np.int64))
+        self.starts.begin(flatten(games, np.int64))
 
     def note_begun(self, games: IntArray, seeds: Sequence[int]) -> None:
         """Set the values of games that have begun with these seeds, besides columns."""
@@ -355,11 +355,11 @@ class GamesOnOneMap:
     def check_given(self, games: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
         """Refuse deeds and messages that are not legal before a rule is called."""
         for team, wanted in given.items():
-            wanted.act(make_asked_view(self.state, games, wanted.agents(self.state.roster, team), self.at_rest))
+            wanted.act(make_asked_view(self.state, games, wanted.select_agents(self.state.roster, team), self.at_rest))
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
-        games = self._initial.not_under_way(self.state, games)
+        games = self._initial.select_not_under_way(self.state, games)
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
@@ -376,7 +376,7 @@ class GamesOnOneMap:
             acts = self.cursor is not None or wanted.deeds or wanted.messages
             if not acts and wanted.flights is None:
                 continue
-            agents = wanted.agents(self.state.roster, team)
+            agents = wanted.select_agents(self.state.roster, team)
             if wanted.flights is not None:
                 self._flights.append((agents, wanted.flights))
             if acts:
@@ -386,7 +386,7 @@ class GamesOnOneMap:
                 wanted.act(view)
                 self._take_acts(view)
 
-    def takes_block(self, is_given: BoolArray) -> BoolArray:
+    def find_block_agents(self, is_given: BoolArray) -> BoolArray:
         """Return a mask of the agents whose actions are in the block, (agents,): from functions or from outside.
 
         Args:
@@ -435,7 +435,7 @@ class GamesOnOneMap:
             actions = self._call_strategy(view, group)
             self._take_acts(view)
         except Exception as error:
-            error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
+            error.add_note(f"In the strategy {group.name} of a batch, {describe_turns(view.turn, view.games)}.")
             raise
         return actions
 
@@ -467,7 +467,7 @@ class GamesOnOneMap:
         agent = view.agents[which[1]]
         if by.are_all_legal:
             return refuse_any(edge, view["name"][which[1]])
-        row = kernels.rows_of(columns.edge_ids, np.array([edge]), columns.edge_order)
+        row = kernels.find_rows(columns.edge_ids, np.array([edge]), columns.edge_order)
         if not by.all_roads.are_open_rows(row, view.games[[which[0]]])[0]:
             return UnknownName("edge", edge)
         source, target = (int(columns.node_ids[ends[row[0]]]) for ends in (columns.sources, columns.targets))
@@ -485,7 +485,7 @@ class GamesOnOneMap:
         turn = int(self.state.turn[game])
         if self._is_strict:
             raise IllegalAction(f"Agent {self.state.roster.name(agent)} in turn {turn}: {error}") from error
-        self.state.refuse(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
+        self.state.refuse(Failure.make_illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
 
     def _fly_as_given(self, games: IntArray, which: BoolArray) -> None:
         """Set the given flights of agents in a part of the turn; agents without one hover."""
@@ -515,7 +515,7 @@ class GamesOnOneMap:
         flights = self.state.flights
         assert flights is not None  # noqa: S101 - it flies
         speed = self.state.roster.agents[agent].speed or 0.0
-        position = step_once(flights.position_of(agent, game), offset, min(hypot(*offset), speed))
+        position = step_once(flights.get_position(agent, game), offset, min(hypot(*offset), speed))
         flights.chosen.append((game, agent, position, None))
 
     def fly(self, games: IntArray, part: int) -> None:
@@ -526,7 +526,7 @@ class GamesOnOneMap:
         assert flights is not None  # noqa: S101 - some fly
         moves = state.alive[games] & (self.core.part_of == part)
         flown = np.zeros(state.has_flown.size, np.int64)
-        flown = flown[: flights.move(flat(games, np.int64), memory_of(moves), moves.shape[1], flown.data)]
+        flown = flown[: flights.move(flatten(games, np.int64), get_memory(moves), moves.shape[1], flown.data)]
         if not len(flown):
             return
         pairs = np.divmod(flown, len(state.flyers))
@@ -552,7 +552,7 @@ class GamesOnOneMap:
             self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing, here, part)
         except Exception as error:
             if len(asked):
-                error.add_note(f"In the strategy {self._called} of a batch, {in_turns(view.turn, view.games)}.")
+                error.add_note(f"In the strategy {self._called} of a batch, {describe_turns(view.turn, view.games)}.")
             raise
 
     def leave_closed_edges(self, games: IntArray, part: int) -> None:
@@ -589,7 +589,7 @@ class GamesOnOneMap:
         if not roads.are_closed:
             yield games
             return
-        for _, places in roads.by_map(games):
+        for _, places in roads.group_by_map(games):
             yield games[places]
 
     def _group_by_beginning(self, games: IntArray) -> Iterator[IntArray]:
@@ -611,7 +611,7 @@ class GamesOnOneMap:
         for one in () if self.core.arrival else deeds:
             if len(one.at):
                 part = int(self.core.part_of[one.agents[0]])
-                state.deed_log.want(DeedsInArrays(part, state.deeds.numbering, one, state.turn[one.at] + 1))
+                state.deed_log.request_deeds(DeedsInArrays(part, state.deeds.numbering, one, state.turn[one.at] + 1))
 
     def send(self, games: IntArray) -> None:
         """Send the messages of these games, in which all agents have moved."""
@@ -629,7 +629,7 @@ class GamesOnOneMap:
     def do_deeds(self, games: IntArray, part: int) -> IntArray:
         """Call the rules of the phase "deeds"; return the games in which roads were closed or opened."""
         roads = self.state.roads
-        before = [roads.of(game) for game in games.tolist()]
+        before = [roads.get_map(game) for game in games.tolist()]
         lived = self.state.alive[games]
         for named in self.deeds:
             self.call(named, games, part)
@@ -637,8 +637,8 @@ class GamesOnOneMap:
         self.state.fell[games] = self.state.fell[games] | fell if part else fell
         if self.state.flights is not None:
             are_put = (self.state.node[games] != self._block.start[games]) & (self.core.part_of == part)
-            self.state.flights.cancel(flat(games, np.int64), memory_of(are_put), are_put.shape[1])
-        are_other = [roads.of(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
+            self.state.flights.cancel(flatten(games, np.int64), get_memory(are_put), are_put.shape[1])
+        are_other = [roads.get_map(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
         return games[np.array(are_other, np.bool_)]
 
     def cut_off(self, changed: IntArray, part: int) -> None:
@@ -673,19 +673,20 @@ class GamesOnOneMap:
         if last is not None and self.state.turn[games[0]] == self._initial.turn:
             turn.starts, turn.ends, turn.took_part, turn.paths = select_rows(last, np.zeros_like(games))
         else:
-            moves = self.core.last_moves(games) if part is None else self.core.next_moves(games, part)
+            moves = self.core.get_last_moves(games) if part is None else self.core.get_next_moves(games, part)
             turn.starts, turn.ends, turn.took_part = moves
             if part is None:
-                turn.paths = self.core.paths(games)
+                turn.paths = self.core.get_paths(games)
             elif self.core.courses is not None:
                 acting = turn.took_part & (self.core.part_of == part)
-                turn.paths = self.core.courses.paths(games, turn.starts, acting, turn.took_part & ~acting)
+                turn.paths = self.core.courses.get_paths(games, turn.starts, acting, turn.took_part & ~acting)
         turn._lock()
         try:
             form(turn)
         except Exception as error:
             error.add_note(
-                f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn, turn.games)}."
+                f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, "
+                f"{describe_turns(turn.turn, turn.games)}."
             )
             raise
         finally:
@@ -796,7 +797,7 @@ class BatchEngine(TurnDriver):
         self._has_deeds = bool(settings["deeds"])
         logs: tuple[MessageTraffic | DeedLog | None, ...] = (self._radio, self._deed_log)
         self._logs_of_turn = [log for log in logs if log is not None]
-        others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
+        others = [self._state.view_on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
         self._last: int | None = settings["max_turns"]
         self._seconds = np.inf  # that the last turn took
@@ -814,19 +815,19 @@ class BatchEngine(TurnDriver):
         self._of_all_maps: GameArrays | None = None  # see `_group_by_legal_moves`
         if num_streets > 1 and all(movement.is_plain for movement in movements):
             self._tables = join_streets([movement.streets for movement in movements[:num_streets]])
-            self._of_all_maps = self._state.on_map(Movement(movements[0].streets), rosters[0])
+            self._of_all_maps = self._state.view_on_map(Movement(movements[0].streets), rosters[0])
         self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], OutsideAgents] = {}  # by team
         self._now: TurnOfGames
         self._find_phases()
         state = self._state
         self._turns = TurnsOfGames(
-            memory_of(state.is_going),
-            memory_of(state.is_apart),
-            memory_of(state.turn),
+            get_memory(state.is_going),
+            get_memory(state.is_apart),
+            get_memory(state.turn),
             -1 if self._last is None else self._last,
             self._num_parts,
-            memory_of(self._block.until),
-            memory_of(self._block.over),
+            get_memory(self._block.until),
+            get_memory(self._block.over),
         )
 
     def _find_games(self, maps: int) -> list[IntArray]:
@@ -867,7 +868,7 @@ class BatchEngine(TurnDriver):
         Raises:
             GammsError: see above; then nothing was changed.
         """
-        states = [self._state.on_map(*pair) for pair in zip(movements, rosters, strict=True)]
+        states = [self._state.view_on_map(*pair) for pair in zip(movements, rosters, strict=True)]
         none = np.zeros(0, np.int64)
         maps = [
             GamesOnOneMap(game, state, self._block, first + place, values, self.starts, none)
@@ -952,7 +953,7 @@ class BatchEngine(TurnDriver):
         self._state.stop_at[games] = NO_STOP
         for number in np.unique(maps).tolist():
             those = games[maps == number]
-            self._maps[number].note_begun(those, self.starts.seeds_of(self.starts.now[those]))
+            self._maps[number].note_begun(those, self.starts.get_seeds(self.starts.now[those]))
 
     @property
     def is_over(self) -> BoolArray:
@@ -967,7 +968,7 @@ class BatchEngine(TurnDriver):
         """Whether each game is played here and is not over, (games,)."""
         return ~(self.is_over | self._state.is_apart)
 
-    def last_turn(self, game: int) -> int | None:
+    def find_last_turn(self, game: int) -> int | None:
         """Return the turn at which a game stops in any case: that of the settings, or of the last run."""
         stops = [self._last, self._state.run_until(game)]
         return min((turn for turn in stops if turn is not None), default=None)
@@ -976,7 +977,7 @@ class BatchEngine(TurnDriver):
         """Let a run that begins now stop each game after a number of turns; None: it has no limit."""
         self._state.stop_at[:] = NO_STOP if turns is None else self._state.turn + turns
 
-    def turns_left(self) -> int:
+    def count_turns_left(self) -> int:
         """Return the largest number of turns that a game which is not over has left in a run."""
         playing = self.playing
         left = (self._state.stop_at - self._state.turn)[playing]
@@ -998,7 +999,7 @@ class BatchEngine(TurnDriver):
         Args:
             most: the largest number of turns.
             threads: the number of threads.
-            given: team -> the moves of its agents in a single turn, see `plays_moves`; None: all decide themselves.
+            given: team -> the moves of its agents in a single turn, see `can_play_moves`; None: all decide themselves.
             writer: takes the moves itself, and writes their rewards and observations; None: the caller does.
 
         Raises:
@@ -1045,7 +1046,7 @@ class BatchEngine(TurnDriver):
             if self._block.illegal and self._is_strict:
                 self._raise_illegal()
 
-    def plays_moves(self, given: Mapping[Hashable, OutsideActions]) -> bool:
+    def can_play_moves(self, given: Mapping[Hashable, OutsideActions]) -> bool:
         """Return whether the core plays a whole turn with these actions in one call: they are moves alone.
 
         Then nothing that the core does not do happens between the phases of the turn.
@@ -1070,7 +1071,9 @@ class BatchEngine(TurnDriver):
         playing = ~(is_over | self._state.is_apart)
         leaving = self._state.leaving
         is_single = len(is_over) - np.count_nonzero(is_over) == 1
-        needing = [one for one in self._in_use if one.needs_checkpoint(is_given=len(given) > 0, is_single=is_single)]
+        needing = [
+            one for one in self._in_use if one.is_checkpoint_needed(is_given=len(given) > 0, is_single=is_single)
+        ]
         try:
             with self._undo_on_error(needing, is_single=is_single):
                 self._begin_turn(playing, given, threads)
@@ -1157,16 +1160,16 @@ class BatchEngine(TurnDriver):
         """Return the agents that actions are for, team by team."""
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_)
-        members = {team: wanted.agents(roster, team) for team, wanted in given.items()}
+        members = {team: wanted.select_agents(roster, team) for team, wanted in given.items()}
         for agents in members.values():
             is_given[agents] = True
         takes = None
         if given or self._asks_functions:
-            takes = [one.takes_block(is_given) for one in self._maps]
-        asks_at_arrivals = any(one.asks_at_arrivals(is_given=len(given) > 0) for one in self._in_use)
+            takes = [one.find_block_agents(is_given) for one in self._maps]
+        asks_at_arrivals = any(one.is_asking_at_arrivals(is_given=len(given) > 0) for one in self._in_use)
         return OutsideAgents(members, is_given, takes, asks_at_arrivals)
 
-    def before(self) -> bool:
+    def run_before_moves(self) -> bool:
         """Call the rules before the moves, and take the given actions."""
         now = self._now
         playing = now.playing
@@ -1195,7 +1198,7 @@ class BatchEngine(TurnDriver):
         self._block.part[:] = self._now.first
         self._block.held[:] = 0
 
-    def after(self) -> int:
+    def run_after_moves(self) -> int:
         """Call rules and collectors in the games that have moved."""
         for one, games in self._select_maps(self._now.playing):
             for named in one.core.play_rules(games):
@@ -1255,7 +1258,7 @@ class BatchEngine(TurnDriver):
         playing = self._now.in_part
         if self._acts or self._now.agents.asks_at_arrivals:
             self._play_core(playing, part, _MOVE)
-        self._state.turn_agents()
+        self._state.apply_headings()
         for one, games in self._select_maps(playing) if self._state.flights is not None else ():
             one.fly(games, part)
 
@@ -1285,7 +1288,7 @@ class BatchEngine(TurnDriver):
         is_given = self._now.agents.is_given
         here = np.zeros(self._state.node.shape, np.bool_)
         for one, games in self._select_maps(playing):
-            here[games] = one.core.deciding(games)
+            here[games] = one.core.find_deciding(games)
         if self._now.given:
             self._take(playing, self._now.given, here)
         for one, games in self._select_maps(playing):
@@ -1303,7 +1306,7 @@ class BatchEngine(TurnDriver):
                 agents = self._now.agents.members[team]
                 view = make_asked_view(state, games, agents, here)
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
-                moves = view._check_actions(wanted.moves_in(view, on_ground), f"team {shown(team)}")
+                moves = view._check_actions(wanted.get_moves(view, on_ground), f"team {shown(team)}")
                 self._block.given[np.ix_(games, agents)] = moves
         if any(wanted.edges is not None for wanted in given.values()):
             self._take_edges(playing, given, here)
@@ -1316,7 +1319,7 @@ class BatchEngine(TurnDriver):
                 view = make_asked_view(one.state, games, agents, here)
                 if not one.core.arrival:  # an edge that is not legal where an agent arrives lets it stay there
                     wanted.check_edges(view, f"team {shown(team)}")
-                edges = wanted.edges_in(view)
+                edges = wanted.get_edges(view)
                 if edges is not None and (edges != NO_EDGE).any():
                     rows = np.ix_(games, agents)
                     one.core.edges.put(rows, edges, one.state.movement.columns)
@@ -1353,7 +1356,7 @@ class BatchEngine(TurnDriver):
         """
         if self._state.flights is not None and not is_later:
             members = (self._maps[0].core.part_of == part) | (part == 0)
-            self._state.flights.set_out(flat(np.flatnonzero(playing), np.int64), memory_of(members))
+            self._state.flights.set_out(flatten(np.flatnonzero(playing), np.int64), get_memory(members))
         flaws = self._admit(part)
         turns = self._state.turn.copy()
         if not is_later:
@@ -1416,14 +1419,14 @@ class BatchEngine(TurnDriver):
     def _has_gone_on(self, turning: tuple[int, int, Any]) -> bool:
         """Return whether an agent that has chosen a heading on arrival was not stopped there."""
         game, agent, _ = turning
-        losers = self._maps[self._map_of[game]].core.losers(np.array([game]))
+        losers = self._maps[self._map_of[game]].core.find_losers(np.array([game]))
         return not losers[0, agent] and (game, agent) not in self._block.waiting
 
     def _find_arriving_games(self, playing: BoolArray) -> BoolArray:
         """Return a mask of the games in which agents arrive or set out, (games,)."""
         arriving = np.zeros_like(playing)
         for one, games in self._select_maps(playing):
-            arriving[one.core.arriving(games)] = True
+            arriving[one.core.select_arriving(games)] = True
         return arriving
 
     def _admit(self, part: int) -> list[Failure]:
@@ -1494,14 +1497,14 @@ class BatchEngine(TurnDriver):
 
         def play_part(thread: int, begin: int, end: int) -> None:
             if writer is not None:
-                players = [core.player(thread) for core in cores]
+                players = [core.get_player(thread) for core in cores]
                 play_step(steps[thread], players, starts, writer.waits, begin, end)
                 return
             for core in cores:
                 core.play_part(thread, begin, end, phase)
 
         if writer is not None:
-            columns = memory_of(self._block.given), memory_of(self._block.score)
+            columns = get_memory(self._block.given), get_memory(self._block.score)
             steps = writer.begin_step(self._turns, *columns, self._block.score.shape[1])
             starts = [self._maps[number].starts for number in self.newest] if writer.begins else []
         play_in_threads(play_part, len(self._map_of), threads, waits=self._can_stop)
@@ -1514,30 +1517,30 @@ class BatchEngine(TurnDriver):
 
     # -- seeing -------------------------------------------------------------------------------------------------
 
-    def state_of(self, number: int) -> GameArrays:
+    def get_map_state(self, number: int) -> GameArrays:
         """Return the state of the games on the map with this number."""
         return self._maps[number].state
 
-    def state_in(self, game: int) -> GameArrays:
+    def get_game_state(self, game: int) -> GameArrays:
         """Return the state of the games on the map of a game."""
         return self._maps[int(self._map_of[game])].state
 
-    def by_map(self, games: IntArray) -> Iterator[tuple[GameArrays, IntArray]]:
+    def group_by_map(self, games: IntArray) -> Iterator[tuple[GameArrays, IntArray]]:
         """Yield the state of each map, with the given games that are on it."""
         for number, one in enumerate(self._maps):
             some = games[self._map_of[games] == number]
             if len(some):
                 yield one.state, some
 
-    def view(self, agents: IntArray, number: int) -> ArrayView:
+    def make_view(self, agents: IntArray, number: int) -> ArrayView:
         """Return the observations of agents in the games on the map with this number."""
         return ArrayView(self._maps[number].state, self._on[number], agents)
 
-    def games_on(self, number: int) -> GamesOnOneMap:
+    def get_map_games(self, number: int) -> GamesOnOneMap:
         """Return the games on the map with this number."""
         return self._maps[number]
 
-    def over(self, game: int) -> dict[str, Any] | None:
+    def describe_end(self, game: int) -> dict[str, Any] | None:
         """Return the reason, winner and truncation of a game's end; None: it goes on."""
         known = self._state.over[game]
         turn = self._state.turn[game]
@@ -1545,21 +1548,21 @@ class BatchEngine(TurnDriver):
         is_late = has_stopped or (self._last is not None and turn >= self._last)
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 
-    def ends(self) -> tuple[IntArray, list[dict[str, Any] | None]]:
+    def list_ends(self) -> tuple[IntArray, list[dict[str, Any] | None]]:
         """Return the games that do not go on, and the reason, winner and truncation of the end that rules gave each."""
         ended = np.flatnonzero(~self._state.is_going)
         over = self._state.over
         return ended, [over[game] for game in ended.tolist()]
 
-    def scores(self) -> dict[Any, Any]:
+    def collect_scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""
         return {key: numbers.copy() for key, numbers in self._state.scores.items()}
 
-    def turns(self) -> IntArray:
+    def count_turns(self) -> IntArray:
         """Return the number of turns played, (games,)."""
         return self._state.turn.copy()
 
-    def result(self, game: int) -> Result:
+    def get_result(self, game: int) -> Result:
         """Return the result of a game so far."""
         on_map = self._maps[int(self._map_of[game])]
         state = on_map.state
@@ -1567,11 +1570,11 @@ class BatchEngine(TurnDriver):
         nodes = state.streets.ids(state.node[game]).tolist()
         roster = state.roster
         cursor = on_map.cursor
-        own = None if cursor is None else cursor.agents(game)
+        own = None if cursor is None else cursor.get_agents(game)
         if own is None:
             own = [(agent, agent.strategy) for agent in roster.agents if not isinstance(agent, ComingAgent)]
         ends = {agent.name: agent.team for agent, _ in own}
-        gone = on_map.game.internals.state.departed if cursor is None else cursor.departed(game)
+        gone = on_map.game.internals.state.departed if cursor is None else cursor.get_departed(game)
         agents = {}
         for number, name in enumerate(roster.names):
             if name in ends or name in gone:
@@ -1586,16 +1589,16 @@ class BatchEngine(TurnDriver):
             agent.name: plans[agent.team].function if agent.team in plans else strategy for agent, strategy in own
         }
         strategies = {name: find_strategy_name(get_function_in(one, game)) for name, one in deciders.items()}
-        over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
+        over = self.describe_end(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
-            scores=state.scores.of(game),
-            events=[dict(event) for event in state.events.of(game)],
+            scores=state.scores.get_scores(game),
+            events=[dict(event) for event in state.events.list_entries(game)],
             agents=agents,
-            errors=[dict(error) for error in state.errors.of(game)],
-            deeds=[dict(deed) for deed in self._deed_log.of(game)],
-            collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
-            messages=[] if self._radio is None else [dict(message) for message in self._radio.of(game)],
+            errors=[dict(error) for error in state.errors.list_entries(game)],
+            deeds=[dict(deed) for deed in self._deed_log.list_entries(game)],
+            collected=template.collected if on_map.cursor is None else on_map.cursor.get_collected(game),
+            messages=[] if self._radio is None else [dict(message) for message in self._radio.list_entries(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],
             provenance=template.provenance
@@ -1610,13 +1613,13 @@ class BatchEngine(TurnDriver):
 def _make_traffic(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> MessageTraffic | None:
     """Return the messages of games with these settings; None: they have no channels."""
     channels = settings["channels"]
-    part_of = roster.part_of(settings["order"])
-    return MessageTraffic(channels, roster.team_by_name(), part_of, num_games) if channels else None
+    part_of = roster.find_parts(settings["order"])
+    return MessageTraffic(channels, roster.get_teams_by_name(), part_of, num_games) if channels else None
 
 
 def _find_observing_agents(game: PlayedGame, roster: AgentTable) -> BoolArray:
     """Return a mask of the agents whose sensors are called in each turn, perhaps only in some games, (agents,)."""
-    are_created = first_called(game, roster) is not None
+    are_created = find_first_called(game, roster) is not None
     are_called = [len(list_sensors_called_each_turn(agent)) > 0 for agent in roster.agents]
     found: BoolArray = np.array(are_called, np.bool_) | (~roster.is_first & are_created)
     return found
@@ -1627,18 +1630,18 @@ def make_core_movement(game: PlayedGame, roster: AgentTable, more_edges: ClosedE
 
     `more_edges` are edges that only other games have at their start.
     """
-    may_change = first_called(game, roster) is not None or any(map(is_function, list_called_rules(game, roster)))
+    may_change = find_first_called(game, roster) is not None or any(map(is_function, list_called_rules(game, roster)))
     return make_movement(game, roster, may_reopen=may_change, is_detached=may_change, more_edges=more_edges)
 
 
-def decides_at_arrivals(movement: Movement) -> bool:
+def is_deciding_at_arrivals(movement: Movement) -> bool:
     """Return whether agents decide on arrival."""
     return movement.by_metres and movement.terms.decides_at_arrivals
 
 
 def has_counted_looks(agent: IAgent) -> bool:
     """Return whether an agent has a sensor that counts its looks in a turn."""
-    looks = [one.in_arrays() for one in sensors_of(agent).values() if hasattr(one, "in_arrays")]
+    looks = [one.in_arrays() for one in get_sensors(agent).values() if hasattr(one, "in_arrays")]
     return any(look is not None and not look.is_plain for look in looks)
 
 
@@ -1648,7 +1651,7 @@ def _group_strategies(roster: AgentTable, settings: Mapping[str, Any]) -> list[S
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
         decider = find_decider(agent, plans)
-        if decides_in_arrays(decider, settings):
+        if is_deciding_in_arrays(decider, settings):
             key = make_form_key(get_strategy_spec(decider).array_form), bool(roster.flies[number])
             found.setdefault(key, []).append(number)
     groups = []
@@ -1669,12 +1672,12 @@ def _locate_agents(game: PlayedGame, state: GameArrays, radio: MessageTraffic, g
         radio: the messages of all games.
         games: the numbers of the games; all have the same open roads.
     """
-    streets, movement, shared = state.world(games)
+    streets, movement, shared = state.make_map_data(games)
     columns = streets.columns
     node = state.node[games]
     which = np.broadcast_to(games[:, None], node.shape), np.broadcast_to(np.arange(node.shape[1]), node.shape)
     z = get_or_make(shared, "heights of nodes", lambda: _find_heights(game, columns.node_ids))[node]
-    xyz = np.concatenate((movement.places(node, which).xy, z[..., None]), axis=-1)
+    xyz = np.concatenate((movement.make_places(node, which).xy, z[..., None]), axis=-1)
     antennas = xyz + ANTENNA
     if state.flights is not None:
         in_air = state.position[games]
@@ -1682,7 +1685,7 @@ def _locate_agents(game: PlayedGame, state: GameArrays, radio: MessageTraffic, g
         antennas[:, state.flyers] = in_air
 
     def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
-        found: BoolArray = movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
+        found: BoolArray = movement.get_routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
         return found
 
     return MessagePositions(
@@ -1693,7 +1696,7 @@ def _locate_agents(game: PlayedGame, state: GameArrays, radio: MessageTraffic, g
         antennas=antennas,
         alive=state.alive[games],
         send_keys=lambda channel, names: np.stack(
-            [state.purposes("channel", channel, name)[games] for name in names], axis=1
+            [state.compute_purpose_keys("channel", channel, name)[games] for name in names], axis=1
         ),
         is_within=is_within,
         visible=game.ctx.graph.visible,

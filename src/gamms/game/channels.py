@@ -24,7 +24,7 @@ from gamms.ir.chances import as_chances
 from gamms.ir.graph import IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.packing import to_bytes
-from gamms.kernels import buffer
+from gamms.kernels import as_buffer
 from gamms.plain import Plain, describe_flaw, to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import reason, shown
@@ -62,10 +62,10 @@ class Channel(NamedTuple):
     eavesdroppers: tuple[Any, ...] = ()
 
     def __repr__(self) -> str:
-        given = [f"{key}={shown(value)}" for key, value in self.options().items()]
+        given = [f"{key}={shown(value)}" for key, value in self.list_options().items()]
         return f"Channel({', '.join([shown(self.name), *given])})"
 
-    def options(self) -> dict[str, Plain]:
+    def list_options(self) -> dict[str, Plain]:
         """Return the keywords that declare the channel, as plain values; defaults are left out."""
         values = zip(self._fields[1:], self[1:], strict=True)
         given: dict[str, Any] = {key: value for key, value in values if value != self._field_defaults[key]}
@@ -78,7 +78,7 @@ class Channel(NamedTuple):
         """Return whether agents of a team may use the channel."""
         return self.teams is None or team in self.teams
 
-    def named(self) -> set[Any]:
+    def list_named(self) -> set[Any]:
         """Return all agents and teams that the channel mentions, without distinction."""
         relays = self.relay if isinstance(self.relay, tuple) else ()
         jammers = [one.agent if one.team is None else one.team for one in self.jammers if one.at is None]
@@ -183,7 +183,7 @@ def list_unknown_names(channel: Channel, ctx: HostContext) -> list[str]:
     agents = ctx.agent.agents
     teams = set(ctx.agent.teams)
     graph = ctx.graph.graph
-    missing = [one for one in channel.named() if one not in teams and one not in agents]
+    missing = [one for one in channel.list_named() if one not in teams and one not in agents]
     found = [str(UnknownName("agent or team", one, [*agents, *teams])) for one in sorted(missing, key=str)]
     nodes = [one.at for one in channel.jammers if isinstance(one.at, int) and not graph.has_node(one.at)]
     return found + [str(UnknownName("node of a jammer:", node)) for node in nodes]
@@ -244,7 +244,7 @@ def check_outboxes(
     for channel in {one.channel: channels[one.channel] for one in wanted.values()}.values():
         keys = [key for key, one in wanted.items() if one.channel == channel.name]
         messages = [wanted[key] for key in keys]
-        if takes_all(channel, [one.to for one in messages]):
+        if is_accepting_all(channel, [one.to for one in messages]):
             continue
         rows, sizes = (
             np.array(column) for column in ([row_of[one.sender] for one in messages], [one.size for one in messages])
@@ -271,7 +271,7 @@ def find_byte_limits(channel: Channel, shape: tuple[int, ...]) -> IntArray:
     return np.full(shape, _UNLIMITED if channel.max_bytes_per_turn is None else channel.max_bytes_per_turn, np.int64)
 
 
-def takes_all(channel: Channel, to: Sequence[Any]) -> bool:
+def is_accepting_all(channel: Channel, to: Sequence[Any]) -> bool:
     """Return whether a channel refuses no messages to these recipients from agents that may use it."""
     return channel.max_bytes_per_turn is None and to.count(None) == len(to)
 
@@ -293,12 +293,12 @@ def find_refusals(
         left: (games, agents) the numbers of bytes that agents may still send; see `find_byte_limits`.
     """
     at, senders, to, sizes = sent
-    if takes_all(channel, to):
+    if is_accepting_all(channel, to):
         return {}
     uses = np.array([channel.is_for(team) for team in teams.values()], np.uint8)
     verdicts = np.zeros_like(at)
-    columns: Any = at, senders, *groups_of(to, teams), uses, is_there.view(np.uint8), sizes, left, verdicts
-    core.admit(*map(buffer, columns))
+    columns: Any = at, senders, *make_groups(to, teams), uses, is_there.view(np.uint8), sizes, left, verdicts
+    core.admit(*map(as_buffer, columns))
     return {
         row: _make_refusal(
             channel, verdicts[row], to[row], sizes[row], dict(compress(teams.items(), is_there[at[row]]))
@@ -323,7 +323,7 @@ def _make_refusal(channel: Channel, verdict: int, to: Any, size: int, teams: Map
     )
 
 
-def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, IntArray, IntArray]:
+def make_groups(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, IntArray, IntArray]:
     """Return the recipients of messages as numbered groups of agents.
 
     Args:
@@ -339,7 +339,7 @@ def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, In
     members = list[int]()
     first = [0]
     for one in list(number_of)[1:]:
-        members += [row_of[name] for name in receivers_of(one, teams)]
+        members += [row_of[name] for name in find_receivers(one, teams)]
         first.append(len(members))
     groups = list(map(number_of.__getitem__, to))
     return np.array(groups, np.int64), np.array(first, np.int64), np.array(members, np.int64)
@@ -358,7 +358,7 @@ def _check_message(given: object, sender: Sender, channels: Mapping[str, Channel
     refuse_others(channel, sender.team)
     to = as_key(message["to"], "The receiver of a message")
     body = to_plain(as_body(message["body"]))
-    return Outgoing(sender.name, channel.name, to_plain(to), body, size_of(body))
+    return Outgoing(sender.name, channel.name, to_plain(to), body, measure_size(body))
 
 
 def refuse_others(channel: Channel, team: Hashable) -> None:
@@ -379,12 +379,12 @@ def as_body(body: object) -> Any:
     return body
 
 
-def size_of(body: Plain) -> int:
+def measure_size(body: Plain) -> int:
     """Return the size of a plain value in bytes, when packed."""
     return len(to_bytes(body, "The body of a message"))
 
 
-def receivers_of(to: Hashable, teams: Mapping[str, Any]) -> Collection[str]:
+def find_receivers(to: Hashable, teams: Mapping[str, Any]) -> Collection[str]:
     """Return the recipients of a message, including the sender.
 
     Args:

@@ -21,7 +21,7 @@ from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns, NodeNumbers
 from gamms.core.turn import NodeConflicts
 from gamms.errors import BadType, BadValue, UnknownName, nearest
-from gamms.game.order import InConflict, TurnOrder
+from gamms.game.order import ConflictingAgents, TurnOrder
 from gamms.ir.graph import GraphColumns, IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -78,16 +78,16 @@ class Ranking:
         """Return the moves of the winners."""
         movers = contest.movers
         if self.rank is None:
-            purpose = kernels.purpose_key(ctx.seed, _PURPOSE)
+            purpose = kernels.compute_purpose_key(ctx.seed, _PURPOSE)
             ranks = kernels.draw_bits_each(purpose, (mover.agent for mover in movers), ctx.game.turn)
         else:
-            ranks = self.ranks([mover.agent for mover in movers], [mover.team for mover in movers]).tolist()
+            ranks = self.compute_ranks([mover.agent for mover in movers], [mover.team for mover in movers]).tolist()
         order = sorted(range(len(movers)), key=ranks.__getitem__)
         for i in order:
             self.check(ranks[i], movers[i].agent, movers[i].team)
         return [movers[i] for i in order[: contest.places] if self.rank is None or ranks[i] < core.RANK_OF_NONE]
 
-    def ranks(self, names: Sequence[str], teams: Sequence[Hashable]) -> BitArray:
+    def compute_ranks(self, names: Sequence[str], teams: Sequence[Hashable]) -> BitArray:
         """Return the ranks of agents: numbers from 0, `core.RANK_OF_NONE` or `core.RANK_MISSING`, (agents,)."""
         if self.of_team:
             of_team = {team: self._call_rank(name, team) for team, name in dict(zip(teams, names, strict=True)).items()}
@@ -191,40 +191,40 @@ class Conflicts:
         starts, ends = [[move.places[which] for move in listed] for which in (0, 1)]
         agents = _Agents(self, [move.agent for move in listed], [move.team for move in listed], (), ctx)
         agents.let_take_part(bytes([1]) * len(listed))
-        found = agents.losers(
+        found = agents.find_losers(
             (starts, ends), ctx.game.turn, lambda rows: {listed[i].agent: listed[i] for i in rows}, ctx
         )
         return {listed[i].agent for i in found}
 
     def limits(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:
         """Return the capacities of all nodes of a map, followed by those of all edges if these are places."""
-        return self._limits.rows(columns, has_edges=has_edges)
+        return self._limits.list_capacities(columns, has_edges=has_edges)
 
 
 _name_of = attrgetter("agent")
 
 
-def ranked(conflicts: object) -> Conflicts | None:
+def make_ranking(conflicts: object) -> Conflicts | None:
     """Return conflicts that the core can resolve by ranks; None for all others."""
     known = _find_core_conflicts(conflicts)
     return None if known is None or _find_ranking(known._resolver) is None else known
 
 
-def ranked_for_all(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> Conflicts | None:
+def make_ranking_for_all(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> Conflicts | None:
     """Return conflicts that the core can resolve by ranks, which all agents of these names and teams have."""
-    known = ranked(conflicts)
+    known = make_ranking(conflicts)
     ranking = None if known is None else _find_ranking(known._resolver)
     if ranking is None or ranking.rank is None:
         return known
-    return None if (ranking.ranks(names, teams) == core.RANK_MISSING).any() else known
+    return None if (ranking.compute_ranks(names, teams) == core.RANK_MISSING).any() else known
 
 
-def unranked(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> BoolArray:
+def find_unranked(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> BoolArray:
     """Return whether a ranking of teams leaves out the team of each agent, (agents,); None is no team."""
     ranking = _find_team_ranking(conflicts)
     if ranking is None:
         return np.zeros(len(names), np.bool_)
-    is_missing: BoolArray = ranking.ranks(names, teams) == core.RANK_MISSING
+    is_missing: BoolArray = ranking.compute_ranks(names, teams) == core.RANK_MISSING
     return is_missing & np.array([team is not None for team in teams], np.bool_)
 
 
@@ -293,13 +293,13 @@ class TurnConflicts:
         """
         if order.ranked_by is not conflicts:
             flying = set(order.slots.flying)
-            found = np.flatnonzero(unranked(conflicts, order.names, order.all_teams())).tolist()
+            found = np.flatnonzero(find_unranked(conflicts, order.names, order.list_teams())).tolist()
             order.unranked = [i for i in found if i not in flying]
             order.ranked_by = conflicts
-        for i in order.moving.present(order.unranked):
-            refuse_unranked(conflicts, order.names[i], order.all_teams()[i])
+        for i in order.moving.select_present(order.unranked):
+            refuse_unranked(conflicts, order.names[i], order.list_teams()[i])
 
-    def losers(
+    def find_losers(
         self,
         conflicts: IConflicts,
         order: TurnOrder,
@@ -325,7 +325,7 @@ class TurnConflicts:
             made_for = order.in_conflict
             if made_for.conflicts is not conflicts or made_for.key != (allows_swaps, self._forgotten):
                 agents = self._find_agents(conflicts, order, ctx)
-                made_for = InConflict(conflicts, (allows_swaps, self._forgotten), agents)
+                made_for = ConflictingAgents(conflicts, (allows_swaps, self._forgotten), agents)
                 order.in_conflict = made_for
             self._agents = made_for.agents
             self._order = order
@@ -333,7 +333,7 @@ class TurnConflicts:
             self._allows_swaps = allows_swaps
         if self._agents is not None:
             self._agents.let_take_part(took_part)
-            return self._agents.losers(places, turn, moves_of, ctx)
+            return self._agents.find_losers(places, turn, moves_of, ctx)
         ground = order.whole.on_ground
         movers = [i for i in (range(len(order.slots)) if ground is None else ground) if took_part[i]]
         stay = conflicts.resolve(moves_of([*movers]), ctx)
@@ -346,7 +346,7 @@ class TurnConflicts:
             return None
         before = self._agents if conflicts is self._conflicts else None
         places = None if before is None else before.places
-        agents = _Agents(known, order.names, order.all_teams(), order.slots.flying, ctx, places)
+        agents = _Agents(known, order.names, order.list_teams(), order.slots.flying, ctx, places)
         agents.order = order
         return agents
 
@@ -414,7 +414,7 @@ class PlaceNumbers:
             rows.both[rows.both < 0] += self.nodes.room + _FIRST_EDGE
         return self._limits
 
-    def tables(self, places: int) -> TableArray:
+    def make_tables(self, places: int) -> TableArray:
         """Return the tables of a `ConflictTable`, which are the same as long as there are as many places."""
         if self._tables.shape[1] != places:
             self._tables = make_tables(places)
@@ -430,7 +430,9 @@ class PlaceNumbers:
         nodes = columns.node_ids, columns.node_attributes
         edges = columns.edge_ids, columns.edge_attributes
         known = self._capacities
-        self._limits = np.concatenate((known.nodes.of(self.nodes, *nodes), known.edges.of(self._edges, *edges)))
+        self._limits = np.concatenate(
+            (known.nodes.compute_limits(self.nodes, *nodes), known.edges.compute_limits(self._edges, *edges))
+        )
 
 
 class _Agents(NodeConflicts):
@@ -469,24 +471,32 @@ class _Agents(NodeConflicts):
         self._teams = teams
         self._flies = np.zeros(len(names), np.bool_)
         self._flies[[*flying]] = True
-        self._purpose = kernels.purpose_key(ctx.seed, _PURPOSE)
+        self._purpose = kernels.compute_purpose_key(ctx.seed, _PURPOSE)
         self._limits: IntArray | None = None  # those of `_table`
 
     def _take_limits(self, limits: IntArray) -> None:
         """Make working memory for places with these capacities."""
         self._table = ConflictTable(
-            self.conflicts, self._names, self._teams, self._flies, limits, self.places.num_nodes, self.places.tables
+            self.conflicts,
+            self._names,
+            self._teams,
+            self._flies,
+            limits,
+            self.places.num_nodes,
+            self.places.make_tables,
         )
         ranks = self._table.ranks
         if ranks is None:
-            ranks = kernels.first_key_rows(np.array([self._purpose], np.uint64), kernels.name_keys(self._names))
+            ranks = kernels.compute_first_key_rows(
+                np.array([self._purpose], np.uint64), kernels.compute_name_keys(self._names)
+            )
         rows = self._rows.both
-        self.requests = self._table.requests(rows[0].data, rows[1].data, memoryview(self.takes_part), ranks)
+        self.requests = self._table.make_requests(rows[0].data, rows[1].data, memoryview(self.takes_part), ranks)
         self.contests = self._table.contests
         self.room = self.numbers.room
         self._limits = limits  # after what a key of ranks may raise
 
-    def losers(self, places: MovePlaces, turn: int, moves_of: MovesOf, ctx: HostContext) -> memoryview:
+    def find_losers(self, places: MovePlaces, turn: int, moves_of: MovesOf, ctx: HostContext) -> memoryview:
         """Return the numbers of the agents that stay.
 
         Args:
@@ -507,7 +517,7 @@ class _Agents(NodeConflicts):
             found = self.resolve(turn)
         else:
             self._ask_each(moves_of, ctx)
-            found = core.losers(self.contests, self._losers.data)
+            found = core.find_losers(self.contests, self._losers.data)
         if found and ranking is not None and ranking.rank is not None:
             for i in np.flatnonzero(table.stays == core.LOSES_UNRANKED).tolist():
                 ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
@@ -601,7 +611,7 @@ class ConflictTable:
         ranking = _find_ranking(conflicts._resolver)
         self.ranking = ranking
         is_ranked = ranking is not None and ranking.rank is not None
-        self.ranks = ranking.ranks(names, teams) if ranking is not None and is_ranked else None
+        self.ranks = ranking.compute_ranks(names, teams) if ranking is not None and is_ranked else None
         number = {team: i for i, team in enumerate(dict.fromkeys(teams if conflicts._per_team else ()))}
         first = np.array([len(limits) * number.get(team, 0) for team in teams], np.int64)
         self._first = np.where(flies, -1, first).data
@@ -627,9 +637,11 @@ class ConflictTable:
             self.stays.data,
         )
 
-    def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.MoveRequests:
+    def make_requests(
+        self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray
+    ) -> core.MoveRequests:
         """Return the moves of games for the core; if ranks are drawn, `ranks` holds `first_key`s."""
-        return core.MoveRequests(starts, ends, counts, self._first, self._limits, flat(ranks, np.uint64))
+        return core.MoveRequests(starts, ends, counts, self._first, self._limits, flatten(ranks, np.uint64))
 
 
 def make_tables(places: int) -> TableArray:
@@ -642,7 +654,7 @@ def make_tables(places: int) -> TableArray:
     return tables
 
 
-def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memoryviews are not subscriptable
+def flatten(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memoryviews are not subscriptable
     """Return a column as a flat, read-only buffer for the core."""
     return np.ascontiguousarray(column, kind).reshape(-1).data
 
@@ -716,7 +728,7 @@ class _CapacityLimits(NamedTuple):
     rows: Callable[[IntArray, _Attributes], IntArray]
     number: int | None = None
 
-    def of(self, numbers: NodeNumbers, ids: IntArray, attributes: _Attributes) -> IntArray:
+    def compute_limits(self, numbers: NodeNumbers, ids: IntArray, attributes: _Attributes) -> IntArray:
         """Return the capacities of all numbers, (room,), for a map with these ids and attributes."""
         if self.number is not None:
             return np.full(numbers.room, self.number)
@@ -742,7 +754,7 @@ class _Capacities:
         self.least = min(self.nodes.least, self.edges.least)
         self.depend_on_map = self.nodes.number is None or self.edges.number is None
 
-    def rows(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:
+    def list_capacities(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:
         """Return the capacities of all nodes of a map, followed by those of all edges if these are places."""
         rows = self.nodes.rows(columns.node_ids, columns.node_attributes)
         if not has_edges:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_edges, as_known
-from gamms.core.copies import copied
+from gamms.core.copies import copy_deep
 from gamms.core.turn import Answers
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
@@ -216,7 +216,7 @@ class _Question(NamedTuple):
     is_plan: bool
     are_plain: bool = False  # whether the agents of a plan move along one edge, on the ground
 
-    def states(self) -> list[Any]:
+    def list_states(self) -> list[Any]:
         """Return the state of each of its agents; None: a plan of arrays, or one that has put another value there."""
         if isinstance(self.given, TeamArrays):
             return [None] * len(self.indices)
@@ -225,10 +225,10 @@ class _Question(NamedTuple):
         found = map(self.given.get, self.decider.names)
         return [state if isinstance(state, dict) else None for state in found]
 
-    def hint_of(self, error: BaseException) -> str:
+    def find_hint(self, error: BaseException) -> str:
         """Return what the strategy or plan that has raised an error probably meant."""
         plan = self.given if self.is_plan and isinstance(self.given, dict) else None
-        return explain_strategy_error(error, [state for state in self.states() if state is not None], plan)
+        return explain_strategy_error(error, [state for state in self.list_states() if state is not None], plan)
 
 
 class MadeDecisions(NamedTuple):
@@ -269,7 +269,7 @@ class Decisions(Answers):
         observe, sense, state: see the arguments.
         slots: the slots of all agents.
         starts: the node of each agent, by slot.
-        ends: the node that each agent moves to, by slot, as a view of an array; see `ends_to_write`.
+        ends: the node that each agent moves to, by slot, as a view of an array; see `get_writable_ends`.
         actions: slot -> its action, if it flies, turns or does deeds; a new dict for each part.
         paths: the paths of agents that do more than to move along one edge; None: there are none.
         awaited: awaitables to collect.
@@ -300,7 +300,7 @@ class Decisions(Answers):
         self.forget()
         self.begin([], as_ids([]), None, None)
 
-    def ends_to_write(self) -> Any:
+    def get_writable_ends(self) -> Any:
         """Return `ends`, copied from `starts` if it is still the same object."""
         if self.ends is self.starts:
             self.ends = copy_column(self.starts)
@@ -342,24 +342,24 @@ class Decisions(Answers):
         nodes: IntArray = np.asarray(self.starts)[... if is_all else indices]
         legal: LegalNodes | None = None
         if commanded.are_plain:
-            legal = LegalNodes.along_streets(self._legality.streets, nodes)
+            legal = LegalNodes.from_streets(self._legality.streets, nodes)
         elif self._settings.legal != "any":
             slots = [self.slots[i] for i in indices]
-            legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
+            legal = LegalNodes(*self._legality.list_reachable_each(slots, nodes.tolist()))
         facts = KnownFacts(self.state, commanded.team, None)
-        memory = self.team_memory(commanded.team)
+        memory = self.get_team_memory(commanded.team)
 
         def list_edges() -> list[tuple[int, ...]]:
-            with self._phase.suspended(changes_world=False):
+            with self._phase.suspend(changes_world=False):
                 each = zip(indices, nodes.tolist(), strict=True)
                 return [self._legality.list_edges(self.slots[i], here) for i, here in each]
 
         given = TeamArrays(commanded, self.state.turn, seed, nodes, legal, facts, memory, list_edges)
         self._put_plan(commanded, given)
 
-    def team_memory(self, team: Hashable) -> Memory:
+    def get_team_memory(self, team: Hashable) -> Memory:
         """Return a writable copy of a team's memory."""
-        memory: Memory = copied(self.state.team_memories.get(team, {}))
+        memory: Memory = copy_deep(self.state.team_memories.get(team, {}))
         return memory
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
@@ -400,7 +400,7 @@ class Decisions(Answers):
 
     def take_made(self, made: MadeDecisions, index_of: Mapping[str, int]) -> None:
         """Add decisions that were made before, given the slots of agents by their names."""
-        ends = self.ends_to_write()
+        ends = self.get_writable_ends()
         if self.moves is None:
             self.starts = copy_column(self.starts)
         for name, start in made.starts.items():
@@ -411,7 +411,7 @@ class Decisions(Answers):
             j = made.slots[name]
             if made.paths is not None and made.paths.maps[j] is not None:
                 self.make_paths()
-                self.paths.take(i, made.paths.core, j, made.paths.room(j), made.paths.maps[j])
+                self.paths.take(i, made.paths.core, j, made.paths.count_room(j), made.paths.maps[j])
         actions = {index_of[name]: action for name, action in made.actions.items()}
         self.actions = dict(sorted({**self.actions, **actions}.items()))
         self.failures += [(index_of[name], kind, message) for name, kind, message in made.failures]
@@ -429,7 +429,7 @@ class Decisions(Answers):
 
     def close(self) -> list[tuple[int, str]]:
         """Merge team memories and publish errors; return (slot, reason) for each action that was not executed."""
-        undone = self.undone()
+        undone = self.list_undone()
         if self.written:
             self.merge_team_memories()
         for i, kind, message in sorted(self.failures, key=itemgetter(0)):
@@ -438,7 +438,7 @@ class Decisions(Answers):
             self.state.errors.append({"turn": self.state.turn, "agent": slot.name, "kind": kind, "message": message})
         return undone
 
-    def undone(self) -> list[tuple[int, str]]:
+    def list_undone(self) -> list[tuple[int, str]]:
         """Return (slot, reason) for each action that was not executed."""
         return [(i, _REASONS.get(kind, message)) for i, kind, message in sorted(self.failures, key=itemgetter(0))]
 
@@ -455,12 +455,12 @@ class Decisions(Answers):
         self._phase.agent = None
         if "action" in state:
             action = state["action"]
-            if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
-                self.ends_to_write()[i] = action
+            if type(action) is int and slot.is_plain and action in self._legality.list_reachable(slot, here):
+                self.get_writable_ends()[i] = action
             else:
                 self._decide(i, action)
         else:
-            self._refuse(i, IllegalAction.missing(self._legality.reachable(slot, here), state))
+            self._refuse(i, IllegalAction.missing(self._legality.list_reachable(slot, here), state))
 
     def fail(self, i: int, state: State, error: Exception) -> None:
         """Handle an error of a strategy: raise it, or use the default action, depending on the settings."""
@@ -528,7 +528,7 @@ class Decisions(Answers):
             self._fail(question, BadType(f"{form}, not {shown(answer)}. To return nodes, take arrays=True."))
             return
         else:
-            states = question.states()
+            states = question.list_states()
             if None in states:
                 key = shown(question.decider.names[states.index(None)])
                 form = f"A plan sets states[{key}]['action'] = …, and leaves states[{key}] in its place"
@@ -548,7 +548,7 @@ class Decisions(Answers):
             self.ends = chosen.data
             self.moves = None
             return
-        ends = self.ends_to_write()
+        ends = self.get_writable_ends()
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
             # NOTE: all at once, for teams of many (benchmarks: teams).
@@ -568,11 +568,11 @@ class Decisions(Answers):
             if not is_default:  # an agent for which it is not legal stays
                 self._refuse(i, error)
         else:
-            self.ends_to_write()[i] = resolved.end
+            self.get_writable_ends()[i] = resolved.end
             slot = self.slots[i]
             if slot.travels:
                 self.make_paths()
-                self._legality.of(slot).travel.put(self.paths, i)
+                self._legality.get_for_agent(slot).travel.put(self.paths, i)
             elif not resolved.is_step():
                 self.make_paths()
                 self.paths.walk(i, resolved.path, resolved.progress)
@@ -593,13 +593,13 @@ class Decisions(Answers):
 
     def _fail(self, question: _Question, error: BaseException) -> None:
         if self._settings.on_error == "raise":
-            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{question.hint_of(error)}")
+            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{question.find_hint(error)}")
             raise error
         self._use_default_action(question, "error", f"{type(error).__name__}: {error}")
 
     def _use_default_action(self, question: _Question, kind: str, message: str) -> None:
         """Use the default action for agents whose strategy or plan has failed."""
-        for i, state in zip(question.indices, question.states(), strict=True):
+        for i, state in zip(question.indices, question.list_states(), strict=True):
             self.failures.append((i, kind, message))
             self._do_default(i, state)
 
@@ -628,7 +628,7 @@ class Decisions(Answers):
         if isinstance(question.given, TeamArrays):
             copies = [question.given.team_memory]
         else:
-            copies = [None if state is None else state.get("team_memory") for state in question.states()]
+            copies = [None if state is None else state.get("team_memory") for state in question.list_states()]
         for i, copy in zip(question.indices, copies, strict=False):
             if copy or self.slots[i].team in self.state.team_memories:
                 self.note(i, copy)

@@ -118,7 +118,7 @@ class Duration(NamedTuple):
     on_interrupt: str = "restart"
     blocks_moving: bool = False
 
-    def in_turns(self, turn_seconds: float) -> float:
+    def count_turns(self, turn_seconds: float) -> float:
         """Return how many turns it takes, given the length of a turn."""
         return self.seconds / turn_seconds if self.turns is None and self.seconds is not None else self.turns or 0.0
 
@@ -151,7 +151,7 @@ class LastingDeed(ReadOnlyMapping):
     def __reduce__(self) -> tuple[Any, ...]:
         return LastingDeed, (dict(self._values), self.lasts)
 
-    def declaration(self) -> dict[str, Any]:
+    def make_declaration(self) -> dict[str, Any]:
         """Return the declaration as plain values."""
         given = {key: value for key, value in self.lasts._asdict().items() if value is not None}
         return {"fields": to_plain(self._values), **given, "interrupted_by": list(self.lasts.interrupted_by)}
@@ -165,7 +165,7 @@ def list_lasting(declared: Mapping[str, Any]) -> dict[str, Duration]:
 def make_plain_declarations(declared: Mapping[str, Any]) -> dict[str, Any]:
     """Return declared deeds as plain values, from which `as_deeds` makes the same."""
     return {
-        deed: fields.declaration() if isinstance(fields, LastingDeed) else to_plain(fields)
+        deed: fields.make_declaration() if isinstance(fields, LastingDeed) else to_plain(fields)
         for deed, fields in declared.items()
     }
 
@@ -316,11 +316,11 @@ def check_wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostCont
         raise BadType(f"The deeds of an agent must be a dict from deeds to their fields, not {shown(given)}.")
     wanted = {}
     for deed, value in given.items():
-        wanted[deed] = _check_fields(deed, value, fields_of(deed, declared), ctx)
+        wanted[deed] = _check_fields(deed, value, get_fields(deed, declared), ctx)
     return wanted
 
 
-def fields_of(deed: str, declared: Mapping[str, T]) -> T:
+def get_fields(deed: str, declared: Mapping[str, T]) -> T:
     """Return the declared fields of a deed.
 
     Raises:
@@ -386,14 +386,14 @@ def _join_texts(values: Iterable[object]) -> str:
 Check = Callable[[object, DeclaredField, str], Any]  # called with a value, its field, and its name in messages
 
 
-def performed_deeds(state: GameState, *, is_moving: bool) -> list[Deed]:
+def list_performed(state: GameState, *, is_moving: bool) -> list[Deed]:
     """Return the deeds of a turn, in the order of the agents' names, without those of agents that have left it.
 
     Args:
         state: the state of the game.
         is_moving: whether agents are about to move; then only their deeds count.
     """
-    done = state.deed_log.rows_in_turn(state.row, state.turn + is_moving, is_moving=is_moving)
+    done = state.deed_log.list_rows_in_turn(state.row, state.turn + is_moving, is_moving=is_moving)
     moves = state.moves if done else None
     if moves is None:
         return []
@@ -446,7 +446,7 @@ class DeclaredDeeds:
         self.numbering = DeedNumbering(names, streets.columns.node_ids, kinds)
         self._are_open = are_open
 
-    def checked(
+    def check_deeds(
         self, deed: str, fields: Mapping[str, object], where: BoolArray, who: tuple[IntArray, IntArray],
         nodes: IntArray, order: int,
     ) -> ArrayDeeds:  # fmt: skip
@@ -454,7 +454,7 @@ class DeclaredDeeds:
 
         `who` are the numbers of the games and of the agents; `order` is the number of the call.
         """
-        known = self.fields_of(deed)
+        known = self.get_fields(deed)
         for key in fields:
             as_known(key, f"field of the deed {deed!r}:", known)
         at, which = np.nonzero(where)
@@ -473,11 +473,11 @@ class DeclaredDeeds:
                     raise UnknownName(f"edge as {name}:", edge)
         return ArrayDeeds(deed, at, who[1][which], nodes[at, which], np.full(len(at), order), values)
 
-    def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
+    def get_fields(self, deed: str) -> Mapping[str, DeclaredField]:
         """Return the declared fields of a deed."""
-        return fields_of(as_key(deed, "The name of a deed"), self.declared)
+        return get_fields(as_key(deed, "The name of a deed"), self.declared)
 
-    def nothing(self, deed: str) -> ArrayDeeds:
+    def make_empty(self, deed: str) -> ArrayDeeds:
         """Return an empty table of deeds of a kind."""
         return self.make_arrays(deed, [])
 
@@ -487,16 +487,16 @@ class DeclaredDeeds:
         known = [row for row in rows if row[3] in numbers]
         each = [(game, numbers[name], order, -1) for game, _, order, name, *_ in known]
         at, agents, order, nodes = np.array(each, np.int64).reshape(-1, 4).T
-        return ArrayDeeds(kind, at, agents, nodes, order, self._values(kind, [row[-1] for row in known]))
+        return ArrayDeeds(kind, at, agents, nodes, order, self._make_columns(kind, [row[-1] for row in known]))
 
-    def _values(self, kind: str, each: Sequence[Mapping[str, Any]]) -> dict[str, Column]:
+    def _make_columns(self, kind: str, each: Sequence[Mapping[str, Any]]) -> dict[str, Column]:
         """Return the values of plain fields as columns."""
         numbers: dict[str, Callable[[Any], int]] = {
             "agent": self.numbering.names.index,
             "node": lambda node: int(self._streets.rows(node)),
         }
         values: dict[str, Column] = {}
-        for key, field in self.fields_of(kind).items():
+        for key, field in self.get_fields(kind).items():
             given = [fields.get(key) for fields in each]
             number = numbers.get(field.kind)
             if number is not None:

@@ -124,9 +124,9 @@ class PrivateForks:
         """
         if self._ctx is None:
             raise IllegalMutation("state['legal_edges'] was not read before the state was pickled. Read it before.")
-        with get_phase(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspend(changes_world=False):
             turns = self._ctx.game.internals.parts.turns
-            order = turns.order()
+            order = turns.get_order()
             at = order.index_of.get(state["name"])
             found: tuple[int, ...] = ()  # the agent is gone
             if at is not None:
@@ -137,7 +137,7 @@ class PrivateForks:
         """Return the ids of the edges on which the agent with a state has come to its node; see `GameState.driven`."""
         if self._ctx is None:
             return ()
-        with get_phase(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspend(changes_world=False):
             driven: tuple[int, ...] = self._ctx.game.internals.parts.turns.legality.find_driven(state["name"])
         return driven
 
@@ -147,7 +147,7 @@ class PrivateForks:
         Args:
             decisions: agent -> whether its action was searched for; False: it follows its script.
         """
-        with get_phase(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspend(changes_world=False):
             timings = self._ctx.game.internals.state.timings
         for has_searched in decisions.values():
             name = "searched" if has_searched else "given_up"

@@ -38,12 +38,12 @@ from gamms.game.snapshots import (
     SnapshotError,
     SnapshotTaker,
     copy_known,
-    own,
+    get_counterpart,
 )
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
 from gamms.limits import GarbagePause
-from gamms.progress import progress as progress_line
+from gamms.progress import show_progress as progress_line
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing.actions import plan_in
@@ -309,7 +309,7 @@ class Game(Surface, RuleVerbs):
     def _prepare_strategies(self) -> None:
         """Call `prepare(ctx)` of all strategies and plans that have it."""
         changes = self._phase.strategy_changes
-        found = self.ctx.agent.storage.strategies()
+        found = self.ctx.agent.storage.list_strategies()
         strategies = dict(zip(map(id, found), found, strict=True))
         strategies |= {id(plan.function): plan.function for plan in self.plans.values()}
         for strategy in strategies.values():
@@ -419,7 +419,7 @@ class Game(Surface, RuleVerbs):
 
         self._in_core = find_game_in_core(self, last, self._in_core)
         if self._in_core is not None:
-            yield from self._in_core.ahead(last, after_turns)
+            yield from self._in_core.play_ahead(last, after_turns)
         while self._in_core is None:
             yield True
 
@@ -461,7 +461,7 @@ class Game(Surface, RuleVerbs):
         ends = {name: (team, False, node) for name, (team, node) in state.departed.items()}
         block = self.ctx.agent.block
         block.locate()
-        columns = block.names, block.teams, block.alive, block.ids_of(block.node)
+        columns = block.names, block.teams, block.alive, block.get_ids(block.node)
         ends |= {name: (team, alive, node) for name, team, alive, node in zip(*columns, strict=True)}
         summaries = {
             name: {
@@ -482,7 +482,7 @@ class Game(Surface, RuleVerbs):
             messages=[dict(message) for message in self.messages],
             timings=dict(self.timings),
             seed=self.ctx.seed,
-            collected=self._collectors.tables(),
+            collected=self._collectors.get_tables(),
             provenance={
                 **versions(),
                 "scenario": self._internals.scenario,
@@ -574,7 +574,7 @@ class Game(Surface, RuleVerbs):
         if not isinstance(snapshot, Snapshot):
             raise BadType(f"ctx.game.restore needs what ctx.game.snapshot() gave, not {shown(snapshot)}.")
         self._snapshots.refuse_in_turn("restored")
-        if not self._snapshots.belongs_here(snapshot):
+        if not self._snapshots.is_own(snapshot):
             raise BadValue("This snapshot is of another context; it can only be restored in its own.")
         if self.ctx.is_recording:
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
@@ -599,7 +599,7 @@ class Game(Surface, RuleVerbs):
             SnapshotError: a turn is being played.
             ContextTerminated: the context has ended.
         """
-        own_seed = kernels.purpose_key(self.ctx.seed, "fork", as_int(seed, "seed")) >> 1
+        own_seed = kernels.compute_purpose_key(self.ctx.seed, "fork", as_int(seed, "seed")) >> 1
         source = self._internals.capture()
         if source is not None:
             return cast("Game", UnreadFork(source, own_seed))
@@ -627,9 +627,9 @@ class Game(Surface, RuleVerbs):
                 "information='full' shows what agents do not know, and this game does not allow it. Set `settings: "
                 "{information: full}` in the scenario file, or ctx.game.information = 'full'."
             )
-        own_seed = kernels.purpose_key(as_int(seed, "seed"), "private fork") >> 1
-        names = tuple(sorted(self._phase.names()))
-        with self._phase.suspended():
+        own_seed = kernels.compute_purpose_key(as_int(seed, "seed"), "private fork") >> 1
+        names = tuple(sorted(self._phase.list_names()))
+        with self._phase.suspend():
             known = None if information == "full" else names
             source = ForkSource(self._snapshots, only_plain=False, names=known)
             ctx, memo = source.make_context(own_seed)
@@ -642,7 +642,7 @@ class Game(Surface, RuleVerbs):
             ctx.is_seeded = True
             game._state.parts_played = self._turns.part
             game._begin()
-        return PrivateFork(game, names, lambda value: own(value, memo))
+        return PrivateFork(game, names, lambda value: get_counterpart(value, memo))
 
     @refuse_while_deciding
     @explain_call_errors
@@ -697,7 +697,7 @@ class Game(Surface, RuleVerbs):
     def _reseed(self, seed: int) -> None:
         """Set the seed of all streams; the stream of the context continues as at the start with this seed."""
         start = self._state.start
-        self.ctx.reseed(seed, None if start is None else start.rng_of(seed))
+        self.ctx.reseed(seed, None if start is None else start.get_rng_state(seed))
 
     def _begin_with(self, seed: int) -> None:
         """Start with another seed, and draw the start again; on failure, restore the previous seed."""

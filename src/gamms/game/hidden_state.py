@@ -68,7 +68,7 @@ class HiddenState:
         """The names and values as a comparable object; it is equal if all values are."""
         return [(one.name, one.image) for one in self._before.values()]
 
-    def changed(self, way_out: str) -> str:
+    def describe_change(self, way_out: str) -> str:
         """Return a sentence about the first variable that has changed since, followed by `way_out`; "" if none has."""
         known = self._looked
         now = self._read_variables()
@@ -105,20 +105,20 @@ def may_change_games(functions: Iterable[Callable[..., object]]) -> bool:
     It sets an attribute of an object other than `self`, or has the name of a verb that changes a game.
     """
     return any(
-        not CHANGING_VERBS.isdisjoint(_list_names(one.__code__)) or _sets_attributes(one.__code__)
+        not CHANGING_VERBS.isdisjoint(_list_names(one.__code__)) or _is_setting_attributes(one.__code__)
         for one in _find_all(functions)
     )
 
 
 @lru_cache(maxsize=1 << 12)
-def _sets_attributes(code: CodeType) -> bool:
+def _is_setting_attributes(code: CodeType) -> bool:
     """Return whether a function, or an inner one, sets or deletes an attribute of an object other than `self`."""
     loaded = None
     for one in get_instructions(code):
         if one.opname in ("STORE_ATTR", "DELETE_ATTR") and loaded != "self":
             return True
         loaded = one.argval if one.opname in ("LOAD_FAST", "LOAD_DEREF") else None
-    return any(_sets_attributes(within) for within in code.co_consts if isinstance(within, CodeType))
+    return any(_is_setting_attributes(within) for within in code.co_consts if isinstance(within, CodeType))
 
 
 def is_drawing_globally(functions: Iterable[Callable[..., object]]) -> bool:
@@ -171,23 +171,23 @@ def _reach(function: object, reached: dict[int, Any]) -> None:
         for module in [one for one in values if isinstance(one, ModuleType)]:
             values += [vars(module).get(name) for name in _list_names(function.__code__)]
     else:
-        values += _methods_of(type(getattr(function, "__self__", function)))
+        values += _list_methods(type(getattr(function, "__self__", function)))
     for value in values:
-        for one in _parts_of(value):
+        for one in _list_parts(value):
             if callable(one) and not isinstance(one, type):
                 _reach(one, reached)
 
 
-def _parts_of(value: object) -> Iterable[object]:
+def _list_parts(value: object) -> Iterable[object]:
     """Return a value, or the items of a container, or the methods of a class of the program."""
     if isinstance(value, type):
-        return _methods_of(value)
+        return _list_methods(value)
     if isinstance(value, dict):
         return value.values()
     return value if isinstance(value, list | tuple) else [value]
 
 
-def _methods_of(kind: type) -> list[object]:
+def _list_methods(kind: type) -> list[object]:
     """Return the methods of a class of the program and of its bases that are."""
     return [one for base in kind.__mro__ if _is_of_program(base) for one in vars(base).values()]
 
@@ -209,7 +209,7 @@ def refuse_changes(functions: Iterable[Callable[..., object]], way_out: str) -> 
     """
     hidden = HiddenState(*functions)
     yield
-    changed = hidden.changed(way_out)
+    changed = hidden.describe_change(way_out)
     if changed:
         raise BadValue(changed)
 

@@ -41,7 +41,7 @@ _KEPT = record(
 _Doings = Mapping[str, Mapping[str, Any]]
 
 
-class Doing(NamedTuple):
+class DeedInProgress(NamedTuple):
     """A deed that an agent is doing.
 
     Attributes:
@@ -57,18 +57,18 @@ class Doing(NamedTuple):
     values: Mapping[str, Any]
 
 
-class _Stop(NamedTuple):
+class _Interruption(NamedTuple):
     """Something that interrupts a deed: when, and what."""
 
     time: float
     by: str
 
 
-def _find_doing(data: Mapping[Any, Any], name: str) -> Doing | None:
+def _find_doing(data: Mapping[Any, Any], name: str) -> DeedInProgress | None:
     """Return the deed that an agent is doing; None: it does none."""
     for kind, kept in data.get(DOING, {}).items():
         if name in kept["begun"]:
-            return Doing(kind, **kept["begun"][name])
+            return DeedInProgress(kind, **kept["begun"][name])
     return None
 
 
@@ -100,7 +100,7 @@ def find_doing(name: str, team: object, state: GameState, settings: Settings, no
     }
 
 
-class Doings(NamedTuple):
+class DeedsInProgress(NamedTuple):
     """What agents are doing, each (games, agents).
 
     Attributes:
@@ -114,7 +114,7 @@ class Doings(NamedTuple):
     left: FloatArray
 
 
-class DoingReader:
+class DeedReader:
     """Reads what agents are doing, in many games.
 
     Args:
@@ -137,13 +137,13 @@ class DoingReader:
         lasting = list_lasting(settings["deeds"])
         self._kinds = {kind: number for number, kind in enumerate(settings["deeds"])}
         self.lengths = [
-            (self._kinds[kind], lasts.in_turns(settings["turn_seconds"])) for kind, lasts in lasting.items()
+            (self._kinds[kind], lasts.count_turns(settings["turn_seconds"])) for kind, lasts in lasting.items()
         ]
         self._numbers = {name: number for number, name in enumerate(names)}
         self._begins = np.array([_begin_of_part(settings["order"], team) for team in teams])
         self._data_of = data_of
 
-    def read(self, games: IntArray, agents: IntArray, turn: IntArray, time: FloatArray) -> Doings:
+    def read(self, games: IntArray, agents: IntArray, turn: IntArray, time: FloatArray) -> DeedsInProgress:
         """Return what agents are doing; the arguments are those of a view."""
         shape = len(games), len(agents)
         kind = np.full(shape, -1)
@@ -159,7 +159,7 @@ class DoingReader:
                         since[row, column] = begun["since"]
                         left[row, column] = begun["until"]
         now = turn[:, None] + np.maximum(time[:, None], self._begins[agents])
-        return Doings(kind, since, np.where(kind >= 0, np.maximum(left - now, 0.0), 0.0))
+        return DeedsInProgress(kind, since, np.where(kind >= 0, np.maximum(left - now, 0.0), 0.0))
 
 
 # -- before agents move -------------------------------------------------------------------------------------------
@@ -194,11 +194,11 @@ def begin_deeds(ctx: HostContext) -> None:
     state: GameState = game.internals.state
     lasting = list_lasting(game.deeds)
     agents = ctx.agent.agents
-    for _, _, _, name, kind, _, node, values in state.deed_log.begun(state.row):
+    for _, _, _, name, kind, _, node, values in state.deed_log.list_begun(state.row):
         agent = agents.get(name)
         if agent is None or not agent.alive or _find_doing(game.data, name) is not None:
             continue
-        turns = lasting[kind].in_turns(game.turn_seconds)
+        turns = lasting[kind].count_turns(game.turn_seconds)
         kept = game.data.setdefault(DOING, {}).setdefault(
             kind, {"of": turns, "left": {}, "begun": {}, "unfinished": {}}
         )
@@ -255,7 +255,7 @@ def end_deeds(ctx: HostContext) -> None:
             kept["left"].pop(name, None)
     rows = []
     for number, (time, name, kind, begun) in enumerate(sorted(done, key=lambda one: one[:3])):
-        node = ends.start_of(name)
+        node = ends.get_start(name)
         game.emit("done", agent=name, deed=kind, at=node, time=time, **begun["values"])
         fields = {**begun["values"], "since": begun["since"], "time": time}
         rows.append((state.row, number, AFTER_OTHERS + number, name, kind, state.turn, node, fields))
@@ -294,37 +294,37 @@ class _TurnEnds:
         self._moves: TurnMoves | None = state.moves
         self._events = [*takewhile(lambda event: event["turn"] == self._turn, reversed(state.events))]
 
-    def find_stop(self, name: str, since: float, lasts: Duration) -> _Stop:
+    def find_stop(self, name: str, since: float, lasts: Duration) -> _Interruption:
         """Return what interrupts a deed of an agent first, at `since` or later; the time is infinite: nothing does.
 
         A tag counts before the places to which it has brought the agent.
         """
         stops = [one for one in self._list_stops(name, lasts) if one.time >= since]
-        return min(stops, key=lambda one: one.time, default=_Stop(inf, ""))
+        return min(stops, key=lambda one: one.time, default=_Interruption(inf, ""))
 
-    def start_of(self, name: str) -> int:
+    def get_start(self, name: str) -> int:
         """Return the node on which an agent was when the turn began."""
-        i = None if self._moves is None else self._moves.index_of(name)
+        i = None if self._moves is None else self._moves.find_index(name)
         return self._agents[name].current_node_id if self._moves is None or i is None else int(self._moves.starts[i])
 
-    def _list_stops(self, name: str, lasts: Duration) -> Iterator[_Stop]:
-        tags = [_Stop(time, "tag") for time in self._list_times("tag", "other", name)]
+    def _list_stops(self, name: str, lasts: Duration) -> Iterator[_Interruption]:
+        tags = [_Interruption(time, "tag") for time in self._list_times("tag", "other", name)]
         for kind in lasts.interrupted_by:
             if kind == "tag":
                 yield from tags
             elif kind != "move":
-                yield from (_Stop(time, kind) for time in self._list_times(kind, "agent", name))
+                yield from (_Interruption(time, kind) for time in self._list_times(kind, "agent", name))
         agent = self._agents.get(name)
-        i = None if self._moves is None else self._moves.index_of(name)
+        i = None if self._moves is None else self._moves.find_index(name)
         at_once = min(tags)[0] if tags else float(self._turn)  # when a rule has put the agent elsewhere or out of play
         if agent is None or not agent.alive:
-            yield _Stop(at_once if i is not None else self._turn - 1.0, "eliminated")
+            yield _Interruption(at_once if i is not None else self._turn - 1.0, "eliminated")
         elif "move" in lasts.interrupted_by and self._moves is not None and i is not None:
             time = _find_departure_time(self._moves, i, self._turn - 1, _begin_of_part(self._order, agent.team))
             if time is not None:
-                yield _Stop(time, "move")
+                yield _Interruption(time, "move")
             if not self._moves.slots[i].flies and agent.current_node_id != self._moves.ends[i]:
-                yield _Stop(at_once, "move")
+                yield _Interruption(at_once, "move")
 
     def _list_times(self, kind: str, field: str, name: str) -> Iterable[float]:
         """Return the times of the events of a kind in which a field names an agent."""
@@ -341,11 +341,11 @@ def _find_departure_time(moves: TurnMoves, i: int, now: int, part: float) -> flo
         action = moves.actions.get(i)
         is_flying = action is not None and action.position not in (None, slot.agent.prev_position)
         return now + part if is_flying else None
-    track: Track = moves.track(i)
+    track: Track = moves.get_track(i)
     if track.legs:
         return next((now + leg.since for leg in track.legs if leg.begin != leg.end), None)
     waits = len([*takewhile(lambda node: node == track.path[0], track.path)]) - 1
-    if waits + 1 < len(track.path) or (not slot.travels and moves.progress(i) is not None):
+    if waits + 1 < len(track.path) or (not slot.travels and moves.get_progress(i) is not None):
         return now + max(track.times[waits], part)
     return None
 

@@ -28,12 +28,12 @@ from gamms.game.channels import (
     describe_message_flaw,
     find_byte_limits,
     find_matching_agents,
+    find_receivers,
     find_refusals,
-    groups_of,
     list_unknown_names,
-    receivers_of,
+    make_groups,
+    measure_size,
     refuse_others,
-    size_of,
 )
 from gamms.game.movement.legality import IllegalAction
 from gamms.game.settings import Settings
@@ -92,7 +92,7 @@ class MessagePositions(NamedTuple):
     place_of: Callable[[int], Sequence[Any]]
 
     @classmethod
-    def of(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "MessagePositions":
+    def from_game(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "MessagePositions":
         """Return the current positions of the living agents of one game."""
         graph = ctx.graph.graph
         block = ctx.agent.block
@@ -105,7 +105,7 @@ class MessagePositions(NamedTuple):
         antennas = xyz + ANTENNA
         for row, agent in enumerate(agents if block.flyers or block.travellers else ()):
             position = getattr(agent, "position", None)
-            progress = block.on_edge(block.row_of(agent.name))
+            progress = block.get_edge_position(block.find_row(agent.name))
             place = None if progress is None else locate(graph, progress)
             if position is not None:
                 xyz[0, row] = position
@@ -123,7 +123,7 @@ class MessagePositions(NamedTuple):
 
         return cls(
             teams={agent.name: agent.team for agent in agents},
-            keys=kernels.name_keys([agent.name for agent in agents]),
+            keys=kernels.compute_name_keys([agent.name for agent in agents]),
             turns=np.array([turn]),
             xyz=xyz,
             antennas=antennas,
@@ -150,7 +150,7 @@ class MessageOutcomes(NamedTuple):
     outcomes: ByteArray
     arrivals: IntArray
 
-    def entries(self, names: Sequence[str], num_messages: int) -> Iterator[dict[str, Any]]:
+    def make_entries(self, names: Sequence[str], num_messages: int) -> Iterator[dict[str, Any]]:
         """Yield, for each message, the part of its log entry about agents that hear or miss it."""
         rows = list(zip(self.agents.tolist(), self.outcomes.tolist(), self.arrivals.tolist(), strict=True))
         for first, last in pairwise(np.searchsorted(self.messages, np.arange(num_messages + 1)).tolist()):
@@ -161,7 +161,7 @@ class MessageOutcomes(NamedTuple):
             yield {"heard": heard, "overheard": overheard, "lost": [*lost], "jammed": [*jammed]}
 
 
-def outcomes_of(
+def compute_outcomes(
     channel: Channel, scene: MessagePositions, at: IntArray, senders: IntArray, to: Sequence[Any]
 ) -> MessageOutcomes:
     """Return the outcomes of messages of one channel.
@@ -175,7 +175,7 @@ def outcomes_of(
     """
     network = _Network(channel, scene, senders)
     numbers = np.zeros(len(at), np.int64)
-    groups, first, members = groups_of(to, scene.teams)
+    groups, first, members = make_groups(to, scene.teams)
     if channel.loss:
         core.count_messages(at.data, senders.data, network.rows.data, numbers.data)
     at_once = max(1, _AT_ONCE // len(scene.teams))
@@ -187,7 +187,7 @@ def outcomes_of(
         arrivals = np.empty(shape, np.int64)
         written = np.zeros(shape[0], np.uint8), outcomes, arrivals
         columns: Any = at[part], senders[part], groups[part], first, members, numbers[part], *written
-        network.spread(core.Messages(*map(kernels.buffer, columns)))
+        network.spread(core.Messages(*map(kernels.as_buffer, columns)))
         messages, agents = np.nonzero(outcomes)
         parts.append(MessageOutcomes(begin + messages, agents, outcomes[messages, agents], arrivals[messages, agents]))
     return parts[0] if len(parts) == 1 else MessageOutcomes(*map(np.concatenate, zip(*parts, strict=True)))
@@ -228,7 +228,7 @@ class _Network:
         while True:
             columns = scene.xyz, scene.alive.view(np.uint8), scene.keys, self._purposes, scene.turns
             known = self._slots, self._awaited, self._reach
-            network = core.ChannelNetwork(*map(kernels.buffer, (*columns, *known, self.rows, *self._bytes)))
+            network = core.ChannelNetwork(*map(kernels.as_buffer, (*columns, *known, self.rows, *self._bytes)))
             number = core.spread_all(self._terms, network, messages)
             if not number:
                 break
@@ -242,7 +242,7 @@ class _Network:
         scene = self._scene
         agents = len(self._scene.teams)
         reach = np.empty((len(transmitters), agents), np.uint8)
-        core.find_in_range(self._terms, network, len(reach), kernels.buffer(reach))
+        core.find_in_range(self._terms, network, len(reach), kernels.as_buffer(reach))
         at, by = np.divmod(transmitters, agents)
         if channel.hops is not None:
             reach &= scene.is_within(at, by, channel.hops)
@@ -270,7 +270,7 @@ def _convert_channel(
         len(names),
         np.inf if channel.range_m is None else channel.range_m,
         channel.delay_turns,
-        *map(kernels.buffer, columns),
+        *map(kernels.as_buffer, columns),
         needs_rows=channel.hops is not None or channel.line_of_sight,
         is_relayed=bool(channel.relay),
     )
@@ -279,7 +279,7 @@ def _convert_channel(
 @lru_cache(maxsize=_MOST_TERMS)
 def _send_keys(seed: int, channel: str, names: tuple[str, ...]) -> BitArray:
     """Return hashes of a seed, a channel and the names of senders, (1, senders)."""
-    return copy_locked(kernels.purpose_keys([seed], [("channel", channel, name) for name in names]))
+    return copy_locked(kernels.compute_purpose_keys([seed], [("channel", channel, name) for name in names]))
 
 
 def _convert_jammer(jammer: Jammer, scene: MessagePositions) -> list[tuple[float, ...]]:
@@ -390,7 +390,7 @@ class SentMessages:
         at = np.where(np.isin(self.box.at, games), -1, self.box.at)
         return SentMessages(self.box._replace(at=at), self.turns, self.place, self.fates)
 
-    def received(self, game: int, turn: int) -> "Mapping[str, list[_ReceivedMessage]]":
+    def get_received(self, game: int, turn: int) -> "Mapping[str, list[_ReceivedMessage]]":
         """Return agent -> the messages that it hears, in order, for agents of a game that hear some in a turn."""
         if self._received is None:
             self._received = self._find_received()
@@ -413,10 +413,10 @@ class SentMessages:
                 continue
             if known != number:
                 game, turn, place, sender = (column[number] for column in columns)
-                to, body = self.plain(number)
+                to, body = self.make_plain(number)
                 message = {"channel": box.channel, "sender": names[sender], "to": to, "body": body}
                 message |= {"turn": turn - 1, "overheard": False}
-                heard = _ReceivedMessage(turn, place, message, _copy_of(body))
+                heard = _ReceivedMessage(turn, place, message, _make_copier(body))
                 known = number
                 of_turn = 0
             if of_turn != arrival:
@@ -425,18 +425,18 @@ class SentMessages:
             by_name[names[agent]].append(heard if outcome == heard_it else heard.overhear())
         return found
 
-    def plain(self, message: int) -> tuple[Any, Any]:
+    def make_plain(self, message: int) -> tuple[Any, Any]:
         """Return the recipient and the body of a message as plain values."""
         to, body = self.box.to[message], self.box.bodies[message]
         return (to, body) if self.box.are_plain[message] else (to_plain(to), to_plain(body))
 
-    def entries(self) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    def list_entries(self) -> Iterator[tuple[int, int, dict[str, Any]]]:
         """Yield (game, place, log entry) for each message."""
         box = self.box
         columns = box.at.tolist(), self.place.tolist(), self.turns.tolist(), box.senders.tolist(), box.sizes.tolist()
-        fates = self.fates.entries(box.names, len(box.at))
+        fates = self.fates.make_entries(box.names, len(box.at))
         for number, (game, place, turn, sender, size, fate) in enumerate(zip(*columns, fates, strict=True)):
-            to, body = self.plain(number)
+            to, body = self.make_plain(number)
             yield (
                 game,
                 place,
@@ -446,7 +446,7 @@ class SentMessages:
                     "sender": box.names[sender],
                     "to": to,
                     "body": body,
-                    "size": size_of(body) if size == UNKNOWN_SIZE else size,
+                    "size": measure_size(body) if size == UNKNOWN_SIZE else size,
                     **fate,
                 },
             )
@@ -468,9 +468,9 @@ class UnderWay(NamedTuple):
 
     def is_of(self, log: Sequence[dict[str, Any]]) -> bool:
         """Return whether a log is the one of these messages."""
-        return len(log) == self.logged and self.begins(log)
+        return len(log) == self.logged and self.is_beginning_of(log)
 
-    def begins(self, log: Sequence[dict[str, Any]]) -> bool:
+    def is_beginning_of(self, log: Sequence[dict[str, Any]]) -> bool:
         """Return whether these messages are the first entries of a log; logs are only appended to and truncated."""
         return not self.logged or (len(log) >= self.logged and log[self.logged - 1] is self.last)
 
@@ -525,7 +525,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         self._checked: dict[str, list[tuple[int, Outgoing, int]]] = {}  # by channel: the game, and the order
         self._flaws: list[Failure] = []
 
-    def checked(
+    def check_messages(
         self, channel: str, where: BoolArray, who: tuple[IntArray, IntArray], to: object, body: object, order: int
     ) -> OutgoingMessages:
         """Return the checked messages of a call of `ArrayView.send`.
@@ -541,7 +541,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
             receivers = self._list_receiver_names(to, where.shape)[at, which].tolist()
-        elif to is not None and not receivers_of(_as_key(to), {**self._departed, **self.teams}):
+        elif to is not None and not find_receivers(_as_key(to), {**self._departed, **self.teams}):
             raise UnknownName("agent or team", to, [*self.teams, *dict.fromkeys(self.teams.values())])
         if isinstance(body, np.ndarray) and body.shape[:2] != where.shape:
             raise BadValue(
@@ -642,14 +642,14 @@ class MessageTraffic(GameLog[list[SentMessages]]):
             channel = self.channels[box.channel]
             if channel.max_bytes_per_turn is not None:
                 by_id = {id(body): body for body in box.bodies}
-                size_by_id = {key: size_of(to_plain(body)) for key, body in by_id.items()}
+                size_by_id = {key: measure_size(to_plain(body)) for key, body in by_id.items()}
                 box.sizes[:] = [size_by_id[id(body)] for body in box.bodies]
             sent = box.at, box.senders, box.to, np.maximum(box.sizes, 0)
             errors = find_refusals(channel, sent, is_there, self.teams, left[box.channel])
             for row, error in errors.items():
                 game = int(box.at[row])
                 sender = int(box.senders[row])
-                flaws.append(Failure.illegal(game, sender, describe_message_flaw(int(place[game, sender]), error)))
+                flaws.append(Failure.make_illegal(game, sender, describe_message_flaw(int(place[game, sender]), error)))
             place[box.at, box.senders] += 1
             box.order[:] += self._admissions * _MOST_OF_ONE
             self._admitted.append(select_rows(box, ~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
@@ -680,7 +680,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
             by_place = np.lexsort((place, at[those]))
             box = select_rows(box, those[by_place])
             at = number[box.at]
-            fates = outcomes_of(self.channels[name], scene, at, box.senders, box.to)
+            fates = compute_outcomes(self.channels[name], scene, at, box.senders, box.to)
             sent.append(SentMessages(box, scene.turns[at] + 1, place[by_place], fates))
         self._pending.append(sent)
         left = [int((one.fates.arrivals - one.turns[one.fates.messages]).max(initial=0)) for one in sent]
@@ -701,7 +701,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         found._under_way = self._under_way
         return found
 
-    def heard(
+    def find_heard(
         self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray
     ) -> ReceivedMessages:
         """Return the messages that agents hear by a channel in the next turn; see `ReceivedMessages`."""
@@ -735,12 +735,12 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
         return select_rows(heard, np.lexsort(keys))
 
-    def inbox(self, game: int, turn: int, name: str) -> list[dict[str, Any]]:
+    def make_inbox(self, game: int, turn: int, name: str) -> list[dict[str, Any]]:
         """Return the messages that an agent of a game hears after some turns, in the order of sending."""
         heard = list[_ReceivedMessage]()
         channels = 0
         for _, sent in self._under_way:
-            found = sent.received(game, turn + 1).get(name)
+            found = sent.get_received(game, turn + 1).get(name)
             if found and sent.box.channel in self.channels:
                 heard += found
                 channels += 1
@@ -793,7 +793,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         return undo
 
     def _list_entries(self, noted: list[SentMessages]) -> Iterator[tuple[int, dict[str, Any]]]:
-        rows = [row for sent in noted for row in sent.entries()]
+        rows = [row for sent in noted for row in sent.list_entries()]
         for game, _, entry in sorted(rows, key=itemgetter(0, 1)):
             yield game, entry
 
@@ -841,14 +841,14 @@ class GameMessages(MessageTraffic):
         """Send the collected messages to the living agents, after all agents have moved."""
         self.follow()
         self._state.unlogged = self  # before there are any: a turn that is taken back drops them
-        self.send(_ONE, MessagePositions.of(self._ctx, agents, self._state.turn))
+        self.send(_ONE, MessagePositions.from_game(self._ctx, agents, self._state.turn))
         self.begin_turn()
         self._note(self._state.turn, self._of_game[0])
 
-    def received(self, name: str) -> list[dict[str, Any]]:
+    def get_received(self, name: str) -> list[dict[str, Any]]:
         """Return the messages that an agent hears in the next turn, in the order of sending."""
         self.follow()
-        return self.inbox(0, self._state.turn, name)
+        return self.make_inbox(0, self._state.turn, name)
 
     def follow(self) -> None:
         """Notice other channels, and another log or turn after a snapshot, a replay or a copy."""
@@ -859,7 +859,7 @@ class GameMessages(MessageTraffic):
         found: UnderWay | None = state.under_way
         if found is not None and found is self._found and found.turn == turn and (self._pending or found.is_of(log)):
             return
-        if found is None or found.turn > turn or not (self._pending or found.begins(log)):
+        if found is None or found.turn > turn or not (self._pending or found.is_beginning_of(log)):
             found = _NONE_UNDER_WAY._replace(turn=turn)
         self._of_game[0] = log
         self._under_way = found.sent
@@ -871,7 +871,7 @@ class GameMessages(MessageTraffic):
     def write(self) -> None:
         """Write sent messages into the log."""
         self._state.unlogged = None
-        log = self.of(0)
+        log = self.list_entries(0)
         if self._state.under_way is self._found:  # else a snapshot is being restored
             self._note(self._found.turn if self._found else 0, log)
 
@@ -950,7 +950,7 @@ def _repeat_message(channel: str, games: IntArray, rows: Sequence[tuple[int, dic
     return SentMessages(box, repeat(entry["turn"] for entry in entries), repeat(place for place, _ in rows), fates)
 
 
-def _copy_of(body: Any) -> Callable[[Any], Any] | None:
+def _make_copier(body: Any) -> Callable[[Any], Any] | None:
     """Return a function that copies a body for each recipient; None if the body is immutable."""
     kind = type(body)
     if kind in _SCALARS:

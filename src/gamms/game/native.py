@@ -22,14 +22,14 @@ from gamms.core import rules
 from gamms.core.copies import refill_each
 from gamms.core.turn import ShippedDecisions
 from gamms.errors import BadValue, UnknownName
-from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, list_agents, make_roster, sensors_of
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_sensors, list_agents, make_roster
 from gamms.game.block.in_core import CoreColumns, CoreGames, find_core_forms, list_called_rules
 from gamms.game.block.initial_state import InitialState, make_movement
 from gamms.game.block.sensing import list_sensors_called_each_turn
-from gamms.game.block.state import GameArrays, fits_float
+from gamms.game.block.state import GameArrays, is_exact_float
 from gamms.game.block.strategy_steps import begin_steps, can_read, list_memories
-from gamms.game.conflicts import flat, unranked
-from gamms.game.cursor.called_functions import first_called
+from gamms.game.conflicts import find_unranked, flatten
+from gamms.game.cursor.called_functions import find_first_called
 from gamms.game.order import TurnOrder
 from gamms.game.settings import NamedRule, as_called, refuse_unused
 from gamms.game.slots import COUNTED, Slots
@@ -39,7 +39,7 @@ from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
 from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import GarbagePause
-from gamms.progress import uninterrupted
+from gamms.progress import delay_interrupts
 
 _GAME = np.zeros(1, np.int64)  # the number of the only game
 _ELIMINATED = rules.KINDS.index("eliminated")
@@ -96,7 +96,7 @@ def _may_be_in_core(game: PlayedGame) -> bool:
     settings = game.settings()
     plans = settings["plans"]
     parts = game.internals.parts
-    strategies = {id(one): one for one in game.ctx.agent.storage.strategies() if one is not None}
+    strategies = {id(one): one for one in game.ctx.agent.storage.list_strategies() if one is not None}
     deciders = [*strategies.values(), *(plan.function for plan in plans.values())]
     are_called = parts.collectors.by_name or game.internals.after_observing or parts.rules.now.act_before_moves
     return (
@@ -106,7 +106,7 @@ def _may_be_in_core(game: PlayedGame) -> bool:
         and not game.ctx.agent.block.flyers
         and not any(mode is not None and split_mode(mode)[1] for mode in game.ctx.agent.block.modes)
         and settings["decide"] == "turn"  # all living agents decide in the last turn
-        and all(type(score) in (int, float) and fits_float(score) for score in game.scores.values())
+        and all(type(score) in (int, float) and is_exact_float(score) for score in game.scores.values())
         and game.internals.state.parts_played is None
     )
 
@@ -114,10 +114,10 @@ def _may_be_in_core(game: PlayedGame) -> bool:
 def _is_in_core(game: PlayedGame, roster: AgentTable) -> bool:
     """Return whether the core can play whole turns of a game; see `_may_be_in_core`."""
     settings = game.settings()
-    left_out = roster.unlisted(settings["order"])
-    left_out |= unranked(settings["conflicts"], roster.names, roster.teams_by_agent())
+    left_out = roster.find_unlisted(settings["order"])
+    left_out |= find_unranked(settings["conflicts"], roster.names, roster.list_teams())
     return (
-        first_called(game, roster) is None
+        find_first_called(game, roster) is None
         and all(one.spec.core_form is not None for one in list_called_rules(game, roster))
         and not left_out.any()
     )
@@ -132,9 +132,9 @@ def _make_key(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...
     return (
         *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), block.speed.tobytes()),
         *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
-        *(past, game.ctx.graph.graph, game.ctx.graph.storage.changes()),
+        *(past, game.ctx.graph.graph, game.ctx.graph.storage.count_changes()),
         [_ComparedByIdentity(value) for value in game.settings().values()],
-        [tuple(sensors_of(agent).items()) for agent in agents],
+        [tuple(get_sensors(agent).items()) for agent in agents],
         game.internals.parts.turns.phase.sensor_changes,
     )
 
@@ -185,13 +185,13 @@ class ShippedAgents(ShippedDecisions):
         columns = movement.streets.columns
         numbers = game.ctx.agent.block.numbers
         numbers.write(columns.node_ids.data, np.empty(len(columns.node_ids), np.int64).data)  # number them all
-        places = kernels.rows_of(columns.node_ids, np.asarray(numbers.ids)[: numbers.count], columns.node_order)
+        places = kernels.find_rows(columns.node_ids, np.asarray(numbers.ids)[: numbers.count], columns.node_order)
         super().__init__(
             *self._core.deciders,
-            flat(decides, np.uint8),
+            flatten(decides, np.uint8),
             slots.selection.buffer,
-            flat(places, np.int64),
-            flat(columns.node_ids, np.int64),
+            flatten(places, np.int64),
+            flatten(columns.node_ids, np.int64),
             remembers=bool(self._steps),
         )
 
@@ -206,7 +206,7 @@ class ShippedAgents(ShippedDecisions):
         rows = self._slots.selection.rows
         was_out = self._inactive
         self._inactive = frozenset(inactive)
-        memory_of = self._game.internals.state.memory_of
+        memory_of = self._game.internals.state.get_memory
         for name, row in zip(self._slots.names, rows, strict=True):
             if row not in inactive and (was_out is None or row in was_out):
                 memory_of(name)
@@ -238,7 +238,7 @@ class ShippedAgents(ShippedDecisions):
             memory[...] = self._before
         self._core.finish()
         memory[...] = now
-        memory_of = self._game.internals.state.memory_of
+        memory_of = self._game.internals.state.get_memory
         for name, key, value in list_memories(self._state, self._steps):
             if name in self._names:
                 memory_of(name)[key] = value
@@ -323,7 +323,7 @@ def _may_decide(game: PlayedGame, order: TurnOrder) -> bool:
     if game.ctx.graph.graph.revision is None:
         return False
     settings = game.settings()
-    strategies = {id(one): one for one in game.ctx.agent.storage.strategies() if one is not None}
+    strategies = {id(one): one for one in game.ctx.agent.storage.list_strategies() if one is not None}
     deciders = [*strategies.values(), *(plan.function for plan in settings["plans"].values())]
     return settings["time_budget"] is None and any(get_strategy_spec(one).is_in_core for one in deciders)
 
@@ -348,7 +348,7 @@ def _find_agents_in_core(game: PlayedGame, roster: AgentTable) -> BoolArray:
 
 def _leave_out_sharers(found: BoolArray, roster: AgentTable) -> None:
     """Leave out agents that share a sensor with one that is asked: the sensor shows the last look of all."""
-    sensors = [{id(sensor) for sensor in sensors_of(agent).values()} for agent in roster.agents]
+    sensors = [{id(sensor) for sensor in get_sensors(agent).values()} for agent in roster.agents]
     new = np.flatnonzero(~found).tolist()
     while new:
         seen = {sensor for i in new for sensor in sensors[i]}
@@ -410,13 +410,13 @@ class GameInCore:
         self._game = game
         self._roster = roster
         movement = make_movement(game, roster)
-        begin = movement.streets.rows(np.array([roster.first_nodes(game)]))
+        begin = movement.streets.rows(np.array([roster.list_start_nodes(game)]))
         state = GameArrays(roster, movement, [game.ctx.seed], begin)
         settings = game.settings()
         if settings["team_memory"]:
             state.share_memories()
         self._state = state
-        self._on_edges = movement.progress if movement.by_metres else None
+        self._on_edges = movement.make_progress if movement.by_metres else None
         self._columns = CoreColumns([state], np.zeros(1, np.int64))
         state.facts.update(game.facts)
         for rule in list_called_rules(game, roster):
@@ -444,14 +444,14 @@ class GameInCore:
             for name, values in state.first.get(key, {}).items():
                 kept[name][...] = values
         for number in np.flatnonzero(state.alive[0] & self._decides).tolist():
-            game.internals.state.memory_of(self._roster.names[number])
+            game.internals.state.get_memory(self._roster.names[number])
         self._shown = game.turn  # the last turn that the context shows
 
     def read(self) -> None:
         """Copy the state of the game to the columns, which are older."""
-        self._read(self._state.streets.rows(np.array([self._roster.first_nodes(self._game)])))
+        self._read(self._state.streets.rows(np.array([self._roster.list_start_nodes(self._game)])))
 
-    def ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
+    def play_ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         """Play turns until the end; yield True if the turn engine has to play the next one, False when all are played.
 
         The context shows the game at these moments, and after an interruption.
@@ -527,14 +527,14 @@ class GameInCore:
         turns = self._game.internals.parts.turns
         turn = values.turn
         memories = {name: dict(memory) for name, memory in values.memories.items()}
-        with uninterrupted():
+        with delay_interrupts():
             before.undo()
             self._play_to(before.turn)
             self._play_to(turn - 1)
             now = before.show(values, turn - 1)
             self._show_agents()
             self._show_memories(values)
-            self._show_blocked(values, self._state.errors.of(0)[len(values.errors) :])
+            self._show_blocked(values, self._state.errors.list_entries(0)[len(values.errors) :])
             self._shown = turn - 1
             try:
                 turns.is_playing = True
@@ -556,7 +556,7 @@ class GameInCore:
             return
         core = self._core
         columns = self._columns
-        with uninterrupted(), GarbagePause():
+        with delay_interrupts(), GarbagePause():
             columns.until[:] = turn * core.num_parts
             core.prepare(None, 1)
             columns.give()
@@ -578,7 +578,7 @@ class GameInCore:
         noted = self._columns.noted
         if noted is None:
             return {}
-        those = noted.those(noted.kinds == _ELIMINATED)
+        those = noted.select(noted.kinds == _ELIMINATED)
         return dict(zip(those.agents.tolist(), those.turns.tolist(), strict=True))
 
     # -- showing ------------------------------------------------------------------------------------------------------
@@ -590,9 +590,9 @@ class GameInCore:
             return
         began = perf_counter()
         values = self._game.internals.state
-        with uninterrupted(), GarbagePause():
+        with delay_interrupts(), GarbagePause():
             block = self._game.ctx.agent.block
-            before = np.array([block.ids_of(block.node), block.ids_of(block.previous)], np.int64)
+            before = np.array([block.get_ids(block.node), block.get_ids(block.previous)], np.int64)
             self._show_agents()
             self._show_values(values)
             self._show_past(before, turn)
@@ -605,26 +605,26 @@ class GameInCore:
         state = self._state
         block = self._game.ctx.agent.block
         rows = self._by_row
-        ids = state.streets.ids_of
+        ids = state.streets.get_ids
         show_positions(block, ids(state.node[0, rows]), ids(state.previous[0, rows]))
         alive = state.alive[0, rows].tobytes()
         if alive != bytes(block.alive):
             show_lives(block, alive)
         block.placed = set(np.flatnonzero(state.placed[0, rows]).tolist())
         if state.movement.depends_on_speeds:
-            on_edges = state.movement.on_edges(0, state.node[0])
+            on_edges = state.movement.find_edge_positions(0, state.node[0])
             show_progress(block, {row: on_edges[i] for row, i in enumerate(rows.tolist()) if i in on_edges})
 
     def _show_values(self, values: GameState) -> None:
         """Show scores, events, errors, counts, reasons of stops, memories, and what rules keep."""
         state = self._state
-        for team, points in state.scores.of(0).items():
+        for team, points in state.scores.get_scores(0).items():
             known = values.scores.get(team)
             if known != points or type(known) is not type(points):
                 values.scores[team] = points
-        events = state.events.of(0)[len(values.events) :]
+        events = state.events.list_entries(0)[len(values.events) :]
         values.events += events
-        errors = state.errors.of(0)[len(values.errors) :]
+        errors = state.errors.list_entries(0)[len(values.errors) :]
         values.errors += errors
         if state.over[0] is not None:
             values.over = dict(state.over[0])
@@ -638,7 +638,7 @@ class GameInCore:
     def _show_memories(self, values: GameState) -> None:
         """Show what strategies remember."""
         for name, key, value in list_memories(self._state, self._steps):
-            values.memory_of(name)[key] = value
+            values.get_memory(name)[key] = value
 
     def _show_counts(self, values: GameState) -> None:
         columns = [self._state.counts[kind][0].tolist() for kind in COUNTED]
@@ -662,7 +662,7 @@ class GameInCore:
                 blocked.add(error["agent"], error["message"])
         for agent in np.flatnonzero(state.blocked[0]).tolist():
             if agent in last:
-                blocked.add(names[agent], describe_conflict(self._core.wanted(0, agent)))
+                blocked.add(names[agent], describe_conflict(self._core.get_wanted_place(0, agent)))
         self._game.internals.parts.turns.show_blocked()
 
     def _show_past(self, before: IntArray, turn: int) -> None:
@@ -676,7 +676,7 @@ class GameInCore:
         turns = len(past.node)
         first = max(self._shown + 1, turn + 1 - turns)
         rows = np.arange(first, turn + 1) % turns
-        nodes = np.ascontiguousarray(self._state.streets.ids_of(past.node[rows][:, self._by_row]))
+        nodes = np.ascontiguousarray(self._state.streets.get_ids(past.node[rows][:, self._by_row]))
         places: list[Any] = [of_turn.data for of_turn in nodes]
         if self._on_edges is not None:
             places = nodes.tolist()

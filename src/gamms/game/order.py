@@ -53,11 +53,11 @@ class PlannedAgents:
         self._draw_keys: tuple[int, BitArray] | None = None  # a seed, and the keys
 
     def draw_keys(self, seed: int) -> BitArray:
-        """Return the keys of the agents' draws in games of a seed, (agents,); see `kernels.first_key_rows`."""
+        """Return the keys of the agents' draws in games of a seed, (agents,); see `kernels.compute_first_key_rows`."""
         # NOTE: looking them up by 100,000 names takes as long as the draws of a turn (benchmarks: teams).
         if self._draw_keys is None or self._draw_keys[0] != seed:
-            purpose = np.array([kernels.purpose_key(seed, "agent")], np.uint64)
-            self._draw_keys = seed, kernels.first_key_rows(purpose, self.name_keys())
+            purpose = np.array([kernels.compute_purpose_key(seed, "agent")], np.uint64)
+            self._draw_keys = seed, kernels.compute_first_key_rows(purpose, self.name_keys())
         return self._draw_keys[1]
 
 
@@ -158,7 +158,7 @@ class TurnPart:
     @cached_property
     def see_world_only(self) -> bool:
         """Whether all sensors look only at the graph and the agents."""
-        return all(slot.sees_world_only for slot in self._slots.at(self.observing))
+        return all(slot.sees_world_only for slot in self._slots.get_slots(self.observing))
 
     @cached_property
     def individuals(self) -> list[DecidingAgent]:
@@ -166,7 +166,7 @@ class TurnPart:
 
         Empty if there are channels or a time budget, or teams share no memory.
         """
-        return [slot.asked for slot in self._slots.at(self.asked)] if self._are_usual else []
+        return [slot.asked for slot in self._slots.get_slots(self.asked)] if self._are_usual else []
 
     @property
     def commanded(self) -> list[PlannedAgents]:
@@ -181,19 +181,19 @@ class TurnPart:
         plans = self._plans
         found = []
         for team, begun in self._group_teams.items():
-            indices = self._moving.present(begun) if team in plans else ()
+            indices = self._moving.select_present(begun) if team in plans else ()
             if indices:
                 is_all = len(indices) == len(slots)
                 names = slots.names if is_all else [slots.names[i] for i in indices]
                 members = range(len(slots)) if is_all else indices
-                keys = partial(slots.keys_of, indices)
+                keys = partial(slots.list_keys, indices)
                 are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
                 found.append(PlannedAgents(team, plans[team], members, names, keys, are_plain=are_plain))
         return sorted(found, key=lambda one: one.indices[0])
 
-    def present(self, indices: Sequence[int]) -> Sequence[int]:
+    def select_present(self, indices: Sequence[int]) -> Sequence[int]:
         """Return those of some slots whose agents take part."""
-        found: Sequence[int] = self._moving.present(indices)
+        found: Sequence[int] = self._moving.select_present(indices)
         return found
 
     def let_observe(self, others: Iterable[int]) -> None:
@@ -234,7 +234,7 @@ class TurnPart:
             is_all_ground=self.on_ground is None,
         )
 
-    def of_ground(self, values: Any) -> Any:
+    def select_ground(self, values: Any) -> Any:
         """Return the values of agents on the ground, from one value per slot."""
         if self.on_ground is None:
             return values
@@ -243,7 +243,7 @@ class TurnPart:
         return [values[i] for i in self.on_ground]
 
 
-class InConflict(NamedTuple):
+class ConflictingAgents(NamedTuple):
     """The agents of an order with conflicts.
 
     Attributes:
@@ -271,7 +271,7 @@ class TurnOrder:
 
     Attributes:
         slots, block: see the arguments.
-        agents: all agents, by slot; None: see `agents_of`.
+        agents: all agents, by slot; None: see `list_agents`.
         groups: the order of play.
         has_channels, has_deeds: whether the game has channels and deeds.
         whole: all agents.
@@ -314,7 +314,7 @@ class TurnOrder:
         self.settings = settings
         self.agents: list[IAgent] | None = None
         self.entries = block.structure.entries
-        self.in_conflict = InConflict(None, None, None)
+        self.in_conflict = ConflictingAgents(None, None, None)
         self.plan: TurnPlan | None = None
         self.acts = False
         self.conflicts: object = None
@@ -335,7 +335,7 @@ class TurnOrder:
         self.parts = [self.whole]
         self.unlisted: list[int] = []
         if order is not None:
-            all_teams = self.all_teams()
+            all_teams = self.list_teams()
             listed = {team for teams in order for team in teams}
             self.unlisted = [i for i, team in enumerate(all_teams) if team not in listed]
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
@@ -354,7 +354,7 @@ class TurnOrder:
         for part in (self.whole, *self.parts):
             part.begin_more()
 
-    def part_of(self, members: list[int], *, is_whole: bool = True) -> TurnPart:
+    def make_part(self, members: list[int], *, is_whole: bool = True) -> TurnPart:
         """Return some of these agents as a part of a turn, given the indices of their slots."""
         return TurnPart(self.slots, self.moving, members, self.settings, is_whole=is_whole)
 
@@ -368,27 +368,27 @@ class TurnOrder:
         """Name -> index of the slot."""
         return {name: i for i, name in enumerate(self.names)}
 
-    def present(self) -> Sequence[int]:
+    def list_present(self) -> Sequence[int]:
         """Return the indices of the slots of agents that take part."""
-        found: Sequence[int] = self.moving.present(self.whole.members)
+        found: Sequence[int] = self.moving.select_present(self.whole.members)
         return found
 
-    def agents_of(self, agents: Mapping[str, IAgent]) -> list[IAgent]:
+    def list_agents(self, agents: Mapping[str, IAgent]) -> list[IAgent]:
         """Return all agents by slot, from agents by name; the same list at each call."""
         if self.agents is None:
             self.agents = [agents[name] for name in self.names]
         return self.agents
 
-    def all_teams(self) -> list[Any]:
+    def list_teams(self) -> list[Any]:
         """Return the team of each agent, by slot."""
         return self.slots.teams
 
-    def nodes(self) -> Any:
+    def get_nodes(self) -> Any:
         """Return the node of each agent, by slot, as a view of an array; read-only."""
         version, ends = self._ended
         if version == self.block.version:
             return ends
-        return self.block.ids_of(self.selection.gather(self.block.node))
+        return self.block.get_ids(self.selection.gather(self.block.node))
 
     def end(self, ends: Any) -> None:
         """Take the nodes to which agents of plans were moved, by slot."""
@@ -397,7 +397,7 @@ class TurnOrder:
 
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
-        counted = self.moving.counted()
+        counted = self.moving.list_counted()
         if counted:
             self.slots.add_counts(counted)
             self.slots.restart_counts()
@@ -405,14 +405,14 @@ class TurnOrder:
     def list_counts(self) -> None:
         """Add the counted conflicts, and agents that have taken part or live now, to the counts of the agents."""
         for i in np.flatnonzero(self.blocked).tolist():
-            self.slots.counts_of(i)["blocked"] += int(self.blocked[i])
+            self.slots.get_counts(i)["blocked"] += int(self.blocked[i])
         self.blocked.fill(0)
         lives = self.block.alive
         has_begun = self.moving.has_begun
         is_present = self.entries == self.block.structure.entries
         for i, row in enumerate(self.selection.rows):
             if has_begun[i] or (is_present and lives[row]):
-                self.slots.counts_of(i)
+                self.slots.get_counts(i)
 
 
 def _number_sensor(one: SensorCall, first: dict[Hashable, tuple[int, Any]]) -> SensorCall:
@@ -437,7 +437,7 @@ def note_lost(error: BaseException, ctx: HostContext) -> None:
         return
     block = ctx.agent.block
     has_node = ctx.graph.graph.has_node
-    nodes = block.ids_of(block.node)
+    nodes = block.get_ids(block.node)
     for name, kind, node, alive in zip(block.names, block.kind, nodes, block.alive, strict=True):
         if alive and not kind and not has_node(node):
             error.add_note(

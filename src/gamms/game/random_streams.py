@@ -44,16 +44,18 @@ class DrawTable(TurnCounter):
     def __init__(self, seed: int, clock: GameState | _FixedTurn) -> None:
         super().__init__(clock, seed)
 
-    def first_key(self, name: str) -> int:
-        """Return the key of the draws of an agent; see `kernels.first_key`."""
-        return kernels.first_key(kernels.purpose_key(self.seed, "agent"), kernels.name_key(name))
+    def compute_first_key(self, name: str) -> int:
+        """Return the key of the draws of an agent; see `kernels.compute_first_key`."""
+        return kernels.compute_first_key(
+            kernels.compute_purpose_key(self.seed, "agent"), kernels.compute_name_key(name)
+        )
 
 
 class _CopiedTable(DrawTable):
     """The key and the clock of a copy of one agent's draws, without the seed of the game.
 
     Args:
-        first: the `first_key` of the agent.
+        first: the `compute_first_key` of the agent.
         turn: the turn of the copy.
     """
 
@@ -63,7 +65,7 @@ class _CopiedTable(DrawTable):
         super().__init__(0, _FixedTurn(turn))
         self._first = first
 
-    def first_key(self, name: str) -> int:  # noqa: ARG002 - there is one agent
+    def compute_first_key(self, name: str) -> int:  # noqa: ARG002 - there is one agent
         """Return the key that was given."""
         return self._first
 
@@ -100,11 +102,11 @@ class Draws(TurnStream):
 
     @property
     def _point(self) -> tuple[int, str, int, int]:
-        return self.first_key(), self._name, self._table.clock.turn, self.mark() or 0
+        return self.compute_first_key(), self._name, self._table.clock.turn, self.mark() or 0
 
-    def first_key(self) -> int:
+    def compute_first_key(self) -> int:
         """Return the key of the draws for the current seed."""
-        return self._table.first_key(self._name)
+        return self._table.compute_first_key(self._name)
 
     def refuse_bound(self, n: object) -> NoReturn:
         """Raise BadValue for an invalid argument of `below`."""
@@ -134,7 +136,7 @@ class ArrayDraws(ShallowCopyMixin):
 
     def random(self) -> FloatArray:
         """Return a number in [0, 1) for each agent."""
-        return kernels.fraction_many(self.bits())
+        return kernels.convert_to_fractions(self.bits())
 
     def below(self, n: IntArray | int) -> IntArray:
         """Return an integer from 0 to `n - 1` for each agent; `n` is one number, or one per agent.
@@ -146,7 +148,9 @@ class ArrayDraws(ShallowCopyMixin):
         if bounds.size and not (bounds.min() >= 1 and bounds.max() <= 1 << 32):
             raise BadValue(f"draw.below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
         bits = self.bits()
-        return kernels.below_many(*as_one_shape({"draw": bits, "n": bounds}) if bounds.ndim else (bits, bounds))
+        return kernels.convert_to_integers(
+            *as_one_shape({"draw": bits, "n": bounds}) if bounds.ndim else (bits, bounds)
+        )
 
     def after(self, count: IntArray) -> Self:
         """Return draws of agents that have drawn some numbers of times in this turn."""
@@ -186,10 +190,10 @@ class ArrayDraws(ShallowCopyMixin):
             return self._among[0].bits_of(counted)
         if self._keys is None:
             first_keys, turns = self._of
-            self._keys = kernels.turn_key_rows(first_keys(), turns)
+            self._keys = kernels.compute_turn_key_rows(first_keys(), turns)
         count = self._count
         self._count = self._count + counted
-        return kernels.bits_at_rows(self._keys, count)
+        return kernels.compute_bits_rows(self._keys, count)
 
 
 def _make_draws(first: int, name: str, turn: int, count: int) -> Draws:

@@ -18,9 +18,9 @@ from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import as_kind, read_bytes, write_whole
 from gamms.game.strategy_specs import draw_members
-from gamms.ir.game_state import CollectedNumbers, describe_reason, is_shown_number, log_at
+from gamms.ir.game_state import CollectedNumbers, cut_log, describe_reason, is_shown_number
 from gamms.ir.messages import make_message_table
-from gamms.ir.tables import add_latlon, frame_of, make_table
+from gamms.ir.tables import add_latlon, make_frame, make_table
 from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.text import make_printable_line, reason, shown
@@ -161,7 +161,7 @@ class Result(Surface):
             UnknownName (KeyError): there is no such table.
             MissingExtra (ImportError): pandas is not installed.
         """
-        return frame_of(self.table(name, lat_lon=lat_lon))
+        return make_frame(self.table(name, lat_lon=lat_lon))
 
     def _make_tables(self) -> dict[str, Any]:
         events: dict[str, Any] = {}
@@ -448,7 +448,7 @@ class Collectors:
         self._replaceable: frozenset[str] = frozenset()
 
     @contextmanager
-    def replacing(self, names: frozenset[str]) -> Iterator[None]:
+    def allow_replacing(self, names: frozenset[str]) -> Iterator[None]:
         """Let functions that add collectors with these names add them again within the block, in the same places."""
         self._replaceable = names
         try:
@@ -477,7 +477,7 @@ class Collectors:
                     columns["agent"].append(agent.name)
                 columns["value"].append(deepcopy(fn(ctx if agent is None else agent)))
 
-    def last_numbers(self, turn: int) -> dict[str, CollectedNumbers]:
+    def list_last_numbers(self, turn: int) -> dict[str, CollectedNumbers]:
         """Return the numbers among the last values that were due up to a turn; see `GameState.collected`."""
         numbers: dict[str, CollectedNumbers] = {}
         for name, one in self.by_name.items():
@@ -493,7 +493,7 @@ class Collectors:
                 numbers[name] = found if one.per == "agent" else found[""]
         return numbers
 
-    def tables(self) -> dict[str, dict[str, list[Any]]]:
+    def get_tables(self) -> dict[str, dict[str, list[Any]]]:
         """Return the collected columns, by name."""
         return {name: {key: list(column) for key, column in one.columns.items()} for name, one in self.by_name.items()}
 
@@ -525,7 +525,7 @@ class Collectors:
         self.by_name = {name: one for name, (one, _) in before.items()}
         for one, marks in before.values():
             for key, (entries, length) in marks.items():
-                one.columns[key] = log_at(one.columns[key], entries, length, one.marked[key])
+                one.columns[key] = cut_log(one.columns[key], entries, length, one.marked[key])
                 one.marked[key] = length
 
 

@@ -41,7 +41,7 @@ class Role:
         names = {} if self.names is None else {"names": sorted(self.names)}
         return {"team": self.team, **names, **({"where": dict(self.where)} if self.where else {})}
 
-    def fits(self, name: str, type: AgentType, attributes: Mapping[str, Any]) -> bool:
+    def is_held_by(self, name: str, type: AgentType, attributes: Mapping[str, Any]) -> bool:
         """Return whether an agent of the team has this role, given its name, type and attributes."""
         if self.names is not None and name not in self.names:
             return False
@@ -49,7 +49,7 @@ class Role:
 
     def has(self, agent: IAgent) -> bool:
         """Return whether an agent has this role."""
-        return agent.team == self.team and self.fits(agent.name, agent.type, vars(agent))
+        return agent.team == self.team and self.is_held_by(agent.name, agent.type, vars(agent))
 
     def find_flaw(self, members: Collection[IAgent]) -> UnknownName | None:
         """Return an error if a name or an attribute fits no agent of the team; None: all do.

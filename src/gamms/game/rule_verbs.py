@@ -7,16 +7,16 @@ from typing import Any, overload
 from gamms.arguments import as_bool, as_ids, as_items, as_key, as_name
 from gamms.deciding import Protected, leave_last_turn, refuse_while_deciding
 from gamms.errors import BadValue, UnknownName
-from gamms.game.deeds import fields_of, performed_deeds
+from gamms.game.deeds import get_fields, list_performed
 from gamms.game.facts import get_writable_facts
 from gamms.game.movement.moves import list_stays_on_edges, list_stays_on_nodes
 from gamms.game.settings import Settings
 from gamms.game.snapshots import GameInternals
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import AgentBlock, Position
-from gamms.ir.game_state import GameState, Scores, joined_end
+from gamms.ir.game_state import GameState, Scores, join_ends
 from gamms.plain import Plain
-from gamms.readonly import ReadOnlyMapping, freeze, published
+from gamms.readonly import ReadOnlyMapping, freeze, make_shareable
 from gamms.typing.actions import check_node
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent
 from gamms.typing.game import AerialState, Deed, Move, State, Track, Visit
@@ -53,7 +53,7 @@ class RuleVerbs(Settings):
         self._phase.read_moves()
         self._turns.update_counts()
         self._turns.list_counts()
-        return self._phase.shown(self._state.counts)
+        return self._phase.protect_value(self._state.counts)
 
     @property
     def scores(self) -> Scores:
@@ -70,19 +70,19 @@ class RuleVerbs(Settings):
     def over(self) -> dict[str, Any] | None:
         """The reason of the end, the winner, and whether the game was truncated; None while the game goes on."""
         over = self._state.over
-        return None if over is None else self._phase.shown(dict(over))
+        return None if over is None else self._phase.protect_value(dict(over))
 
     @property
     def agents(self) -> list[IAgent]:
         """The living agents, in the order of names."""
-        return self._turns.living()
+        return self._turns.list_living()
 
     @property
     def moves(self) -> dict[str, Move]:
         """Agent -> its move in this turn, for agents on the ground; rules must not change it."""
         self._phase.read_moves()
         moves = self._state.moves
-        return {} if moves is None else self._phase.shown(moves.by_name())
+        return {} if moves is None else self._phase.protect_value(moves.get_by_name())
 
     @refuse_while_deciding
     def performed(self, kind: str | None = None) -> list[Deed]:
@@ -95,8 +95,8 @@ class RuleVerbs(Settings):
             UnknownName (KeyError): there is no such deed.
         """
         if kind is not None:
-            fields_of(as_key(kind, "A kind of deed"), self.deeds)
-        deeds = performed_deeds(self._state, is_moving=self._turns.is_moving)
+            get_fields(as_key(kind, "A kind of deed"), self.deeds)
+        deeds = list_performed(self._state, is_moving=self._turns.is_moving)
         return [deed for deed in deeds if kind in (None, deed.kind)]
 
     @refuse_while_deciding
@@ -118,7 +118,7 @@ class RuleVerbs(Settings):
         if refusals is None:
             raise BadValue("ctx.game.refuse is for the check of a rule: rule.check = function(ctx).")
         if deed is not None:
-            fields_of(deed, self.deeds)
+            get_fields(deed, self.deeds)
         refusals.add(self._get_agent(agent).name, reason, deed)
 
     def tracks(self, agents: Iterable[IAgent | str]) -> list[Track]:
@@ -134,7 +134,7 @@ class RuleVerbs(Settings):
         found = [one if hasattr(one, "name") else self._get_agent(one) for one in given]
         self._phase.read_moves()
         moves = self._state.moves
-        tracks: list[Track] | None = None if moves is None else moves.tracks(found)
+        tracks: list[Track] | None = None if moves is None else moves.list_tracks(found)
         return [Track((agent.current_node_id,), (1.0,)) for agent in found] if tracks is None else tracks
 
     @refuse_while_deciding
@@ -194,11 +194,11 @@ class RuleVerbs(Settings):
         """
         one = self._get_agent(agent)
         self._phase.are_memories_known = True
-        order = self._turns.order()
-        living = self._turns.living()
+        order = self._turns.get_order()
+        living = self._turns.list_living()
         if not any(agent is one for agent in living):
             raise UnknownName("living agent", one.name, [agent.name for agent in living])
-        return self._turns.observation(order.slots[order.index_of[one.name]])
+        return self._turns.make_observation(order.slots[order.index_of[one.name]])
 
     @leave_last_turn
     def emit(self, kind: str, **data: Plain) -> None:
@@ -227,7 +227,7 @@ class RuleVerbs(Settings):
         """
         over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
         if self._state.over is None or self._turns.is_playing:
-            self._state.over = joined_end(self._state.over, over)
+            self._state.over = join_ends(self._state.over, over)
 
     @leave_last_turn
     def eliminate(self, agent: IAgent | str) -> None:
@@ -235,7 +235,7 @@ class RuleVerbs(Settings):
         one = self._get_agent(agent)
         if one.alive:
             self._turns.make_state_of(one.name)
-            with self._phase.suspended(changes_world=False):  # its state is made
+            with self._phase.suspend(changes_world=False):  # its state is made
                 one.alive = False
             self.emit("eliminated", agent=one.name, node=one.current_node_id)
 
@@ -243,9 +243,9 @@ class RuleVerbs(Settings):
     def respawn(self, agent: IAgent | str, node: int | None = None) -> None:
         """Place an agent, dead or alive, on a node, as if it had been there before; None: on its start."""
         one: Any = self._get_agent(agent)  # of any kind: its place is of the same
-        where = self._internals.start_of(one) if node is None else node
+        where = self._internals.find_start(one) if node is None else node
         block: AgentBlock = self.ctx.agent.block
-        row = block.row_of(one.name)
+        row = block.find_row(one.name)
         if not block.kind[row]:
             block.put_back(row, check_node(self.ctx.graph.graph, block, where))
         else:
@@ -260,7 +260,7 @@ class RuleVerbs(Settings):
 
     def start_node(self, agent: IAgent | str) -> int | Position:
         """Return the start node of an agent, or its start position (x, y, z) if it flies."""
-        return self._internals.start_of(self._get_agent(agent))
+        return self._internals.find_start(self._get_agent(agent))
 
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
@@ -274,10 +274,10 @@ class RuleVerbs(Settings):
         phase.are_memories_known = True
         memories = self._state.memories
         if phase.is_deciding:
-            own: Mapping[str, dict[Any, Any]] = freeze({name: memories.get(name, {}) for name in phase.names()})
+            own: Mapping[str, dict[Any, Any]] = freeze({name: memories.get(name, {}) for name in phase.list_names()})
             return own
         names = self.ctx.agent.agents
-        known: dict[str, dict[Any, Any]] = {name: memories.get(name) or self._state.memory_of(name) for name in names}
+        known: dict[str, dict[Any, Any]] = {name: memories.get(name) or self._state.get_memory(name) for name in names}
         known |= {name: memories[name] for name in sorted(memories) if memories[name] and name not in names}
         return known
 
@@ -305,7 +305,7 @@ class RuleVerbs(Settings):
             BadValue: an agent and a team have this name.
             BadType: a fact is mutable.
         """
-        made = [(name, published(name, value)) for name, value in facts.items()]
+        made = [(name, make_shareable(name, value)) for name, value in facts.items()]
         get_writable_facts(to, self._state, self.ctx).update(made)
 
     @refuse_while_deciding

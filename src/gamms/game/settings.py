@@ -1,6 +1,6 @@
 """Settings of a game, checked on assignment; plans of teams; and rules in the order of their calls.
 
-A rule is a function. `RuleSpec` is its declaration, and `rule_spec_of` returns the declaration of any rule.
+A rule is a function. `RuleSpec` is its declaration, and `get_rule_spec` returns the declaration of any rule.
 """
 
 from collections.abc import Callable, Collection, Container, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -179,7 +179,7 @@ class Settings(ContextPart):
         plain = {name: getattr(self, name) for name in _ALWAYS_NOTED}
         plain.update((name, getattr(self, name)) for name in _TRAVEL if getattr(self, name) != getattr(Settings, name))
         default = self.default_action
-        channels = {name: one.options() for name, one in self.channels.items()}
+        channels = {name: one.list_options() for name, one in self.channels.items()}
         declared = {"order": self.order, "deeds": make_plain_declarations(self.deeds), "channels": channels}
         plain.update((name, value) for name, value in declared.items() if value)
         if not self.team_memory:
@@ -466,7 +466,7 @@ def declared(rule: R, spec: RuleSpec) -> R:
     return rule
 
 
-def rule_spec_of(rule: object) -> RuleSpec:
+def get_rule_spec(rule: object) -> RuleSpec:
     """Return the declaration of a rule, including attributes set by a user.
 
     A function that wraps a rule by `functools.wraps` is prepared and drawn like that rule, but may behave differently:
@@ -502,7 +502,7 @@ class NamedRule(NamedTuple):
     @property
     def spec(self) -> RuleSpec:
         """The declaration of the rule; the core only has forms of rules of the phase "after"."""
-        spec = rule_spec_of(self.rule)
+        spec = get_rule_spec(self.rule)
         if self.phase == "after" or spec.core_form is None:
             return spec
         return replace(spec, core_form=None, prepare_arrays=None, begin_arrays=None, show_arrays=None)
@@ -595,7 +595,7 @@ class RuleTable:
         """Whether a rule checks moves and deeds, or executes deeds."""
         return "deeds" in self.phases or bool(self.checks)
 
-    def changed(self) -> list[NamedRule]:
+    def list_changed(self) -> list[NamedRule]:
         """Return the rules whose attributes have changed since this table was made."""
         return [
             one
@@ -673,7 +673,9 @@ class BegunPhase(NamedTuple):
     map_before: Any = None
 
     @classmethod
-    def after(cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None, part: int) -> "BegunPhase":
+    def from_rule(
+        cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None, part: int
+    ) -> "BegunPhase":
         """Return the phase of a rule of a table, after this rule was called, with the order of play in the turn."""
         names = [joined.name for _, joined in table.of_phase[rule.phase]]
         return cls(rule.phase, table.rules, names.index(rule.name) + 1, order, part)
@@ -716,7 +718,7 @@ class RuleSet:
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:
             raise Duplicate("a rule", name)
-        spec = rule_spec_of(rule)
+        spec = get_rule_spec(rule)
         if spec.key is not None and any(one.spec.key == spec.key for one in self.rules):
             raise Duplicate("a rule with a key", spec.key)
         named = NamedRule(_find_free_name(_find_name(rule), taken) if name is None else name, rule, phase)
@@ -732,7 +734,7 @@ class RuleSet:
         Raises:
             Duplicate: two rules have the same key.
         """
-        changed = self.now.changed()
+        changed = self.now.list_changed()
         if not changed:
             return
         keys = [key for one in self.rules if (key := one.spec.key) is not None]
@@ -842,7 +844,7 @@ class RuleSet:
 
     def _make_player(self, group: Sequence[NamedRule], named: NamedRule) -> "_RulePlayer":
         """Return what plays rules that are called as one."""
-        player = rule_spec_of(named.rule).player
+        player = get_rule_spec(named.rule).player
         play = partial(named.rule, self._ctx) if player is None else player(self._ctx)
         return _RulePlayer(group, named, play)
 

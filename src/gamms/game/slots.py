@@ -134,7 +134,7 @@ class AgentSlot:
         twin.agent = agent
         return twin
 
-    def holds(self, agent: IAgent, access: TurnAccess) -> bool:
+    def is_valid_for(self, agent: IAgent, access: TurnAccess) -> bool:
         """Return whether the slot is still valid for an agent of this game, perhaps in another row."""
         is_own = self.agent is agent and self.last is access.last
         is_equal = self.carried is access.carried and self.team == agent.team
@@ -198,7 +198,7 @@ class AgentSlot:
             "legal": (),
             "draw": self.draws,
             "rng": self.rng,
-            "memory": state.memory_of(self.name),
+            "memory": state.get_memory(self.name),
             **({"team_memory": None} if settings.team_memory else {}),
             "facts": get_facts(self.name, self.team, state, facts),
             "blocked": self._explain_block(),
@@ -222,7 +222,7 @@ class AgentSlot:
         blocked = self.game.state.blocked
         return blocked.get(self.name) if blocked else None
 
-    def marks(self) -> tuple[Any, Any]:
+    def get_marks(self) -> tuple[Any, Any]:
         """Return how far its random streams have been read in this turn, for `go_to`."""
         return self._draws and self._draws.mark(), self._rng and self._rng.mark()
 
@@ -284,15 +284,15 @@ class Slots(Sequence[AgentSlot]):
             names = before.names
             teams = before.teams
             made = before._made
-        self.names: list[str] = change.of(names, [block.names[row] for row in change.rows])
-        self.selection: Selection = selection.after(change)
-        self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
+        self.names: list[str] = change.update_list(names, [block.names[row] for row in change.rows])
+        self.selection: Selection = selection.follow_change(change)
+        self.teams: list[Any] = change.update_list(teams, [block.teams[row] for row in change.rows])
         none: RowArray = np.zeros(len(change.rows), np.int32)
         self.moved: RowArray = none
         self.blocked: RowArray = none.copy()
         if before is not None:
             self.moved, self.blocked = before._hand_over(change, none)
-        self._made: list[AgentSlot | None] = change.of(made, [None] * len(change.rows))
+        self._made: list[AgentSlot | None] = change.update_list(made, [None] * len(change.rows))
         self._agents = agents.storage
         self.idle = idle
         self.table = table
@@ -304,7 +304,9 @@ class Slots(Sequence[AgentSlot]):
         if change.closed:
             self._renumber(block)
         if before is not None and "keys" in before.__dict__:
-            self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
+            self.keys = change.update_array(
+                before.keys, kernels.compute_name_keys(self.names[i] for i in change.places)
+            )
 
     def _find_kinds(self, block: AgentBlock, settings: Settings) -> None:
         """Find the agents that fly, or may be on an edge."""
@@ -331,8 +333,8 @@ class Slots(Sequence[AgentSlot]):
 
     def _renumber(self, block: AgentBlock) -> None:
         """Update the rows of slots, after agents have left."""
-        slots = self.made()
-        for slot, row in zip(slots, block.rows.of_each([slot.name for slot in slots]), strict=True):
+        slots = self.list_made()
+        for slot, row in zip(slots, block.rows.find_rows([slot.name for slot in slots]), strict=True):
             slot.row = row
 
     def __len__(self) -> int:
@@ -356,25 +358,25 @@ class Slots(Sequence[AgentSlot]):
     @cached_property
     def keys(self) -> BitArray:
         """The hashes of the names, for keyed draws, (agents,)."""
-        return kernels.name_keys(self.names)
+        return kernels.compute_name_keys(self.names)
 
     def _hand_over(self, change: AgentSetChange, none: RowArray) -> tuple[RowArray, RowArray]:
         """Return `moved` and `blocked` after a change, and set them to 0 here."""
         self.add_counts([i for i in change.gone if self.moved[i] or self.blocked[i]])
-        found = change.of_array(self.moved, none), change.of_array(self.blocked, none)
+        found = change.update_array(self.moved, none), change.update_array(self.blocked, none)
         self.restart_counts()
         return found
 
-    def keys_of(self, indices: Sequence[int]) -> BitArray:
+    def list_keys(self, indices: Sequence[int]) -> BitArray:
         """Return the keys of the agents at some indices."""
         return self.keys if len(indices) == len(self) else self.keys[indices]
 
-    def at(self, indices: Sequence[int]) -> list[AgentSlot]:
+    def get_slots(self, indices: Sequence[int]) -> list[AgentSlot]:
         """Return the slots at some indices."""
         slots = [self._made[i] for i in indices]
         return [self[i] if slot is None else slot for i, slot in zip(indices, slots, strict=True)]
 
-    def counts_of(self, i: int) -> dict[str, int]:
+    def get_counts(self, i: int) -> dict[str, int]:
         """Return the counts of an agent; see `COUNTED`."""
         counts = self._counts.get(self.names[i])
         if counts is None:
@@ -386,7 +388,7 @@ class Slots(Sequence[AgentSlot]):
         """Add `moved` and `blocked` of some agents to their counts."""
         columns = indices, self.moved[indices].tolist(), self.blocked[indices].tolist()
         for i, moved, blocked in zip(*columns, strict=True):
-            counts = self.counts_of(i)
+            counts = self.get_counts(i)
             counts["moves"] += moved
             counts["blocked"] += blocked
 
@@ -416,7 +418,7 @@ class Slots(Sequence[AgentSlot]):
             self._departed.setdefault(self._departure.agent.name, self._departure.agent)
         return self._departed
 
-    def made(self) -> list[AgentSlot]:
+    def list_made(self) -> list[AgentSlot]:
         """Return all slots made so far."""
         return [slot for slot in self._made if slot is not None]
 
@@ -432,7 +434,7 @@ class Slots(Sequence[AgentSlot]):
             if slot is not None:
                 slot.show_blocked()
 
-    def of_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "Slots":
+    def copy_for_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "Slots":
         """Return the same slots for a copied game.
 
         Args:
@@ -488,23 +490,23 @@ class SlotMaker:
             table = DrawTable(self._ctx.seed, self._state)
         else:
             table = before.table
-            since = block.structure.since(entry)
+            since = block.structure.list_changes_since(entry)
         if since is not None and before is not None:
             rows, closed = since
             change = AgentSetChange(before.names, rows, block.names, closed)
             known = {slot.name: slot for i in change.gone if (slot := before._made[i]) is not None}
         else:
             change = AgentSetChange((), range(len(block)), block.names)
-            known = {} if before is None else {slot.name: slot for slot in before.made()}
+            known = {} if before is None else {slot.name: slot for slot in before.list_made()}
         all_agents = agents.agents
-        access_of = agents.storage.turn_access
+        access_of = agents.storage.get_turn_access
         game = SlotGame(self._state, table, self._facts, self._settings, self._fork)
 
         def make_slot(name: str, departed: IAgent | None) -> AgentSlot:
             agent = all_agents[name] if departed is None else departed
             slot = known.get(name)
             access = access_of(agent)
-            if slot is None or not slot.holds(agent, access):
+            if slot is None or not slot.is_valid_for(agent, access):
                 return AgentSlot(agent, access, game)
             slot.row = access.row
             return slot
@@ -512,13 +514,15 @@ class SlotMaker:
         def idle() -> set[str]:
             if not block.has_teams:
                 return set()
-            found = {name for name, one in zip(block.names, agents.storage.strategies(), strict=True) if one is None}
-            return found and found - {agent.name for agent in agents.storage.made() if agent.sensors}
+            found = {
+                name for name, one in zip(block.names, agents.storage.list_strategies(), strict=True) if one is None
+            }
+            return found and found - {agent.name for agent in agents.storage.list_created() if agent.sensors}
 
         past = None if since is None else before
         slots = Slots(agents, self._settings, make_slot, idle, self._state.counts, table, past, change)
         if known:
-            slots.at([i for i in change.places if slots.names[i] in known])
+            slots.get_slots([i for i in change.places if slots.names[i] in known])
         return slots
 
 

@@ -7,7 +7,7 @@ from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple
 
 from gamms.arguments import DescribedFunction, find_annotations
-from gamms.core.copies import ONLY_PLAIN, NotPlain, copied, copied_values
+from gamms.core.copies import ONLY_PLAIN, NotPlain, copy_deep, copy_values
 from gamms.deciding import ContextPart, DecidePhase, add_copies, copy_part, refuse_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.conflicts import Conflicts
@@ -23,7 +23,7 @@ from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
 from gamms.ir.schema import Memo
 from gamms.knowledge.sides import select_by_name, select_heard, select_own
 from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
-from gamms.progress import uninterrupted
+from gamms.progress import delay_interrupts
 from gamms.readonly import NotPickled
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
@@ -66,12 +66,12 @@ class Snapshot(NotPickled):
 
     def place_of(self, agent: IAgent) -> int | Position:
         """Return the place of an agent: a node id, or (x, y, z)."""
-        place: int | Position = self._parts["agents"].place_of(agent)
+        place: int | Position = self._parts["agents"].find_place(agent)
         return place
 
     def places_of(self, agents: Mapping[str, IAgent]) -> dict[str, int | Position]:
         """Return name -> place, for some agents."""
-        places: dict[str, int | Position] = self._parts["agents"].places_of(agents)
+        places: dict[str, int | Position] = self._parts["agents"].find_places(agents)
         return places
 
     @property
@@ -102,7 +102,7 @@ class Snapshot(NotPickled):
         moves = self.get("moves")
         agents = deepcopy(self._parts["agent_engine"], memo)
         if moves is not None and id(moves) not in memo:  # they hold views of arrays
-            memo[id(moves)] = moves.of_agents(agents, partial(_find_twin, memo))
+            memo[id(moves)] = moves.copy_for_agents(agents, partial(_find_twin, memo))
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
         parts["prepared"] = -1  # strategies are prepared once in each context
         return Snapshot(self.turn, self.seed, of, values, parts)
@@ -115,7 +115,7 @@ class GameStart(NamedTuple):
     rng: Any  # the state of the context's own stream
     first_seed: tuple[int, Any]  # the seed and that state of the first start in this context
 
-    def rng_of(self, seed: int) -> Any:
+    def get_rng_state(self, seed: int) -> Any:
         """Return the state of the context's own stream at the start with a seed; None: a new stream."""
         return dict([self.first_seed, (self.snapshot.seed, self.rng)]).get(seed)
 
@@ -139,8 +139,8 @@ class SnapshotTaker(NamedTuple):
 
     def take(
         self,
-        copy_state: Callable[[GameState], list[Any]] = GameState.copies,
-        copy_attributes: Callable[[dict[str, Any]], dict[str, Any]] = copied_values,
+        copy_state: Callable[[GameState], list[Any]] = GameState.copy_values,
+        copy_attributes: Callable[[dict[str, Any]], dict[str, Any]] = copy_values,
         *,
         has_counts: bool = True,
     ) -> Snapshot:
@@ -166,14 +166,14 @@ class SnapshotTaker(NamedTuple):
             "settings": self.settings.settings_now(),
             "rules": self.rules.now,
             "collectors": self.collectors.snapshot(),
-            "logs": state.marks(),
+            "logs": state.get_marks(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
             "prepared": self.turns.prepared,
         }
         return Snapshot(state.turn, ctx.seed, state, copy_state(state), parts)
 
-    def belongs_here(self, snapshot: Snapshot) -> bool:
+    def is_own(self, snapshot: Snapshot) -> bool:
         """Return whether a snapshot belongs to this game."""
         return snapshot._of is self.state
 
@@ -219,7 +219,7 @@ class SnapshotTaker(NamedTuple):
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that takes a turn back, but for what functions have written; see `restore`."""
         leave_unread = _keep_unread(self.turns)
-        with self.turns.phase.suspended(changes_world=False):
+        with self.turns.phase.suspend(changes_world=False):
             snapshot = self.take(GameState.turn_copies, dict, has_counts=False)
         adding = [order.slots.keep_counts() for order in self.turns.orders]
         undoing = [checkpoint() for checkpoint in self.ctx.game.internals.checkpoints]
@@ -227,7 +227,7 @@ class SnapshotTaker(NamedTuple):
         def take_back() -> None:
             if self.ctx.is_terminated():
                 return
-            with uninterrupted():
+            with delay_interrupts():
                 self.restore_streams(snapshot)
                 self.restore(snapshot, keeps_written=True)
                 leave_unread()
@@ -284,7 +284,9 @@ class ForkSource:
         self._state = parts.state
         self._game = parts.ctx.game
         self.snapshot = (
-            parts.take(GameState.plain_copies, _list_plain_values) if only_plain else parts.take(GameState.values, dict)
+            parts.take(GameState.copy_plain_values, _list_plain_values)
+            if only_plain
+            else parts.take(GameState.list_values, dict)
         )
         self.agents = self.snapshot.agents
         each = zip(self.agents.roster.agents, self.agents.states, strict=True)
@@ -293,7 +295,7 @@ class ForkSource:
         self._settings: dict[str, Any] = self.snapshot.part("settings")
         self.held: dict[int, Any] = {}
         if only_plain:
-            copies = {id(one): copied(one, ONLY_PLAIN) for one in self._team_memories}
+            copies = {id(one): copy_deep(one, ONLY_PLAIN) for one in self._team_memories}
             self._team_memories = [copies[id(one)] for one in self._team_memories]
             self._note_functions(parts.ctx.sensor.sensors.values())
         self._context = parts.ctx.capture(self.agents, only_plain=only_plain)
@@ -337,7 +339,7 @@ class ForkSource:
         ahead: GameInternals = ctx.game.internals
         ahead.scenario = self._scenario
         memo[id(self._game)] = fork or ctx.game
-        memo |= {id(function): own(other, memo) for function, other in functions}
+        memo |= {id(function): get_counterpart(other, memo) for function, other in functions}
         self.copy_game(ahead.parts, memo)
         return ctx, memo
 
@@ -356,8 +358,8 @@ class ForkSource:
     def copy_game(self, target: SnapshotTaker, memo: Memo) -> None:
         """Copy the whole game into the game of a context from `make`."""
         storage = target.ctx.agent.storage
-        strategies = {id(one): own(one, memo) for one in self.agents.strategies}
-        for agent in storage.made():
+        strategies = {id(one): get_counterpart(one, memo) for one in self.agents.strategies}
+        for agent in storage.list_created():
             strategy = strategies[id(agent.strategy)]
             if strategy is not agent.strategy:
                 agent.decide_by(strategy)
@@ -369,8 +371,10 @@ class ForkSource:
             if value is not None and not FIELDS[name].is_own:
                 state.put(name, copy_of(value, memo))
         plans = self._settings["plans"].items()
-        self.copy_means(target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
-        target.collectors.take_copies(self.snapshot.part("collectors"), lambda fn: own(fn, memo))
+        self.copy_means(
+            target, memo, plans={team: Plan(get_counterpart(one.function, memo), one.arrays) for team, one in plans}
+        )
+        target.collectors.take_copies(self.snapshot.part("collectors"), lambda fn: get_counterpart(fn, memo))
         self._renew_states(target)
         moves: TurnMoves | None = self.snapshot.get("moves")
         if moves is not None:
@@ -381,21 +385,21 @@ class ForkSource:
         """Copy the functions of sensors, the rules and the settings; `others` replaces some settings."""
         for sensor in target.ctx.sensor.sensors.values():
             if getattr(sensor, "function", None) is not None:
-                sensor.function = own(sensor.function, memo)
+                sensor.function = get_counterpart(sensor.function, memo)
         defaults = target.settings.settings()
         settings = {**self._settings, **others}
-        given = {name: own(value, memo) for name, value in settings.items() if value is not defaults[name]}
+        given = {name: get_counterpart(value, memo) for name, value in settings.items() if value is not defaults[name]}
         target.settings.configure(given)
         known: RuleTable = self.snapshot.part("rules")
         rules = copy_rules(known.rules, memo)
         are_same = all(new.rule is one.rule for new, one in zip(rules, known.rules, strict=True))
-        target.rules.replace(known if are_same and not known.changed() else RuleTable(tuple(rules)))
+        target.rules.replace(known if are_same and not known.list_changed() else RuleTable(tuple(rules)))
 
     def _renew_states(self, target: SnapshotTaker) -> None:
         """Insert what agents of the fork know into their last states, and their streams when one is read."""
         states = []
-        for agent, team_memory in zip(target.ctx.agent.storage.made(), self._team_memories, strict=True):
-            state = target.ctx.agent.storage.turn_access(agent).last[0]
+        for agent, team_memory in zip(target.ctx.agent.storage.list_created(), self._team_memories, strict=True):
+            state = target.ctx.agent.storage.get_turn_access(agent).last[0]
             if "memory" in state:
                 renew_state(target, agent, state, team_memory)
                 states.append((agent, state))
@@ -403,7 +407,7 @@ class ForkSource:
             target.turns.phase.leave_unread(partial(renew_streams, target, states))
 
     def _note_functions(self, sensors: Iterable[Any]) -> None:
-        """Note what the functions of the game hold, those of its sensors, too; see `own`."""
+        """Note what the functions of the game hold, those of its sensors, too; see `get_counterpart`."""
         settings = self._settings
         conflicts = settings["conflicts"]
         if type(conflicts) is Conflicts and not conflicts.has_state:
@@ -430,7 +434,7 @@ class ForkMemo(dict[int, Any]):
 
 
 def _list_plain_values(attributes: dict[str, Any]) -> dict[str, Any]:
-    made: dict[str, Any] = copied_values(attributes, ONLY_PLAIN)
+    made: dict[str, Any] = copy_values(attributes, ONLY_PLAIN)
     return made
 
 
@@ -473,26 +477,26 @@ def _find_twin(memo: Memo, agent: Any) -> Any:
 
 def copy_moves(moves: TurnMoves, target: SnapshotTaker, memo: Memo) -> TurnMoves:
     """Return moves of a turn for the agents of a fork."""
-    return moves.of_agents(target.ctx.agent, partial(_find_twin, memo))
+    return moves.copy_for_agents(target.ctx.agent, partial(_find_twin, memo))
 
 
 def copy_rules(rules: Iterable[NamedRule], memo: Memo) -> list[NamedRule]:
-    """Return the counterparts of rules in a fork; see `own`."""
-    return [one._replace(rule=own(one.rule, memo)) for one in rules]
+    """Return the counterparts of rules in a fork; see `get_counterpart`."""
+    return [one._replace(rule=get_counterpart(one.rule, memo)) for one in rules]
 
 
 def renew_state(target: SnapshotTaker, agent: IAgent, state: dict[str, Any], team_memory: object) -> None:
     """Insert what an agent of a game knows into a copy of its last state in another game."""
-    state["memory"] = target.state.memory_of(agent.name)
+    state["memory"] = target.state.get_memory(agent.name)
     if "team_memory" in state:
-        state["team_memory"] = copied(team_memory)
+        state["team_memory"] = copy_deep(team_memory)
     state["facts"] = get_facts(agent.name, agent.team, target.state, target.ctx.game.facts)
     state["fork"] = PrivateForks(target.ctx)
 
 
 def renew_streams(target: SnapshotTaker, states: list[tuple[IAgent, dict[str, Any]]]) -> None:
     """Insert the random streams of the fork into the last states of agents."""
-    order = target.turns.order()
+    order = target.turns.get_order()
     for agent, state in states:
         i = order.index_of.get(agent.name) if agent.alive else None
         slot = None if i is None else order.slots[i]
@@ -503,7 +507,7 @@ def renew_streams(target: SnapshotTaker, states: list[tuple[IAgent, dict[str, An
                 state[key] = value
 
 
-def own(value: object, memo: Memo) -> Any:
+def get_counterpart(value: object, memo: Memo) -> Any:
     """Return the counterpart of a strategy, rule or setting in a fork.
 
     A function that closes over the context, an agent or another part of the game is rebound to the parts of the fork;
@@ -567,7 +571,7 @@ def _rebind_cell(cell: CellType, content: Any, memo: Memo) -> CellType:
 
 
 def _rebind_method(method: MethodType, memo: Memo) -> Any:
-    instance = own(method.__self__, memo)
+    instance = get_counterpart(method.__self__, memo)
     return method if instance is method.__self__ else MethodType(method.__func__, instance)
 
 
@@ -700,7 +704,7 @@ class GameInternals(ContextPart):
         """Log a warning that lists the teams for which nothing decides; a team is named once."""
         ctx = self._parts.ctx
         teams = ctx.agent.block.teams
-        strategies = ctx.agent.storage.strategies()
+        strategies = ctx.agent.storage.list_strategies()
         decided = {team for team, strategy in zip(teams, strategies, strict=True) if strategy is not None}
         warn_of_idle(teams, decided.union(ctx.game.plans), self.named_idle, ctx.logger.warning)
 
@@ -719,7 +723,7 @@ class GameInternals(ContextPart):
         if self.state.has_begun:
             snapshot: Snapshot = self.state.start.snapshot
             return snapshot.places_of(agents) | began
-        return {name: self.start_of(agent) for name, agent in agents.items()} | began
+        return {name: self.find_start(agent) for name, agent in agents.items()} | began
 
     def note_starts(self, starts: Iterable[tuple[str, int | Position]]) -> None:
         """Store the starts of agents, by their names, that are created while a game is played."""
@@ -729,7 +733,7 @@ class GameInternals(ContextPart):
             for name in came:
                 drop_deed(self._parts.ctx, name)
 
-    def start_of(self, agent: IAgent) -> int | Position:
+    def find_start(self, agent: IAgent) -> int | Position:
         """Return the start of an agent: a node id, or (x, y, z)."""
         state = self.state
         start = self.state.start
@@ -824,7 +828,7 @@ def copy_known(
     known.copy_means(target, memo, **_IN_ALL_GAMES)
     teams = frozenset(one.team for name, one in source.ctx.agent.agents.items() if name in names)
     state = target.state
-    state.data.update(copied(start.data, memo))
+    state.data.update(copy_deep(start.data, memo))
     state.copy_logs(known.snapshot.part("logs"))
     state.put_known(source.state, names, teams)
     state.messages = list(select_heard(source.state.messages, names, source.state.turn + 1))
@@ -837,11 +841,11 @@ def copy_known(
             prepare(target.ctx)
     state.put_known(source.state, names, teams)
     for name in filter(names.__contains__, source.state.memories):
-        state.memory_of(name)  # also of agents that remember nothing
+        state.get_memory(name)  # also of agents that remember nothing
     for rule in source.rules.rules:
         disclose = rule.spec.disclose
         if disclose is not None:
-            _put_in(state.data, copied(disclose(source.state.data, names), memo))
+            _put_in(state.data, copy_deep(disclose(source.state.data, names), memo))
     state.stream_version += 1
     target.turns.phase.drop_plans()
 

@@ -48,19 +48,19 @@ class PoolSpec(NamedTuple):
 
     def draw(self, seed: int, team: Hashable) -> int:
         """Return the number of the member that a team plays in the game of a seed."""
-        bits = kernels.draw_bits(kernels.purpose_key(seed, "pool"), kernels.name_key(repr(team)), 0)
-        return bisect_right(self.bounds, kernels.fraction(bits))
+        bits = kernels.draw_bits(kernels.compute_purpose_key(seed, "pool"), kernels.compute_name_key(repr(team)), 0)
+        return bisect_right(self.bounds, kernels.convert_to_fraction(bits))
 
 
 def draw_shares(purposes: BitArray, teams: Sequence[Hashable]) -> FloatArray:
     """Return the numbers in [0, 1) by which teams draw members of pools, (games, teams).
 
     Args:
-        purposes: (games, 1) the `kernels.purpose_key` of each game's seed and "pool".
+        purposes: (games, 1) the `kernels.compute_purpose_key` of each game's seed and "pool".
         teams: the teams.
     """
-    names = kernels.name_keys(map(repr, teams))
-    return kernels.fraction_many(kernels.draw_bits_rows(purposes, names[None], 0))
+    names = kernels.compute_name_keys(map(repr, teams))
+    return kernels.convert_to_fractions(kernels.draw_bits_rows(purposes, names[None], 0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +133,7 @@ def draw_members(deciders: Iterable[tuple[Hashable, object]], seed: int) -> dict
     return {team: pool.names[pool.draw(seed, team)] for team, pool in list_pools(deciders).items()}
 
 
-def decides_in_arrays(decider: object, settings: Mapping[str, Any]) -> bool:
+def is_deciding_in_arrays(decider: object, settings: Mapping[str, Any]) -> bool:
     """Return whether a decider is called once for all games: by its array form, if games have no time budget."""
     spec = get_strategy_spec(decider)
     return spec.array_form is not None and not spec.is_called_each and settings["time_budget"] is None

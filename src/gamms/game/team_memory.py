@@ -5,7 +5,7 @@ from itertools import compress, islice
 from operator import is_, ne
 from typing import Any
 
-from gamms.core.copies import copied
+from gamms.core.copies import copy_deep
 
 Memory = dict[Any, Any]
 
@@ -15,7 +15,7 @@ _NOTHING: Any = object()  # the value of a missing key
 def find_copy_problem(memory: Memory) -> str | None:
     """Return the reason why a team memory cannot be copied, as a sentence; None: it can."""
     try:
-        copied(memory)
+        copy_deep(memory)
     except Exception as error:  # noqa: BLE001 - whatever the classes of strategies raise
         return (
             f"What was written into state['team_memory'] cannot be copied ({type(error).__name__}: {error}). "
@@ -36,7 +36,7 @@ def merge_memory(before: Memory, copies: Sequence[Memory]) -> Memory:
         copies: the copies of its agents after their changes, in the order of names.
     """
     changes = _find_changes(before, copies)
-    return copied(_apply_changes(before, changes)) if changes else before
+    return copy_deep(_apply_changes(before, changes)) if changes else before
 
 
 def _find_changes(before: Memory, copies: Sequence[Memory]) -> dict[Any, list[Any]]:

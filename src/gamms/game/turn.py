@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from gamms.core.turn import PHASES_OF_PART, GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.errors import IllegalMutation
-from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts, ranked
+from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts, make_ranking
 from gamms.game.decisions import Decisions, MadeDecisions
-from gamms.game.deeds import list_lasting, performed_deeds
+from gamms.game.deeds import list_lasting, list_performed
 from gamms.game.facts import PrivateForks
 from gamms.game.lasting import find_doing
 from gamms.game.messages import GameMessages
@@ -33,7 +33,7 @@ from gamms.ir.columns import copy_column
 from gamms.ir.deeds import PlainDeeds
 from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
 from gamms.limits import GarbagePause
-from gamms.progress import uninterrupted
+from gamms.progress import delay_interrupts
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import DeletedAgent, IAgent
@@ -112,7 +112,7 @@ class TurnEngine(GameTurn):
         self.legality = Legality(ctx, settings, state)
         self.travel = self.legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
-        self.answers = Decisions(settings, state, phase, self.legality, self.observation, self.sensed)
+        self.answers = Decisions(settings, state, phase, self.legality, self.make_observation, self.sense)
         self._loop: EventLoop | None = None
         self.find_shipped: Callable[[TurnOrder], tuple[ShippedDecisions | None, int]] | None = None
         self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
@@ -132,7 +132,7 @@ class TurnEngine(GameTurn):
         self._departure_before: DeletedAgent | None = None  # the last one when agents began to arrive
         self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
         self.messages = GameMessages(ctx, settings, state)
-        self.read_inbox: Callable[[str], list[dict[str, Any]]] = self.messages.received
+        self.read_inbox: Callable[[str], list[dict[str, Any]]] = self.messages.get_received
 
     @property
     def is_playing(self) -> bool:
@@ -143,7 +143,7 @@ class TurnEngine(GameTurn):
     def is_playing(self, is_playing: bool) -> None:
         self.phase.player = get_ident() if is_playing else None
 
-    def order(self) -> TurnOrder:
+    def get_order(self) -> TurnOrder:
         """Return the agents in the order of a turn, dead or alive."""
         order: TurnOrder | None = self.order_now
         if order is not None and self.phase.is_deciding:
@@ -181,14 +181,14 @@ class TurnEngine(GameTurn):
         self.note_departed()
         slots = self._slots.make(*((None, 0) if before is None else (before.slots, before.entries)))
         slots.table.before_draws = self.read_states_of_turn
-        for slot in slots.made():
+        for slot in slots.list_made():
             slot.show_blocked()
         return TurnOrder(slots, block, settings, self.groups if self.is_moving else settings.order)
 
     def make_order(self) -> TurnOrder:
         """Return a new order of the agents, whatever is known of others."""
         self.order_now = None
-        return self.order()
+        return self.get_order()
 
     def take_order(self, order: TurnOrder) -> None:
         """Reuse an earlier order, whose agents are those of the context again."""
@@ -204,13 +204,13 @@ class TurnEngine(GameTurn):
         self.near = graph.neighborhoods
         self.revised = getattr(graph, "revised", graph)
 
-    def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
+    def list_legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""
         block = self._ctx.agent.block
-        order = self.order()
+        order = self.get_order()
         known = [i for name in names if (i := order.index_of.get(name)) is not None]
         slots = [order.slots[i] for i in known if block.alive[order.selection.rows[i]]]
-        return {slot.name: self.legality.reachable(slot, block.node_of(slot.row)) for slot in slots}
+        return {slot.name: self.legality.list_reachable(slot, block.get_node(slot.row)) for slot in slots}
 
     @property
     def needs_checkpoint(self) -> bool:
@@ -225,16 +225,16 @@ class TurnEngine(GameTurn):
         settings = self._settings
         begins_with_rules = "before" in self.rules.now.phases
         has_parts = settings.decide == "arrival" or len(settings.order or ()) > 1
-        resolves = settings.conflicts is not None and ranked(settings.conflicts) is None
+        resolves = settings.conflicts is not None and make_ranking(settings.conflicts) is None
         return begins_with_rules or has_parts or resolves or self._host.sensor.storage.have_memories
 
-    def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
+    def read_sensors(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
         found = {}
-        with self.phase.suspended(changes_world=False):
+        with self.phase.suspend(changes_world=False):
             block = self._ctx.agent.block
-            progress = block.on_edge(block.row_of(agent.name))
-            place = None if progress is None else self.travel.roads.located(progress)
+            progress = block.get_edge_position(block.find_row(agent.name))
+            place = None if progress is None else self.travel.roads.locate(progress)
             for name in names:
                 sensor: Any = agent.sensors[name]
                 node = agent.current_node_id
@@ -294,13 +294,13 @@ class TurnEngine(GameTurn):
 
     def show_blocked(self) -> None:
         """Update the reasons in the states of agents why their last actions were not executed."""
-        for slot in () if self.order_now is None else self.order_now.slots.made():
+        for slot in () if self.order_now is None else self.order_now.slots.list_made():
             slot.show_blocked()
 
     def list_counts(self) -> None:
         """Add conflicts, and agents that have none yet, to the counts."""
         if self.order_now is None and self.state.counts:  # the core has played all turns
-            self.order()
+            self.get_order()
         for order in self.orders:
             order.list_counts()
 
@@ -308,7 +308,7 @@ class TurnEngine(GameTurn):
         """Return the positions of random streams that were used in this turn, for `restore`."""
         if self.order_now is None or self.order_now.slots.table.turn != self.state.turn:
             return {}
-        each = {slot.name: slot.marks() for slot in self.order_now.slots.made()}
+        each = {slot.name: slot.get_marks() for slot in self.order_now.slots.list_made()}
         return {name: marks for name, marks in each.items() if marks != (None, None)}
 
     def restore(self, drawn: dict[str, tuple[Any, Any]], *, shows_blocked: bool = True) -> None:
@@ -321,7 +321,7 @@ class TurnEngine(GameTurn):
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
         if self._order_of and self._order_of[-1] != self._is_public():
             self.phase.drop_plans()
-        order = self.order() if drawn else self.order_now
+        order = self.get_order() if drawn else self.order_now
         if order is None:
             return
         self.restart_counts()
@@ -332,12 +332,12 @@ class TurnEngine(GameTurn):
             if name in order.index_of:
                 order.slots[order.index_of[name]].go_to(marks)
 
-    def observation(self, slot: AgentSlot) -> dict[str, Any]:
+    def make_observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current state of an agent; its sensors are called."""
-        sensed = self.sensed(slot)
-        return self.observed(slot, self._ctx.agent.block.node_of(slot.row), sensed, self.answers)
+        sensed = self.sense(slot)
+        return self.complete_observation(slot, self._ctx.agent.block.get_node(slot.row), sensed, self.answers)
 
-    def sensed(self, slot: AgentSlot) -> dict[str, Any]:
+    def sense(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current data of the sensors of an agent."""
         known = self._sensed.get(slot.name)
         if known is not None:
@@ -347,7 +347,9 @@ class TurnEngine(GameTurn):
             sensed[name] = copy_data(name, *sensed[name])
         return sensed
 
-    def observed(self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions) -> dict[str, Any]:
+    def complete_observation(
+        self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions
+    ) -> dict[str, Any]:
         """Return the state of an agent at a node with its sensed data, ready for a decision."""
         block = self._ctx.agent.block
         row = slot.row
@@ -355,20 +357,20 @@ class TurnEngine(GameTurn):
         state: dict[str, Any] = (AerialState if slot.flies else State)(slot.template)
         state["sensor"] = sensed
         if slot.flies:
-            state["curr_pos"] = block.flights.position_of(row)
-            state["quat"] = block.flights.quat_of(row)
+            state["curr_pos"] = block.flights.get_position(row)
+            state["quat"] = block.flights.get_rotation(row)
         else:
             state["curr_pos"] = here
-            state["legal"] = self.legality.reachable(slot, here)
+            state["legal"] = self.legality.list_reachable(slot, here)
         if slot.travels:
-            self.legality.of(slot).travel.show(state, here, block.on_edge(row))
+            self.legality.get_for_agent(slot).travel.show(state, here, block.get_edge_position(row))
         if "time" in state:
             state["time"] = self.legality.travel.now
         state["turn"] = game.turn
-        state["memory"] = game.memory_of(slot.name)  # in batches that of another game than the template has
+        state["memory"] = game.get_memory(slot.name)  # in batches that of another game than the template has
         known = game.team_memories.get(slot.team)  # read in any case: batches know by it who looks at observations
         if self._settings.team_memory:
-            state["team_memory"] = decisions.team_memory(slot.team) if known else {}
+            state["team_memory"] = decisions.get_team_memory(slot.team) if known else {}
         if "doing" in state:
             state["doing"] = find_doing(slot.name, slot.team, game, self._settings, self.legality.travel.now)
         if self._settings.channels:
@@ -381,8 +383,8 @@ class TurnEngine(GameTurn):
     def plan(self) -> TurnPlan:
         """Return the phases of a turn; the same until the epoch rises."""
         plan: TurnPlan | None = self.plan_now
-        if plan is None or plan.epoch != self.phase.epoch or plan.order is not self.order():
-            plan = self._make_plan(self.order())
+        if plan is None or plan.epoch != self.phase.epoch or plan.order is not self.get_order():
+            plan = self._make_plan(self.get_order())
             self.plan_now = plan
         return plan
 
@@ -412,9 +414,9 @@ class TurnEngine(GameTurn):
             MissingKey (KeyError): the priorities of `by_priority` lack a team.
         """
         order: TurnOrder = plan.order
-        unlisted = order.moving.present(order.unlisted)
+        unlisted = order.moving.select_present(order.unlisted)
         if unlisted:
-            raise make_left_out_error(order.names[unlisted[0]], order.all_teams()[unlisted[0]])
+            raise make_left_out_error(order.names[unlisted[0]], order.list_teams()[unlisted[0]])
         if self._settings.conflicts is not None:
             self._conflicts.check_teams(self._settings.conflicts, order)
         order.may_be_refused = bool(order.unlisted or order.unranked)
@@ -447,8 +449,8 @@ class TurnEngine(GameTurn):
     def _collect(self) -> None:
         """Collect the values of the turn."""
         turn = self.state.turn
-        self.collectors.collect(turn, self._ctx, self.living)
-        self.state.collected = self.collectors.last_numbers(turn)
+        self.collectors.collect(turn, self._ctx, self.list_living)
+        self.state.collected = self.collectors.list_last_numbers(turn)
 
     def _act(self, number: int) -> None:
         """Let rules refuse moves and deeds, and execute deeds."""
@@ -462,8 +464,8 @@ class TurnEngine(GameTurn):
         parts = turn.order.parts
         turn.go_in_part(number, len(parts), parts[number].members)
         if number > self.first:
-            whole: TurnMoves = self.whole.on(turn.order)
-            whole.then(turn, number)
+            whole: TurnMoves = self.whole.fit_to_order(turn.order)
+            whole.add_part(turn, number)
             turn = whole
         self.whole = turn
         self.state.moves = turn
@@ -471,7 +473,7 @@ class TurnEngine(GameTurn):
     def _send(self, number: int) -> None:  # noqa: ARG002 - as all phases
         """Send the messages of the turn."""
         if self.messages.is_sending:
-            self.messages.send_all(self.living())
+            self.messages.send_all(self.list_living())
 
     def finish_turn(self) -> None:
         """Play the rest of the turn that was begun in a batch; see `begun`."""
@@ -489,7 +491,7 @@ class TurnEngine(GameTurn):
             else:
                 self.begun = None
                 self._finish_moves(begun)
-                self._finish_with(self.after)
+                self._finish_with(self.run_after_moves)
         finally:
             self.begun = None
 
@@ -520,10 +522,12 @@ class TurnEngine(GameTurn):
         try:
             self._finish_phase(begun)
             plan = self.plan()
-            left = plan.entries_from(begun.part)
+            left = plan.list_entries_from(begun.part)
             if begun.phase in _LAST_PLAYED:
                 phases = PHASES_OF_PART[: PHASES_OF_PART.index(_LAST_PLAYED[begun.phase]) + 1]
-                left = plan.entries_after([one for one in left if one.part == begun.part and one.phase in phases][-1])
+                left = plan.list_entries_after(
+                    [one for one in left if one.part == begun.part and one.phase in phases][-1]
+                )
             self.play_on(plan, left)
         except BaseException as error:
             self.lose_moves(error)
@@ -549,8 +553,8 @@ class TurnEngine(GameTurn):
         if begun.phase == "decide":
             self.made = begun.decided
             return
-        moving = self.order().moving
-        if turn.order.names == self.order().names:
+        moving = self.get_order().moving
+        if turn.order.names == self.get_order().names:
             moving.let_take_part(turn.took_part)  # also those that the function has put out of the game
         if begun.phase == "check":
             self._call_deeds(turn)
@@ -571,7 +575,7 @@ class TurnEngine(GameTurn):
         log = self.state.deed_log
         self._collect_wanted_deeds(turn, number)
         log.do(number, is_first=number == self.first)
-        for i, kind, why in self.refused(turn, turn.order.parts[number].members, rules):
+        for i, kind, why in self.list_refused(turn, turn.order.parts[number].members, rules):
             if kind is None:
                 self._block_agent(turn.slots[i], why)
             else:
@@ -588,9 +592,9 @@ class TurnEngine(GameTurn):
 
     def _follow_deeds(self, turn: TurnMoves, *, may_be_closed: bool) -> None:
         """Let agents stay that rules of the phase "deeds" have placed elsewhere, or whose way they have closed."""
-        order = self.order()
+        order = self.get_order()
         order.take_lives()
-        turn = turn.on(order)
+        turn = turn.fit_to_order(order)
         self.state.moves = turn
         turn.give_up(self._ctx.agent.block)
         for i in self.cut_off(turn) if may_be_closed else ():
@@ -605,13 +609,15 @@ class TurnEngine(GameTurn):
             if action.deeds:
                 wanted.add(0, i, names[i], now, turn.starts[i], action.deeds)
         if wanted.given:
-            self.state.deed_log.want(wanted)
+            self.state.deed_log.request_deeds(wanted)
 
-    def refused(self, turn: TurnMoves, members: Iterable[int], rules: RuleSet) -> Iterable[tuple[int, str | None, str]]:
+    def list_refused(
+        self, turn: TurnMoves, members: Iterable[int], rules: RuleSet
+    ) -> Iterable[tuple[int, str | None, str]]:
         """Call the rules that refuse moves and deeds, for the agents of some slots; see `Refusals.take_back`."""
         if not rules.now.checks:
             return ()
-        refusals = Refusals(turn, partial(performed_deeds, self.state, is_moving=True))
+        refusals = Refusals(turn, partial(list_performed, self.state, is_moving=True))
         self.refusals = refusals
         try:
             rules.check(self.state)
@@ -631,7 +637,7 @@ class TurnEngine(GameTurn):
         """Return agents whose random streams were used in this turn, and the positions of these."""
         if order.slots.table.turn != self.state.turn:
             return []
-        each = [(slot, slot.marks()) for slot in order.slots.made()]
+        each = [(slot, slot.get_marks()) for slot in order.slots.list_made()]
         return [(slot, marks) for slot, marks in each if marks != (None, None)]
 
     def _draw_again(self, order: TurnOrder, drawn: list[tuple[AgentSlot, Any]]) -> None:
@@ -642,7 +648,7 @@ class TurnEngine(GameTurn):
 
     def _copy_team_memories(self) -> dict[Any, Any]:
         """Return a copy of the memories of teams."""
-        return {team: self.answers.team_memory(team) for team in self.state.team_memories}
+        return {team: self.answers.get_team_memory(team) for team in self.state.team_memories}
 
     def _split(self, order: TurnOrder, part: TurnPart) -> tuple[TurnPart | None, TurnPart | None]:
         """Return the agents of a part that are asked, None: there are none; and those for which the core decides."""
@@ -663,7 +669,7 @@ class TurnEngine(GameTurn):
         if all(decides):
             return None, part
         members = [[i for i, is_own in enumerate(decides) if is_own == wanted] for wanted in (False, True)]
-        asked, own = [order.part_of(some, is_whole=False) for some in members]
+        asked, own = [order.make_part(some, is_whole=False) for some in members]
         return asked, own
 
     def _find_shipped(self, order: TurnOrder) -> None:
@@ -687,7 +693,7 @@ class TurnEngine(GameTurn):
 
     def _read_states(self) -> None:
         """Make the states of the last turn that the core has decided; Ctrl-C waits until they are made."""
-        with uninterrupted():
+        with delay_interrupts():
             self.make_states()
 
     def make_state_of(self, name: str) -> None:
@@ -698,14 +704,14 @@ class TurnEngine(GameTurn):
             return
         i = unread.order.index_of.get(name)
         if i is not None and i in unread.part.members:
-            self.make_states(unread.order.part_of([i], is_whole=False))
+            self.make_states(unread.order.make_part([i], is_whole=False))
 
     def _publish(self, order: TurnOrder, part: TurnPart, decisions: Decisions) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""
         unsent: Iterable[tuple[AgentSlot, str]] = ()
         if order.has_channels:
             failed = decisions.failed
-            asked = [i for i in order.moving.present(part.observing) if i not in failed]
+            asked = [i for i in order.moving.select_present(part.observing) if i not in failed]
             unsent = self.messages.take([order.slots[i] for i in asked], order.names)
         self._forget_blocked(order, part)
         for i, why in decisions.close():
@@ -720,7 +726,7 @@ class TurnEngine(GameTurn):
         self._sensed = made.sensed
         try:
             left = [i for i in part.members if order.names[i] not in made.ends]
-            self.decide(order, order.part_of(left, is_whole=False), (), paths)
+            self.decide(order, order.make_part(left, is_whole=False), (), paths)
         finally:
             self._sensed = {}
         self.answers.take_made(made, order.index_of)
@@ -733,7 +739,7 @@ class TurnEngine(GameTurn):
             part: the agents.
             seen: slot -> the state of the agent; None: each agent observes when it decides.
         """
-        for i in part.present(part.asked):
+        for i in part.select_present(part.asked):
             decisions.ask(i, None if seen is None else seen[i])
         self._ask_plans(decisions, part, seen)
 
@@ -772,7 +778,7 @@ class TurnEngine(GameTurn):
         arrivals = self._make_arriving_agents(order, part, under_way)
         try:
             if under_way is None:
-                turn: TurnMoves = self.ask(order, order.part_of(arrivals.begin()), observers, arrivals.chosen)
+                turn: TurnMoves = self.ask(order, order.make_part(arrivals.begin()), observers, arrivals.chosen)
                 self._set_out(turn, {}, arrivals)
             else:
                 turn = self._continue_arrivals(order, under_way, arrivals)
@@ -863,7 +869,7 @@ class TurnEngine(GameTurn):
         self.legality.set_time(arrivals.now)
         actions: Mapping[int, ResolvedAction] = {}
         if arrivals.now < 1.0:
-            here = order.part_of(arrivals.here)
+            here = order.make_part(arrivals.here)
             actions = self.ask(order, here, [], arrivals.chosen).actions
         self._set_out(turn, actions, arrivals)
 
@@ -877,7 +883,7 @@ class TurnEngine(GameTurn):
         has_end = self._settings.conflicts is not None if under_way is None else under_way.has_end
         if known is None or known.order is not order or known.roads is not roads or known.has_end != has_end:
             modes = dict.fromkeys(slot.mode for slot in order.slots if slot.mode is not None)
-            of_modes = {mode: self.legality.of_mode(mode).travel.roads for mode in modes}
+            of_modes = {mode: self.legality.get_for_mode(mode).travel.roads for mode in modes}
             known = ArrivingAgents(order, members, roads, of_modes, has_end=has_end)
             self._last_arriving[self.part] = known
         return known
@@ -893,7 +899,7 @@ class TurnEngine(GameTurn):
         arrivals.choose([i for i, action in actions.items() if action.deeds])
         losers = list[int]()
         if self._settings.conflicts is not None:
-            losers = [i for i, _ in self.losers_between(turn.order, *arrivals.places())]
+            losers = [i for i, _ in self.find_losers(turn.order, *arrivals.list_places())]
         headings = {i: action.heading for i, action in actions.items() if action.heading != ()}
         self._go_on(turn, headings, arrivals, losers)
 
@@ -911,7 +917,7 @@ class TurnEngine(GameTurn):
         self._refuse_deletion()
         for i in losers:
             turn.order.blocked[i] += 1
-            self._block_agent(turn.slots[i], describe_conflict(arrivals.goal(i)))
+            self._block_agent(turn.slots[i], describe_conflict(arrivals.find_goal(i)))
         stopped = {*losers}
         for i, why in arrivals.go_on(losers):
             self._note_illegal(turn.slots[i], why)
@@ -919,9 +925,9 @@ class TurnEngine(GameTurn):
                 stopped.add(i)
         for i, heading in headings.items():
             if i not in stopped:
-                turn.turn_to(i, heading)
+                turn.set_heading(i, heading)
 
-    def losers_between(self, order: TurnOrder, before: list[Any], after: list[Any]) -> list[tuple[int, Any]]:
+    def find_losers(self, order: TurnOrder, before: list[Any], after: list[Any]) -> list[tuple[int, Any]]:
         """Return the slots of the agents that lose conflicts of moves between places, and where they wanted to go."""
         slots = order.slots
 
@@ -936,8 +942,8 @@ class TurnEngine(GameTurn):
         """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
         if hasattr(self.near, "learn"):  # that of a user's graph may be any mapping
             rows = order.selection.rows
-            self.near.learn([order.block.node_of(rows[i]) for i in part.present(part.asked)])
-        strategies = {id(one): one for one in self._ctx.agent.storage.strategies()}
+            self.near.learn([order.block.get_node(rows[i]) for i in part.select_present(part.asked)])
+        strategies = {id(one): one for one in self._ctx.agent.storage.list_strategies()}
         return all(get_strategy_spec(one).core_steps is not None for one in strategies.values())
 
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
@@ -948,10 +954,10 @@ class TurnEngine(GameTurn):
             return
         roads = travel.roads
         rows = order.selection.rows
-        for i in [i for i in part.present(part.paced) if rows[i] in block.travellers]:
+        for i in [i for i in part.select_present(part.paced) if rows[i] in block.travellers]:
             slot = order.slots[i]
-            place = block.on_edge(slot.row) if slot.travels else None
-            if place is not None and roads.on(place.edge) is None:
+            place = block.get_edge_position(slot.row) if slot.travels else None
+            if place is not None and roads.get_row_of_edge(place.edge) is None:
                 block.set_progress(slot.row, None)
                 self._block_agent(slot, describe_closed_edge(place.source, place.target))
 
@@ -968,7 +974,7 @@ class TurnEngine(GameTurn):
         if len(members) == len(slots):
             moving = order.moving
             blocked.drop_conflicts(order.names, None if moving.are_all else moving.takes_part)
-        present = part.present(members)
+        present = part.select_present(members)
         indices = present if isinstance(present, range) else frozenset(present)
         number = order.index_of
         forgotten = [name for name in blocked if number.get(name, -1) in indices]
@@ -981,15 +987,15 @@ class TurnEngine(GameTurn):
         """Return the observers that need the states of the agents of a part; the others observe now."""
         if part.paced or order.block.flyers:  # they may still move before they observe
             return observers
-        agents = order.agents_of(self._ctx.agent.agents)
-        observing = [agents[i] for i in part.present(part.observing)]
+        agents = order.list_agents(self._ctx.agent.agents)
+        observing = [agents[i] for i in part.select_present(part.observing)]
         return [one for one in observers if not (hasattr(one, "observe_agents") and one.observe_agents(observing))]
 
     def _observe_first(
         self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]
     ) -> dict[int, dict[str, Any]]:
         """Return slot -> state, for parts in which all agents have to observe before any decides."""
-        seen = {i: self.observation(order.slots[i]) for i in part.present(part.observing)}
+        seen = {i: self.make_observation(order.slots[i]) for i in part.select_present(part.observing)}
         self.seen = seen
         for observe in observers:
             observe([order.slots[i].agent for i in seen], list(seen.values()))
@@ -998,10 +1004,10 @@ class TurnEngine(GameTurn):
     def stop_losers(self, turn: TurnMoves) -> tuple[Sequence[int], Sequence[Any]]:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
         if turn.paths is not None:
-            places: MovePlaces = turn.places()
+            places: MovePlaces = turn.list_places()
         else:
-            places = turn.in_core() if turn.columns is None else turn.columns
-        losers = self._find_losers(turn.order, places, turn.took_part, turn.named)
+            places = turn.get_core_columns() if turn.columns is None else turn.columns
+        losers = self._find_losers(turn.order, places, turn.took_part, turn.select_by_slot)
         self.conflicting = self._conflicts.in_core
         return turn.stop_each(losers) if len(losers) else (losers, losers)
 
@@ -1016,7 +1022,7 @@ class TurnEngine(GameTurn):
         conflicts: Any = self._settings.conflicts  # there are some
         turn = self.state.turn
         try:
-            return self._conflicts.losers(conflicts, order, turn, places, took_part, named, self._ctx)
+            return self._conflicts.find_losers(conflicts, order, turn, places, took_part, named, self._ctx)
         except Exception as error:
             error.add_note(f"In the conflicts {as_code(conflicts)}, in turn {turn}.")
             raise
@@ -1025,8 +1031,8 @@ class TurnEngine(GameTurn):
         """Write positions on edges, headings, flights and named edges of a part to the agents and the game."""
         rows = turn.order.selection.rows
         paths = turn.paths
-        for i in part.present(part.paced):
-            block.set_progress(rows[i], None if paths is None else paths.progress(i))
+        for i in part.select_present(part.paced):
+            block.set_progress(rows[i], None if paths is None else paths.get_progress(i))
         for i, action in turn.actions.items():
             slot = turn.slots[i]
             if action.heading != ():
@@ -1034,11 +1040,11 @@ class TurnEngine(GameTurn):
             if slot.obeys_turns:
                 self.legality.drive_on(slot, turn.find_track(i).legs)
             if slot.flies:
-                slot.counts["moves"] += action.position not in (None, block.flights.position_of(slot.row))
+                slot.counts["moves"] += action.position not in (None, block.flights.get_position(slot.row))
                 if action.position is not None:
                     block.fly(slot.row, action.position)
                 if action.quat is not None:
-                    block.turn(slot.row, action.quat)
+                    block.set_rotation(slot.row, action.quat)
         named = turn.find_named_edges()
         if named:
             self.state.note_named_edges(named)

@@ -14,9 +14,9 @@ from gamms.graph.finding import (
     NamedFeature,
     PolygonContents,
     StreetNames,
-    bounds,
+    compute_bounds,
     find,
-    inside,
+    find_inside,
     make_region,
 )
 from gamms.graph.graph import Graph
@@ -24,7 +24,7 @@ from gamms.graph.obstacles import Obstacles, check_corners, check_faces
 from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
-from gamms.ir.graph import labels
+from gamms.ir.graph import list_labels
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.ir.projection import scale_fault
 from gamms.ir.scenery import Scenery
@@ -159,7 +159,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
-        return self._get_obstacles().near(d, x, y)
+        return self._get_obstacles().find_near(d, x, y)
 
     def obstacle_columns(self) -> ObstacleColumns:
         """Return all quadrangles as read-only arrays that never change."""
@@ -172,7 +172,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     def visible(self, origin: "ArrayLike", targets: "ArrayLike") -> BoolArray:
         """Return whether no face blocks the straight line from origin (3,) to each of the targets (targets, 3)."""
-        return self._get_obstacles().visible(*check_line_ends(origin, targets))
+        return self._get_obstacles().find_visible(*check_line_ends(origin, targets))
 
     def visibility(
         self,
@@ -227,7 +227,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         Raises:
             BadValue (ValueError): not a polygon, or GeoJSON on a map without a CRS.
         """
-        return inside(self.graph.columns(), make_region(polygon, self.crs), touching=touching)
+        return find_inside(self.graph.columns(), make_region(polygon, self.crs), touching=touching)
 
     def isochrone(
         self,
@@ -311,7 +311,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     @property
     def bounds(self) -> tuple[float, float, float, float]:
         """The bounding box (xmin, ymin, xmax, ymax) of all nodes and polylines (BadValue: the map has no nodes)."""
-        return bounds(self.graph.columns())
+        return compute_bounds(self.graph.columns())
 
     @refuse_while_deciding
     def close_roads(
@@ -346,7 +346,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
                 "Say what to close: close_roads(edges), close_roads(name='…') or close_roads(inside=polygon)."
             )
         both = set(chosen[0]).intersection(*chosen[1:])
-        ids = sorted(both, key=self._store.edges.index.row)
+        ids = sorted(both, key=self._store.edges.index.find_row)
         if ids:
             self._store.close_edges(ids)
         return ids
@@ -365,11 +365,11 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         closed = self._store.closed
         ids = list(closed) if edges is None else as_ids(edges, "edges")
         if name is not None:
-            of_street = set(StreetNames({id: edge.get("name") for id, edge in closed.items()}).rows(name).tolist())
+            of_street = set(StreetNames({id: edge.get("name") for id, edge in closed.items()}).find_rows(name).tolist())
             ids = [id for id in ids if id in of_street]
         for id in ids:
             as_known(id, "closed edge", closed)
-            if self._store.edges.index.row(id) >= 0:
+            if self._store.edges.index.find_row(id) >= 0:
                 raise DuplicateId("an edge", id)
             graph.positions([closed[id]["source"], closed[id]["target"]])
         for id in dict.fromkeys(ids):
@@ -418,7 +418,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     def networkx_labels(self) -> dict[Any, int]:
         """Return a mapping from networkx label to id, for all nodes whose label is not an integer."""
-        return labels(self.graph.columns())
+        return list_labels(self.graph.columns())
 
     @refuse_while_deciding
     def save(self, path: str | os.PathLike[str] | None = None) -> None:
@@ -433,7 +433,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
                 at `path` is still written.
             OSError: the file cannot be written.
         """
-        contents = self._storage.contents()
+        contents = self._storage.get_contents()
         saved = self._make_state_key()
         if path is not None:
             from gamms.graph import map_file
@@ -568,7 +568,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         """
         if rng is None:
             self._phase.refuse("call ctx.graph.place without rng=state['rng']")
-            rng = self._storage.place_stream()
+            rng = self._storage.get_place_stream()
         return self.graph.place(n, near, radius, apart, rng, mode)
 
     @property
@@ -633,7 +633,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         """Write the map for the last time, to a second file if the database refuses it: unwritten changes are lost."""
         if self._make_state_key() == self._saved:
             return
-        contents = self._storage.contents()
+        contents = self._storage.get_contents()
         try:
             try:
                 database.write(contents)

@@ -24,10 +24,10 @@ from gamms.errors import BadType, BadValue, UnknownType, nearest
 from gamms.folders import open_whole_file, write_csv, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.ir.tables import frame_of, make_table
+from gamms.ir.tables import make_frame, make_table
 from gamms.plain import as_json, to_plain
-from gamms.plugins import needing
-from gamms.text import as_xml, written
+from gamms.plugins import require_extra
+from gamms.text import as_xml, write_repr
 
 if TYPE_CHECKING:
     import igraph
@@ -125,7 +125,7 @@ def make_plain_cell(value: object) -> Scalar:
     try:
         return json.dumps(as_json(plain), ensure_ascii=False)
     except (TypeError, ValueError):
-        return written(plain)
+        return write_repr(plain)
 
 
 def list_shapes(columns: GraphColumns) -> list[FloatArray]:
@@ -562,18 +562,18 @@ class Frames:
 
     def to_pandas(self) -> "tuple[pd.DataFrame, pd.DataFrame]":
         """Return nodes and edges as pandas data frames (MissingExtra: pandas is not installed)."""
-        return frame_of(self.arrays("nodes")), frame_of(self.arrays("edges"))
+        return make_frame(self.arrays("nodes")), make_frame(self.arrays("edges"))
 
     def to_polars(self) -> "tuple[pl.DataFrame, pl.DataFrame]":
         """Return nodes and edges as polars data frames (MissingExtra: polars is not installed)."""
-        with needing("A table for polars", "frames"):
+        with require_extra("A table for polars", "frames"):
             import polars as pl
         nodes, edges = (pl.DataFrame(part, strict=False) for part in (self._layers.nodes, self._layers.edges))
         return nodes, edges
 
     def to_igraph(self) -> "igraph.Graph":
         """Return a directed igraph graph; vertex `i` is the i-th node (MissingExtra: igraph is not installed)."""
-        with needing("A graph for igraph", "frames"):
+        with require_extra("A graph for igraph", "frames"):
             import igraph
         ends = np.column_stack((self._columns.sources, self._columns.targets)).tolist()
         parts = {"vertex_attrs": self._layers.nodes, "edge_attrs": self._layers.edges}

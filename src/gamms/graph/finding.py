@@ -92,7 +92,7 @@ class StreetNames:
         """Return whether a street has this name."""
         return isinstance(name, str) and _fold_name(name) in self._rows
 
-    def rows(self, name: str) -> IntArray:
+    def find_rows(self, name: str) -> IntArray:
         """Return the rows of the edges of a street, in insertion order.
 
         Raises:
@@ -110,11 +110,11 @@ class StreetNames:
             raise UnknownName("street", name, [self._spelling[one] for one in alike or known])
         return np.unique(np.array(self._rows[key], np.int64))
 
-    def spelling(self, name: str) -> str:
+    def find_spelling(self, name: str) -> str:
         """Return a name as the map spells it."""
         return self._spelling[_fold_name(name)]
 
-    def of_rows(self, rows: Iterable[int]) -> list[str]:
+    def list_names(self, rows: Iterable[int]) -> list[str]:
         """Return the names of the streets of some edges."""
         wanted = set(rows)
         return [self._spelling[key] for key, own in self._rows.items() if not wanted.isdisjoint(own)]
@@ -126,11 +126,11 @@ def find(columns: GraphColumns, streets: StreetNames, text: str) -> NamedFeature
     if len(text) > _LONG:
         raise BadValue(f"The name of a street has at most {_LONG} characters, not {len(text)}.")
     if text in streets or "&" not in text:
-        rows = streets.rows(text)
-        return _make_feature(columns, streets.spelling(text), _find_nodes(columns, rows), rows, is_junction=False)
+        rows = streets.find_rows(text)
+        return _make_feature(columns, streets.find_spelling(text), _find_nodes(columns, rows), rows, is_junction=False)
     names = [part.strip() for part in text.split("&")]
-    sides = [_find_nodes(columns, streets.rows(name)) for name in names]
-    title = " & ".join(streets.spelling(name) for name in names)
+    sides = [_find_nodes(columns, streets.find_rows(name)) for name in names]
+    title = " & ".join(streets.find_spelling(name) for name in names)
     shared = sides[0]
     for side in sides[1:]:
         shared = np.intersect1d(shared, side)
@@ -138,12 +138,12 @@ def find(columns: GraphColumns, streets: StreetNames, text: str) -> NamedFeature
         shared = _find_nearly_shared(columns, streets, names, sides)
     is_at = np.zeros(len(columns.node_ids), np.bool_)
     is_at[shared] = True
-    of_streets = np.unique(np.concatenate([streets.rows(name) for name in names]))
+    of_streets = np.unique(np.concatenate([streets.find_rows(name) for name in names]))
     rows = of_streets[is_at[columns.sources[of_streets]] | is_at[columns.targets[of_streets]]]
     return _make_feature(columns, title, shared, rows, is_junction=True)
 
 
-def inside(columns: GraphColumns, region: "Polygon", *, touching: bool) -> PolygonContents:
+def find_inside(columns: GraphColumns, region: "Polygon", *, touching: bool) -> PolygonContents:
     """Return the nodes in a region, and the edges that lie in it completely or partly."""
     nodes = columns.node_ids[geometry.are_inside(region, columns.xy)]
     ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
@@ -164,7 +164,7 @@ def make_region(polygon: object, crs: str | None) -> "Polygon":
     return geometry.make_region(polygon, "The polygon", from_lonlat)
 
 
-def bounds(columns: GraphColumns) -> tuple[float, float, float, float]:
+def compute_bounds(columns: GraphColumns) -> tuple[float, float, float, float]:
     """Return (xmin, ymin, xmax, ymax) of all nodes and polylines.
 
     Raises:
@@ -213,14 +213,16 @@ def _find_nearly_shared(
         if best <= _NEAR:
             return np.unique(pair)
         near = f"{best:,.0f} apart at nodes {columns.node_ids[pair[0]]} and {columns.node_ids[pair[1]]}"
-        hint = f"{streets.spelling(first)} and {streets.spelling(second)} do not meet: they are {near}."
+        hint = f"{streets.find_spelling(first)} and {streets.find_spelling(second)} do not meet: they are {near}."
     else:
-        hint = f"{' & '.join(map(streets.spelling, names))} do not all meet at one node."
+        hint = f"{' & '.join(map(streets.find_spelling, names))} do not all meet at one node."
     is_at = np.zeros(len(columns.node_ids), np.bool_)
     is_at[sides[0]] = True
     rows = np.flatnonzero(is_at[columns.sources] | is_at[columns.targets])
-    others = [name for name in streets.of_rows(rows.tolist()) if name != streets.spelling(first)]
-    raise BadValue(f"{hint} {streets.spelling(first)} meets {_join_names(others) or 'no other street with a name'}.")
+    others = [name for name in streets.list_names(rows.tolist()) if name != streets.find_spelling(first)]
+    raise BadValue(
+        f"{hint} {streets.find_spelling(first)} meets {_join_names(others) or 'no other street with a name'}."
+    )
 
 
 def _find_clusters(xy: FloatArray) -> list[IntArray]:

@@ -97,7 +97,7 @@ class Graph(Surface, Guarded, IGraph):
         nodes = self._store.nodes
         self._store.crs = None if text is None else format_crs(text)
         self._store.revision += 1
-        if fault := scale_fault(text, nodes.array("xy")[nodes.living()]):
+        if fault := scale_fault(text, nodes.get_array("xy")[nodes.list_living()]):
             logging.getLogger("gamms").warning(f"graph.crs: {fault}.")
 
     @property
@@ -155,20 +155,20 @@ class Graph(Surface, Guarded, IGraph):
         phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
         if phase.agent is not None or phase.player is not None:
             phase.refuse("call ctx.graph.graph.add_node")
-        self._store.own()
+        self._store.unshare_tables()
         id = records.as_id(records.get_required(node_data, "id", "A node"), "a node")
         x = records.as_coordinate(records.get_required(node_data, "x", "A node"), "x", id)
         y = records.as_coordinate(records.get_required(node_data, "y", "A node"), "y", id)
         store = self._store
         nodes = self._store.nodes
-        if nodes.index.row(id) >= 0:
+        if nodes.index.find_row(id) >= 0:
             raise DuplicateId("a node", id)
-        given = records.extras(node_data, records.NODE_KEYS) if len(node_data) > 3 else None
+        given = records.select_extras(node_data, records.NODE_KEYS) if len(node_data) > 3 else None
         row = nodes.append(id, x, y)
         if given:
             nodes.set_attributes(row, given)
         if store.indexes.is_built:
-            store.indexes.node_added(row)
+            store.indexes.record_added_node(row)
         store.revision += 1
 
     def add_edge(self, edge_data: dict[str, Any]) -> None:
@@ -176,32 +176,34 @@ class Graph(Surface, Guarded, IGraph):
         phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
         if phase.agent is not None or phase.player is not None:
             phase.refuse("call ctx.graph.graph.add_edge")
-        self._store.own()
+        self._store.unshare_tables()
         id = records.as_id(records.get_required(edge_data, "id", "An edge"), "an edge")
         length = records.as_length(records.get_required(edge_data, "length", "An edge"), id)
         source, target = self._end_rows(edge_data, id)
         store = self._store
         edges = self._store.edges
-        if edges.index.row(id) >= 0:
+        if edges.index.find_row(id) >= 0:
             raise DuplicateId("an edge", id)
         polyline = None
         given = None
         if len(edge_data) > 4:
             polyline = records.check_polyline(edge_data.get("linestring"), id, self._find_straight_line(source, target))
-            given = records.extras(edge_data, records.EDGE_KEYS)
+            given = records.select_extras(edge_data, records.EDGE_KEYS)
         row = edges.append(id, source, target, length)
         if polyline is not None:
-            edges.bend(row, polyline)
+            edges.set_polyline(row, polyline)
         if given:
             edges.set_attributes(row, given)
         if store.indexes.is_built:
-            store.indexes.edge_added(row, source, target)
+            store.indexes.record_added_edge(row, source, target)
         store.revision += 1
 
     def get_node(self, node_id: int) -> Node:
         """Return the node with that id."""
         nodes = self._store.nodes
-        row = nodes.index.row(node_id) if type(node_id) is int else -1  # NOTE: saves 0.6 of 1.9 us for each look-up
+        row = (
+            nodes.index.find_row(node_id) if type(node_id) is int else -1
+        )  # NOTE: saves 0.6 of 1.9 us for each look-up
         if row < 0:
             row = nodes.find(records.as_id(node_id, "a node", self._store))
         xy = nodes.xy
@@ -210,12 +212,12 @@ class Graph(Surface, Guarded, IGraph):
     def get_edge(self, edge_id: int) -> OSMEdge:
         """Return the edge with that id."""
         row = self._store.edges.find(records.as_id(edge_id, "an edge"))
-        return self._store.indexes.edge_value(row)
+        return self._store.indexes.get_edge(row)
 
     @refuse_while_deciding
     def update_node(self, node_data: dict[str, Any]) -> None:
         """Change the given keys of a node."""
-        self._store.own()
+        self._store.unshare_tables()
         id = records.as_id(records.get_required(node_data, "id", "An update of a node"), "a node", self._store)
         nodes = self._store.nodes
         row = self._store.nodes.find(id)
@@ -223,19 +225,19 @@ class Graph(Surface, Guarded, IGraph):
         y = nodes.xy[2 * row + 1]
         new_x = records.as_coordinate(node_data.get("x", x), "x", id)
         new_y = records.as_coordinate(node_data.get("y", y), "y", id)
-        given = records.extras(node_data, records.NODE_KEYS)
+        given = records.select_extras(node_data, records.NODE_KEYS)
         nodes.set_attributes(row, given)
         if (new_x, new_y) != (x, y):
-            nodes.own()
+            nodes.prepare_writing()
             nodes.xy[2 * row] = new_x
             nodes.xy[2 * row + 1] = new_y
-            self._store.indexes.node_moved(row)
+            self._store.indexes.record_moved_node(row)
         self._store.revision += 1
 
     @refuse_while_deciding
     def update_edge(self, edge_data: dict[str, Any]) -> None:
         """Change the given keys of an edge."""
-        self._store.own()
+        self._store.unshare_tables()
         id = records.as_id(records.get_required(edge_data, "id", "An update of an edge"), "an edge")
         edges = self._store.edges
         row = self._store.edges.find(id)
@@ -249,17 +251,17 @@ class Graph(Surface, Guarded, IGraph):
         }
         ends = self._end_rows(full, id)
         length = records.as_length(full["length"], id)
-        given = records.extras(edge_data, records.EDGE_KEYS)
+        given = records.select_extras(edge_data, records.EDGE_KEYS)
         polyline = records.check_polyline(full.get("linestring"), id, self._find_straight_line(*ends))
-        edges.own()
+        edges.prepare_writing()
         edges.lengths[row] = length
         edges.sources[row], edges.targets[row] = ends
         if "linestring" in edge_data or ends != old_ends:  # the old polyline does not end at the new node
             edges.straighten(row)
         if polyline is not None:
-            edges.bend(row, polyline)
+            edges.set_polyline(row, polyline)
         edges.set_attributes(row, given)
-        self._store.indexes.edge_changed(row, old_ends, ends)
+        self._store.indexes.record_changed_edge(row, old_ends, ends)
         self._store.revision += 1
 
     @refuse_while_deciding
@@ -278,17 +280,19 @@ class Graph(Surface, Guarded, IGraph):
         """Return ids of the nodes within d of (x, y), in insertion order; all for `d < 0`."""
         store = self._store
         is_all = records.is_everywhere(d, x, y)
-        return store.nodes.iter_ids(None if is_all else store.indexes.nodes_within(x, y, d))
+        return store.nodes.iterate_ids(None if is_all else store.indexes.find_nodes_within(x, y, d))
 
     def get_edges(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Return the ids of the edges with an end node within d of (x, y), in insertion order; all for `d < 0`."""
         store = self._store
         is_all = records.is_everywhere(d, x, y)
-        return store.edges.iter_ids(None if is_all else store.indexes.edges_at(store.indexes.nodes_within(x, y, d)))
+        return store.edges.iterate_ids(
+            None if is_all else store.indexes.find_edges_at(store.indexes.find_nodes_within(x, y, d))
+        )
 
     def get_neighbors(self, node_id: int) -> Iterator[int]:
         """Return unique targets of the edges leaving a node, in edge insertion order."""
-        return iter(self._store.indexes.neighbors(records.as_id(node_id, "a node", self._store)))
+        return iter(self._store.indexes.list_neighbors(records.as_id(node_id, "a node", self._store)))
 
     @property
     def neighborhoods(self) -> Neighborhoods:
@@ -298,7 +302,7 @@ class Graph(Surface, Guarded, IGraph):
 
     def has_node(self, node_id: int) -> bool:
         """Return whether a node with this id exists."""
-        return self._store.nodes.index.row(records.as_id(node_id, "a node", self._store)) >= 0
+        return self._store.nodes.index.find_row(records.as_id(node_id, "a node", self._store)) >= 0
 
     def within(
         self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
@@ -312,15 +316,15 @@ class Graph(Surface, Guarded, IGraph):
         if as_range(fov, "fov") != 2.0 * pi:
             cos, sin = as_numbers(heading, "heading", "(cos, sin)")
             if (cos, sin) != (0.0, 0.0):
-                dx, dy = (nodes.array("xy")[rows] - (x, y)).T
-                rows = rows[kernels.in_cone(dx, dy, (cos, sin), fov)]
+                dx, dy = (nodes.get_array("xy")[rows] - (x, y)).T
+                rows = rows[kernels.find_in_cone(dx, dy, (cos, sin), fov)]
         return self._make_surroundings(rows)
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
         """Return the nodes within `radius` of (x, y), as arrays."""
         nodes = self._store.nodes
         rows = self._find_rows_near(as_float(x, "x"), as_float(y, "y"), radius)
-        return NodeColumns(nodes.array("ids")[rows], nodes.array("xy")[rows])
+        return NodeColumns(nodes.get_array("ids")[rows], nodes.get_array("xy")[rows])
 
     def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
         """Return some nodes, and the edges with both ends among them, in insertion order."""
@@ -328,11 +332,11 @@ class Graph(Surface, Guarded, IGraph):
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
         """Return the coordinates (nodes, 2) of several nodes."""
-        return self._store.nodes.array("xy")[self._find_rows(node_ids)]
+        return self._store.nodes.get_array("xy")[self._find_rows(node_ids)]
 
     def ground(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> NodeGround | None:
         """Return the ground at several nodes, from their attributes `z` and `underground`; None for a flat map."""
-        ground = self._store.ground()
+        ground = self._store.get_ground()
         if ground is None:
             return None
         z, tunnels = ground[self._find_rows(node_ids)].T
@@ -341,12 +345,14 @@ class Graph(Surface, Guarded, IGraph):
     def node_attributes(self, node_id: int) -> dict[str, Any]:
         """Return the attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
         nodes = self._store.nodes
-        return self._phase.shown(nodes.attributes_of(nodes.find(records.as_id(node_id, "a node", self._store))))
+        return self._phase.protect_value(
+            nodes.copy_attributes(nodes.find(records.as_id(node_id, "a node", self._store)))
+        )
 
     def edge_attributes(self, edge_id: int) -> dict[str, Any]:
         """Return the attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
         edges = self._store.edges
-        return self._phase.shown(edges.attributes_of(edges.find(records.as_id(edge_id, "an edge"))))
+        return self._phase.protect_value(edges.copy_attributes(edges.find(records.as_id(edge_id, "an edge"))))
 
     # -- routing ------------------------------------------------------------------------------------------------
 
@@ -388,7 +394,7 @@ class Graph(Surface, Guarded, IGraph):
                 known = cache.entries.get((weight, target))
             except TypeError:  # the weight is not hashable
                 known = None
-            if known is not None and (row := store.nodes.index.row(source)) >= 0:
+            if known is not None and (row := store.nodes.index.find_row(source)) >= 0:
                 far: float = known[0][row]
                 return far
         return self._routes.distance(source, target, weight)
@@ -462,9 +468,9 @@ class Graph(Surface, Guarded, IGraph):
         """
         new_ids = records.check_ids(ids, "ids")
         xy = np.column_stack([records.check_numbers(axis, len(new_ids), name) for axis, name in ((x, "x"), (y, "y"))])
-        self._store.own()
+        self._store.unshare_tables()
         self._store.nodes.extend(new_ids, xy=xy)
-        self._store.rows_added()
+        self._store.record_added_rows()
 
     @refuse_while_deciding
     def add_edges(
@@ -481,9 +487,9 @@ class Graph(Surface, Guarded, IGraph):
         Raises:
             UnknownName, DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed.
         """
-        self._store.own()
+        self._store.unshare_tables()
         self._store.edges.extend(**records.check_edges(self._store.nodes, ids, sources, targets, lengths))
-        self._store.rows_added()
+        self._store.record_added_rows()
 
     def columns(self) -> GraphColumns:
         """Return the graph as read-only arrays that never change."""
@@ -531,20 +537,20 @@ class Graph(Surface, Guarded, IGraph):
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _find_rows(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> IntArray:
-        return self._store.nodes.index.rows(records.check_ids(node_ids, "node_ids", self._store), "node")
+        return self._store.nodes.index.find_rows(records.check_ids(node_ids, "node_ids", self._store), "node")
 
     def _find_rows_near(self, x: float, y: float, radius: float) -> IntArray:
         radius = as_range(radius, "The radius")
         store = self._store
-        return store.nodes.living() if radius == inf else store.indexes.nodes_within(x, y, radius)
+        return store.nodes.list_living() if radius == inf else store.indexes.find_nodes_within(x, y, radius)
 
     def _make_surroundings(self, rows: IntArray) -> Surroundings:
         indexes = self._store.indexes
-        nodes = {node[0]: node for node in indexes.node_values(rows)}
-        return Surroundings(nodes, indexes.edge_values(indexes.edges_among(rows)))
+        nodes = {node[0]: node for node in indexes.get_nodes(rows)}
+        return Surroundings(nodes, indexes.get_edges(indexes.find_edges_among(rows)))
 
     def _end_rows(self, edge: dict[str, Any], id: int) -> tuple[int, int]:
-        row_of = self._store.nodes.index.row
+        row_of = self._store.nodes.index.find_row
         try:
             source = edge["source"]
             target = edge["target"]

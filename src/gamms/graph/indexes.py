@@ -37,7 +37,7 @@ class NodeGrid:
 
     def __init__(self, nodes: NodeTable) -> None:
         self._nodes = nodes
-        self._cells = kernels.build_cells(nodes.array("xy"))
+        self._cells = kernels.build_cells(nodes.get_array("xy"))
         self._late: set[int] = set()  # rows added or moved since the grid was built
 
     def note(self, row: int) -> None:
@@ -49,24 +49,24 @@ class NodeGrid:
         """Whether the list of changes is so long that a new grid is cheaper."""
         return len(self._late) > _LATE_NODES + 2 * isqrt(len(self._cells.rows))
 
-    def within(self, x: float, y: float, d: float) -> IntArray:
+    def find_within(self, x: float, y: float, d: float) -> IntArray:
         """Return the living node rows with distance <= d to (x, y), ascending."""
-        rows = kernels.candidate_rows(self._cells, x, y, d)
+        rows = kernels.find_candidate_rows(self._cells, x, y, d)
         if rows is None:
             rows = np.arange(self._nodes.count)
         elif self._late:
             rows = np.union1d(rows, np.fromiter(self._late, np.int64))
-        there_x, there_y = self._nodes.array("xy")[rows].T
+        there_x, there_y = self._nodes.get_array("xy")[rows].T
         rows = rows[is_within(there_x, there_y, x, y, d)]
         if self._nodes.dead:
-            rows = rows[self._nodes.array("alive")[rows] != 0]
+            rows = rows[self._nodes.get_array("alive")[rows] != 0]
         return np.sort(rows)
 
-    def around(self, x: float, y: float, reach: int) -> list[int]:
+    def find_around(self, x: float, y: float, reach: int) -> list[int]:
         """Return the node rows, including dead ones, in the cells around (x, y), and the rows changed since."""
-        return [*kernels.rows_around(self._cells, x, y, reach), *self._late]
+        return [*kernels.find_rows_around(self._cells, x, y, reach), *self._late]
 
-    def nearest(self, x: float, y: float) -> int:
+    def find_nearest(self, x: float, y: float) -> int:
         """Return the living node row nearest to (x, y), the first of several; the grid must have one.
 
         Compares squares of distances; distances themselves if squares would vanish or overflow.
@@ -76,21 +76,25 @@ class NodeGrid:
             found, square = self._find_nearest_around(x, y, reach)
             if square == 0.0 or _LEAST**2 < square < min((reach - 0.1) * self._cells.size, _MOST) ** 2:
                 return found
-        return self._find_nearest(self._nodes.living(), x, y)
+        return self._find_nearest(self._nodes.list_living(), x, y)
 
-    def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
-        """Return the nearest row for each of several places, (places,); see `nearest`."""
+    def find_nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
+        """Return the nearest row for each of several places, (places,); see `find_nearest`."""
         found = np.full(len(x), -1)
         open_ = np.arange(len(x))
         for reach in () if self._late else _REACHES_OF_EACH:
             d = reach * self._cells.size
-            parts = kernels.candidates_of_each(self._cells, x[open_], y[open_], d) if d < _MOST and len(open_) else None
+            parts = (
+                kernels.find_candidates_of_each(self._cells, x[open_], y[open_], d)
+                if d < _MOST and len(open_)
+                else None
+            )
             for begin, end, at, rows in parts or ():
                 places = open_[begin:end]
                 which, row = self._find_first_near(x[places], y[places], (at, rows), d * _SURE)
                 found[places[which]] = row
             open_ = np.flatnonzero(found < 0)
-        found[open_] = [self.nearest(*place) for place in zip(x[open_].tolist(), y[open_].tolist(), strict=True)]
+        found[open_] = [self.find_nearest(*place) for place in zip(x[open_].tolist(), y[open_].tolist(), strict=True)]
         return found
 
     def _find_first_near(
@@ -106,8 +110,8 @@ class NodeGrid:
         """
         at, rows = pairs
         if self._nodes.dead:
-            at, rows = (column[self._nodes.array("alive")[rows] != 0] for column in pairs)
-        xy = self._nodes.array("xy").take(rows, axis=0)
+            at, rows = (column[self._nodes.get_array("alive")[rows] != 0] for column in pairs)
+        xy = self._nodes.get_array("xy").take(rows, axis=0)
         dx = xy[:, 0] - x[at]
         dy = xy[:, 1] - y[at]
         squares = dx * dx + dy * dy
@@ -128,7 +132,7 @@ class NodeGrid:
         alive = self._nodes.alive
         least = inf
         found = -1
-        for row in self.around(x, y, reach):
+        for row in self.find_around(x, y, reach):
             dx = xy[2 * row] - x
             dy = xy[2 * row + 1] - y
             square = dx * dx + dy * dy
@@ -142,7 +146,7 @@ class NodeGrid:
     def _find_nearest(self, rows: IntArray, x: float, y: float) -> int:
         """Return the row nearest to (x, y), the first of equals."""
         with np.errstate(over="ignore", under="ignore"):  # an infinite distance is a valid result
-            dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
+            dx, dy = (self._nodes.get_array("xy")[rows] - (x, y)).T
             squares = dx * dx + dy * dy
             if not _LEAST**2 < squares.min() < _MOST**2:
                 squares = np.hypot(dx, dy)
@@ -160,7 +164,7 @@ class Adjacency:
         self._edges = edges
         self._end = end
         self._nodes = nodes
-        self._offsets, self._rows = kernels.group_rows(edges.array(end), nodes)
+        self._offsets, self._rows = kernels.group_rows(edges.get_array(end), nodes)
         self._offset_view = self._offsets.data
         self._row_view = self._rows.data
         self._late: dict[int, list[int]] = {}  # node row -> edge rows added later
@@ -181,7 +185,7 @@ class Adjacency:
         """Whether the list of changes is so long that a new grouping is cheaper."""
         return self._late_count > _LATE_EDGES + len(self._rows) // 4
 
-    def at_one(self, node: int) -> list[int]:
+    def find_edges_at(self, node: int) -> list[int]:
         """Return the living edge rows whose end is this node row, ascending."""
         rows: list[int] = []
         if node < self._nodes:
@@ -195,7 +199,7 @@ class Adjacency:
             rows = [row for row in rows if alive[row] and ends[row] == node]
         return rows
 
-    def at(self, nodes: IntArray) -> IntArray:
+    def find_edges(self, nodes: IntArray) -> IntArray:
         """Return the living edge rows whose end is one of `nodes` (unique rows), ascending."""
         known = np.minimum(nodes, self._nodes)
         at, places = kernels.expand_ranges(self._offsets[known], self._offsets[np.minimum(nodes + 1, self._nodes)])
@@ -206,7 +210,7 @@ class Adjacency:
         ends, more = np.array(late, np.int64).reshape(-1, 2).T
         rows = np.concatenate((rows, more))
         ends = np.concatenate((nodes[at], ends))
-        is_so = (self._edges.array("alive")[rows] != 0) & (self._edges.array(self._end)[rows] == ends)
+        is_so = (self._edges.get_array("alive")[rows] != 0) & (self._edges.get_array(self._end)[rows] == ends)
         return np.unique(rows[is_so])
 
 
@@ -249,25 +253,27 @@ class RowValueCache:
 
 def make_node_values(nodes: NodeTable, rows: RowArray) -> list[Node]:
     """Return the values of node rows."""
-    xy = nodes.array("xy")[rows]
-    return list(map(_node, zip(nodes.array("ids")[rows].tolist(), xy[:, 0].tolist(), xy[:, 1].tolist(), strict=True)))
+    xy = nodes.get_array("xy")[rows]
+    return list(
+        map(_node, zip(nodes.get_array("ids")[rows].tolist(), xy[:, 0].tolist(), xy[:, 1].tolist(), strict=True))
+    )
 
 
 def make_edge_values(
     edges: EdgeTable, nodes: NodeTable, rows: RowArray, take_nodes: Callable[[RowArray], list[Node]]
 ) -> list[OSMEdge]:
     """Return the values of edge rows; use `take_nodes` for node rows."""
-    sources = edges.array("sources")[rows]
-    targets = edges.array("targets")[rows]
-    ids = nodes.array("ids")
+    sources = edges.get_array("sources")[rows]
+    targets = edges.get_array("targets")[rows]
+    ids = nodes.get_array("ids")
     first: list[Any] = take_nodes(sources)
     last: list[Any] = take_nodes(targets)
     if edges.polylines:
-        for i, polyline in edges.bends_among(rows):
+        for i, polyline in edges.find_polylines(rows):
             first[i] = tuple(polyline.ravel().tolist())
             last[i] = None
-    fields = (edges.array("ids")[rows].tolist(), ids[sources].tolist(), ids[targets].tolist())
-    return list(map(_edge, zip(*fields, edges.array("lengths")[rows].tolist(), first, last, strict=True)))
+    fields = (edges.get_array("ids")[rows].tolist(), ids[sources].tolist(), ids[targets].tolist())
+    return list(map(_edge, zip(*fields, edges.get_array("lengths")[rows].tolist(), first, last, strict=True)))
 
 
 class Indexes:
@@ -281,45 +287,47 @@ class Indexes:
         self._grid: NodeGrid | None = None
         self._by_end: dict[str, Adjacency] = {}
         self._node_values = RowValueCache(lambda rows: make_node_values(nodes, rows))
-        self._edge_values = RowValueCache(lambda rows: make_edge_values(edges, nodes, rows, self.node_values))
+        self._edge_values = RowValueCache(lambda rows: make_edge_values(edges, nodes, rows, self.get_nodes))
 
     # -- queries ------------------------------------------------------------------------------------------------
 
-    def nodes_within(self, x: float, y: float, d: float) -> IntArray:
+    def find_nodes_within(self, x: float, y: float, d: float) -> IntArray:
         """Return the node rows with distance <= d to (x, y), ascending."""
         # A NumPy float32 would exclude nodes at distance d by rounding.
-        return self._get_node_grid().within(float(x), float(y), float(d))
+        return self._get_node_grid().find_within(float(x), float(y), float(d))
 
-    def nearest(self, x: float, y: float) -> int:
+    def find_nearest(self, x: float, y: float) -> int:
         """Return the node row nearest to (x, y), the first of several; the graph must have a node."""
-        return self._get_node_grid().nearest(x, y)
+        return self._get_node_grid().find_nearest(x, y)
 
-    def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
+    def find_nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
         """Return the nearest node row for each of several places, (places,); the graph must have a node."""
-        return self._get_node_grid().nearest_each(x, y)
+        return self._get_node_grid().find_nearest_each(x, y)
 
-    def edges_at(self, nodes: IntArray) -> IntArray:
+    def find_edges_at(self, nodes: IntArray) -> IntArray:
         """Return the edge rows with at least one end among the node rows, ascending."""
-        return np.union1d(self._get_adjacency("sources").at(nodes), self._get_adjacency("targets").at(nodes))
+        return np.union1d(
+            self._get_adjacency("sources").find_edges(nodes), self._get_adjacency("targets").find_edges(nodes)
+        )
 
-    def edges_among(self, nodes: IntArray) -> IntArray:
+    def find_edges_among(self, nodes: IntArray) -> IntArray:
         """Return the rows of the edges with both ends among the node rows, in insertion order."""
-        rows = self._get_adjacency("sources").at(nodes)
+        rows = self._get_adjacency("sources").find_edges(nodes)
         is_seen = np.zeros(self._nodes.count, np.bool_)
         is_seen[nodes] = True
-        among: IntArray = rows[is_seen[self._edges.array("targets")[rows]]]
+        among: IntArray = rows[is_seen[self._edges.get_array("targets")[rows]]]
         return among
 
-    def edge_values(self, rows: RowArray) -> list[OSMEdge]:
+    def get_edges(self, rows: RowArray) -> list[OSMEdge]:
         """Return the edges of these rows."""
         return self._edge_values.take(rows, self._edges.count)
 
-    def node_values(self, rows: RowArray) -> list[Node]:
+    def get_nodes(self, rows: RowArray) -> list[Node]:
         """Return the nodes of these rows."""
         self.is_built = True
         return self._node_values.take(rows, self._nodes.count)
 
-    def edge_value(self, row: int) -> OSMEdge:
+    def get_edge(self, row: int) -> OSMEdge:
         """Return the edge of a row."""
         # NOTE: without arrays, because agents on edges ask for single edges (benchmarks: travel).
         edges = self._edges
@@ -334,72 +342,72 @@ class Indexes:
             shape = tuple(polyline.ravel().tolist()), None
         return _edge((edges.ids[row], nodes.ids[source], nodes.ids[target], edges.lengths[row], *shape))
 
-    def neighbors(self, id: int) -> list[int]:
+    def list_neighbors(self, id: int) -> list[int]:
         """Return the unique targets of the edges leaving a node, in edge insertion order.
 
         Raises:
             UnknownName (KeyError): the node does not exist.
         """
-        return list(dict.fromkeys(self.targets(id)))
+        return list(dict.fromkeys(self.list_targets(id)))
 
-    def targets(self, id: int) -> list[int]:
-        """Return the target of each edge leaving a node, in edge insertion order; raise as `neighbors`."""
-        row = self._nodes.index.row(id)
+    def list_targets(self, id: int) -> list[int]:
+        """Return the target of each edge leaving a node, in edge insertion order; raise as `list_neighbors`."""
+        row = self._nodes.index.find_row(id)
         if row < 0:
             raise UnknownName("node", id, self._nodes.ids)
-        edges = self._get_adjacency("sources").at_one(row)
+        edges = self._get_adjacency("sources").find_edges_at(row)
         ids = self._nodes.ids
         targets = self._edges.targets
         return [ids[targets[edge]] for edge in edges]
 
-    def targets_of_each(self, nodes: Sequence[int]) -> list[list[int]]:
-        """Return the targets of the edges leaving each of several node rows, (nodes,) unique, as `targets`."""
+    def list_targets_of_each(self, nodes: Sequence[int]) -> list[list[int]]:
+        """Return the targets of the edges leaving each of several node rows, (nodes,) unique, as `list_targets`."""
         rows = np.array(nodes, np.int64)
-        edges = self._get_adjacency("sources").at(rows)
-        sources = self._edges.array("sources")[edges]
+        edges = self._get_adjacency("sources").find_edges(rows)
+        sources = self._edges.get_array("sources")[edges]
         by_source = np.argsort(sources, kind="stable")
-        targets = self._edges.array("targets")[edges[by_source]]
-        ids = self._nodes.array("ids")[targets].tolist()
+        targets = self._edges.get_array("targets")[edges[by_source]]
+        ids = self._nodes.get_array("ids")[targets].tolist()
         begins, ends = (np.searchsorted(sources[by_source], rows, side).tolist() for side in ("left", "right"))
         return [ids[begin:end] for begin, end in zip(begins, ends, strict=True)]
 
     # -- changes ------------------------------------------------------------------------------------------------
 
-    def node_added(self, row: int) -> None:
+    def record_added_node(self, row: int) -> None:
         """Record that a node was appended."""
         if self._grid is not None:
             self._grid.note(row)
 
-    def node_moved(self, row: int) -> None:
+    def record_moved_node(self, row: int) -> None:
         """Record that the coordinates of a node changed; straight edges at it changed their shape."""
         if not self.is_built:
             return
-        self.node_added(row)
+        self.record_added_node(row)
         nodes = np.array([row])
         self._node_values.forget(nodes)
-        self._edge_values.forget(self.edges_at(nodes))
+        self._edge_values.forget(self.find_edges_at(nodes))
 
-    def node_removed(self, row: int) -> None:
+    def record_removed_node(self, row: int) -> None:
         """Record that a node and its edges were removed."""
         self.forget(self._nodes.ids[row])
 
-    def edge_added(self, row: int, source: int, target: int) -> None:
+    def record_added_edge(self, row: int, source: int, target: int) -> None:
         """Record that an edge was appended, or now has these ends."""
         for end, node in (("sources", source), ("targets", target)):
             if end in self._by_end:
                 self._by_end[end].note_added(node, row)
         self.forget(self._nodes.ids[source])
 
-    def edge_changed(self, row: int, old_ends: tuple[int, int], ends: tuple[int, int]) -> None:
+    def record_changed_edge(self, row: int, old_ends: tuple[int, int], ends: tuple[int, int]) -> None:
         """Record that the length, shape or ends of an edge changed."""
         if not self.is_built:
             return
         self._edge_values.forget(np.array([row]))
         if ends != old_ends:
-            self.edge_removed(old_ends)
-            self.edge_added(row, *ends)
+            self.record_removed_edge(old_ends)
+            self.record_added_edge(row, *ends)
 
-    def edge_removed(self, ends: tuple[int, int]) -> None:
+    def record_removed_edge(self, ends: tuple[int, int]) -> None:
         """Record that an edge was removed, or moved away from these ends."""
         for adjacency in self._by_end.values():
             adjacency.note_changed()

@@ -146,7 +146,7 @@ class Isochrones(Sequence[Isochrone]):
         red, green, blue = data.get("color", _COLOR)[:3]
         for one in sorted(self._found, key=lambda one: -one.limit):
             for rings in one.rings:
-                ctx.visual.render_polygon(geometry.seam_rings(rings).tolist(), (red, green, blue, 60))
+                ctx.visual.render_polygon(geometry.join_rings(rings).tolist(), (red, green, blue, 60))
                 for ring in rings:
                     ctx.visual.render_polygon(ring.tolist(), (red, green, blue, 200), width=1)
 

@@ -355,7 +355,7 @@ def _check_edge(edge: Plain) -> dict[str, Any]:
         if not isinstance(line, np.ndarray) or line.shape[1:] != (2,):
             raise BadFile(f"the linestring of closed edge {id} is not an array of points")
         edge["linestring"] = read_points(line, f"The linestring of edge {id}")
-    return records.extras(edge, frozenset()) if type(edge) is dict else {}
+    return records.select_extras(edge, frozenset()) if type(edge) is dict else {}
 
 
 def _read_array(state: dict[str, Plain], name: str) -> Array:
@@ -381,7 +381,7 @@ def _make_columns(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> d
 def _code_values(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]]:
     """Return the rows, ascending, the index of the value of each, and the distinct values by first appearance."""
     if isinstance(by_row, CodedValues):
-        codes, firsts = kernels.first_seen(by_row.codes)
+        codes, firsts = kernels.number_by_appearance(by_row.codes)
         return by_row.rows, codes, [by_row.choices[code] for code in by_row.codes[firsts].tolist()]
     rows = sorted(by_row)
     return np.array(rows, np.int64), np.arange(len(rows)), [by_row[row] for row in rows]

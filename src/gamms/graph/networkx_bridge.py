@@ -13,7 +13,7 @@ from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.export import format_wkt, list_shapes, make_plain_cell
 from gamms.graph.store import GraphStore
-from gamms.graph.tables import CONTAINERS, own
+from gamms.graph.tables import CONTAINERS, copy_value
 from gamms.ir import geometry
 from gamms.ir.graph import LABEL, FloatArray, GraphColumns, IntArray
 from gamms.ir.projection import format_crs, scale_fault
@@ -86,7 +86,7 @@ def export(
         for name, values in attributes.items():
             for row, value in values.items():
                 if not plain:
-                    rows[row][name] = own(value)
+                    rows[row][name] = copy_value(value)
                 elif (cell := make_plain_cell(value)) is not None:
                     rows[row][name] = cell
     exported.add_nodes_from(zip(ids, nodes, strict=True))
@@ -265,7 +265,7 @@ def _find_ids(store: GraphStore, labels: list[Hashable]) -> dict[Hashable, int]:
     if None not in ids.values():
         return ids  # type: ignore[return-value] # as the line before says
     taken = [id for id in ids.values() if id is not None]
-    free = count(max([-1, *taken, *store.nodes.iter_ids()]) + 1)
+    free = count(max([-1, *taken, *store.nodes.iterate_ids()]) + 1)
     return {label: next(free) if id is None else id for label, id in ids.items()}
 
 
@@ -295,7 +295,7 @@ def _find_edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
     ids = [None if id is None else records.as_id(id, "an edge") for id in given]
     if None not in ids:
         return np.array(ids, np.int64)
-    free = count(max([-1, *(id for id in ids if id is not None), *store.edges.iter_ids()]) + 1)
+    free = count(max([-1, *(id for id in ids if id is not None), *store.edges.iterate_ids()]) + 1)
     return np.array([next(free) if id is None else id for id in ids], np.int64)
 
 
@@ -307,7 +307,7 @@ def _group_by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str
             continue
         for name, value in data.items():
             if name not in ours:
-                columns[name][row] = own(value) if type(value) in CONTAINERS else value
+                columns[name][row] = copy_value(value) if type(value) in CONTAINERS else value
     named: dict[str, dict[int, Any]] = {}
     for name, values in columns.items():
         others = named.setdefault(str(name), values)

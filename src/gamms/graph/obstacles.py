@@ -84,7 +84,7 @@ class Obstacles(TableSharing):
         Raises:
             DuplicateId (KeyError): the id is taken.
         """
-        if id in self._new or (self._faces.count and self._faces.index.row(id) >= 0):
+        if id in self._new or (self._faces.count and self._faces.index.find_row(id) >= 0):
             raise DuplicateId("an obstacle face", id)
         self._new[id] = kind
         self._new_corners += _pack_corners(*corners)
@@ -104,8 +104,8 @@ class Obstacles(TableSharing):
         """Return a face by id (KeyError)."""
         table = self._flush_to_table()
         row = table.find(records.as_id(face_id, "an obstacle face"))
-        corners = table.array("corners")[row].reshape(4, 3).tolist()
-        return _make_face(int(table.ids[row]), corners, int(table.array("types")[row]))
+        corners = table.get_array("corners")[row].reshape(4, 3).tolist()
+        return _make_face(int(table.ids[row]), corners, int(table.get_array("types")[row]))
 
     def remove(self, face_id: int) -> None:
         """Remove a face (KeyError)."""
@@ -113,7 +113,7 @@ class Obstacles(TableSharing):
         table = self._flush_to_table()
         row = table.find(records.as_id(face_id, "an obstacle face"))
         table.remove(row)
-        table.array("boxes")[row] = np.nan
+        table.get_array("boxes")[row] = np.nan
         self.revision += 1
         if table.dead > len(table) + _FEW:  # so that alternating adds and removes take linear time
             table.compact()
@@ -128,46 +128,46 @@ class Obstacles(TableSharing):
         self._reset()
         self.add_many(columns)
 
-    def near(self, d: float, x: float, y: float) -> Iterator[int]:
+    def find_near(self, d: float, x: float, y: float) -> Iterator[int]:
         """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
         table = self._flush_to_table()
         if is_everywhere(d, x, y):
-            return table.iter_ids()
+            return table.iterate_ids()
         rows = self._find_between((x - d, y - d), (x + d, y + d))
         rows.sort()
-        low_x, low_y, _, high_x, high_y, _ = table.array("boxes")[rows].T
+        low_x, low_y, _, high_x, high_y, _ = table.get_array("boxes")[rows].T
         hit = (low_x <= x + d) & (high_x >= x - d) & (low_y <= y + d) & (high_y >= y - d)
-        return iter(table.array("ids")[rows[hit]].tolist())
+        return iter(table.get_array("ids")[rows[hit]].tolist())
 
-    def visible(self, origin: FloatArray, targets: FloatArray) -> BoolArray:
+    def find_visible(self, origin: FloatArray, targets: FloatArray) -> BoolArray:
         """Return whether no face blocks the line from origin (3,) to each target (targets, 3)."""
         if not len(targets) or not len(self):
             return np.ones(len(targets), np.bool_)
-        return kernels.visible(self._find_corners_around(origin, targets), origin, targets)
+        return kernels.find_visible(self._find_corners_around(origin, targets), origin, targets)
 
-    def visible_from_each(self, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
+    def find_visible_from_each(self, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
         """Return a mask (origins, targets) of the requested lines, of at least one, that no face blocks."""
         if not len(self):
             return is_asked
         corners = self._find_corners_around(origins[0], np.concatenate((origins, targets)))
-        return kernels.visible_from_each(corners, origins, targets, is_asked)
+        return kernels.find_visible_from_each(corners, origins, targets, is_asked)
 
     def _find_corners_around(self, origin: FloatArray, targets: FloatArray) -> FloatArray:
         """Return the corners (faces, 4, 3) of a superset of the faces that may block lines between these places."""
         table = self._flush_to_table()
         rows = self._find_between(*find_surroundings(origin, targets))
         if table.dead:
-            rows = rows[table.array("alive")[rows] != 0]
-        corners: FloatArray = table.array("corners").take(rows, axis=0).reshape(-1, 4, 3)
+            rows = rows[table.get_array("alive")[rows] != 0]
+        corners: FloatArray = table.get_array("corners").take(rows, axis=0).reshape(-1, 4, 3)
         return corners
 
-    def free_ids(self, count: int) -> IntArray:
+    def find_free_ids(self, count: int) -> IntArray:
         """Return `count` ids after the greatest id.
 
         Raises:
             BadValue: the ids would exceed 64 bits.
         """
-        first = max(self._flush_to_table().iter_ids(), default=-1) + 1
+        first = max(self._flush_to_table().iterate_ids(), default=-1) + 1
         if first + count - 1 > _MOST:
             raise BadValue(f"There are no {count} ids after the greatest, {first - 1}. Give ids yourself.")
         return np.arange(first, first + count, dtype=np.int64) if count else np.zeros(0, np.int64)
@@ -200,9 +200,9 @@ class Obstacles(TableSharing):
         if table.count > _FEW:
             grid = table.grid
             if grid is None or grid.is_outdated(table.count):
-                grid = FaceGrid(table.array("boxes"))
+                grid = FaceGrid(table.get_array("boxes"))
                 table.grid = grid
-            rows = grid.between(low, high, table.count)
+            rows = grid.find_between(low, high, table.count)
             if rows is not None:
                 return rows
         return np.arange(table.count)
@@ -232,8 +232,12 @@ class Obstacles(TableSharing):
 
 
 def _make_columns(table: _FaceTable) -> ObstacleColumns:
-    rows = table.living()
-    arrays = table.array("ids")[rows], table.array("corners")[rows].reshape(-1, 4, 3), table.array("types")[rows]
+    rows = table.list_living()
+    arrays = (
+        table.get_array("ids")[rows],
+        table.get_array("corners")[rows].reshape(-1, 4, 3),
+        table.get_array("types")[rows],
+    )
     for array in arrays:
         array.setflags(write=False)
     return ObstacleColumns(*arrays)
@@ -274,10 +278,12 @@ class FaceGrid:
         """Return whether so many of the `count` rows were appended later that a new grid is cheaper."""
         return count - self._count > _LATE + 2 * isqrt(self._count)
 
-    def between(self, low: Corner2D, high: Corner2D, count: int) -> IntArray | None:
+    def find_between(self, low: Corner2D, high: Corner2D, count: int) -> IntArray | None:
         """Return the rows below `count` of a superset of the faces whose box meets a rectangle; None: all rows."""
         reach = self._reach
-        found = kernels.rows_between(self._cells, (low[0] - reach, low[1] - reach), (high[0] + reach, high[1] + reach))
+        found = kernels.find_rows_between(
+            self._cells, (low[0] - reach, low[1] - reach), (high[0] + reach, high[1] + reach)
+        )
         if found is None:
             return None
         return np.concatenate((self._rows[found], self._others, np.arange(self._count, count)))
@@ -340,7 +346,7 @@ def check_faces(faces: Faces, ids: ArrayLike | None, types: ArrayLike, obstacles
         faces = [*first, *given]
     corners = _make_corner_array(faces)
     count = len(corners)
-    checked_ids = obstacles.free_ids(count) if ids is None else records.check_ids(ids, "ids")
+    checked_ids = obstacles.find_free_ids(count) if ids is None else records.check_ids(ids, "ids")
     if len(checked_ids) != count:
         raise BadValue(f"ids must have shape ({count},) like the faces, not ({len(checked_ids)},).")
     return ObstacleColumns(checked_ids, corners, _make_type_array(types, count))

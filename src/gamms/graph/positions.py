@@ -30,20 +30,20 @@ def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]
     """Return the id of the node nearest to a place, or the nearest ids (places,) for several places."""
     if not len(store.nodes):
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
-    nearest = store.indexes.nearest
+    nearest = store.indexes.find_nearest
     x, y = xy
     is_one = type(x) is type(y) is float and isfinite(x) and isfinite(y)
     if is_one and within is None and latlon[0] is None and latlon[1] is None:
         return store.nodes.ids[nearest(x, y)]  # NOTE: flying agents ask this every turn (benchmarks: flyers)
     limit = None if within is None else as_range(within, "within")
     places = convert_places(store.crs, xy, latlon)
-    rows = store.indexes.nearest_each(*places.reshape(-1, 2).T)
-    known = store.nodes.array("xy")
+    rows = store.indexes.find_nearest_each(*places.reshape(-1, 2).T)
+    known = store.nodes.get_array("xy")
     if limit is not None:
         _refuse_beyond(limit, places.reshape(-1, 2), known[rows])
     elif latlon[0] is not None and store.crs is not None:
-        refuse_far(store.crs, known[store.nodes.living()], places.reshape(-1, 2), known[rows])
-    ids = store.nodes.array("ids")[rows]
+        refuse_far(store.crs, known[store.nodes.list_living()], places.reshape(-1, 2), known[rows])
+    ids = store.nodes.get_array("ids")[rows]
     return int(ids[0]) if places.ndim == 1 else ids
 
 
@@ -70,13 +70,13 @@ def place(
             ids = store.nodes.ids
             return [ids[row] for row in drawn]
         best = max(best, drawn, key=len)
-    raise BadValue(demand.refusal(len(best)))
+    raise BadValue(demand.describe_refusal(len(best)))
 
 
 def to_latlon(crs: str | None, x: Numbers, y: Numbers) -> tuple[Any, Any]:
     """Return latitude and longitude in degrees: floats for numbers, arrays for arrays."""
     known = _check_crs(crs, "graph.to_latlon(x, y)")
-    xy = pairs(x, y, ("x", "y"))
+    xy = as_pairs(x, y, ("x", "y"))
     lonlat = projection.project_back_and_forth(xy.reshape(-1, 2), known, projection.WGS84).reshape(xy.shape)
     return _get_column(lonlat, 1), _get_column(lonlat, 0)
 
@@ -95,7 +95,7 @@ def convert_places(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]
     """
     is_xy, is_latlon = ([value is not None for value in pair] for pair in (xy, latlon))
     if all(is_xy) and not any(is_latlon):
-        return pairs(*xy, ("x", "y"))
+        return as_pairs(*xy, ("x", "y"))
     if all(is_latlon) and not any(is_xy):
         return _project(crs, *latlon, "graph.nearest_node(lat=, lon=)")
     raise BadType("Give a place as nearest_node(x, y) or as nearest_node(lat=…, lon=…).")
@@ -123,9 +123,9 @@ def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatAr
     """
     bounds = np.stack((nodes.min(axis=0), nodes.max(axis=0)))
     south_west, north_east = projection.project(bounds, crs, projection.WGS84)
-    width = float(projection.ellipsoid_lengths(south_west[None], north_east[None])[0])
+    width = float(projection.measure_on_ellipsoid(south_west[None], north_east[None])[0])
     there, near = (projection.project(points, crs, projection.WGS84) for points in (places, nearest))
-    off = projection.ellipsoid_lengths(there, near)
+    off = projection.measure_on_ellipsoid(there, near)
     far = np.flatnonzero(off > max(width, _NEAR_M))
     if len(far):
         (west, south), (east, north), (lon, lat) = (point.tolist() for point in (south_west, north_east, there[far[0]]))
@@ -135,7 +135,7 @@ def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatAr
         )
 
 
-def pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray:
+def as_pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray:
     """Return two numbers as (2,), or two arrays of equal length as (places, 2); all finite.
 
     Raises:
@@ -153,7 +153,7 @@ def pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray
 
 def _project(crs: str | None, lat: Numbers, lon: Numbers, call: str) -> FloatArray:
     known = _check_crs(crs, call)
-    lonlat = pairs(lon, lat, ("lon", "lat"))
+    lonlat = as_pairs(lon, lat, ("lon", "lat"))
     for name, most, values in (("lat", _MOST_LAT, lonlat[..., 1]), ("lon", _MOST_LON, lonlat[..., 0])):
         wrong = values[np.abs(values) > most]
         if wrong.size:
@@ -197,7 +197,7 @@ class _PlacementRequest(NamedTuple):
     apart: float
     disc: tuple[float, float, float] | None  # x, y, radius
 
-    def refusal(self, placed: int) -> str:
+    def describe_refusal(self, placed: int) -> str:
         """Return the message for a request of more nodes than fit."""
         words = f"Only {placed} of {self.n} nodes could be placed"
         ways_out = ["ask for fewer"]
@@ -212,8 +212,8 @@ class _PlacementRequest(NamedTuple):
 
 def _find_candidates(store: GraphStore, demand: _PlacementRequest) -> IntArray:
     if demand.disc is None or demand.disc[2] == np.inf:
-        return store.nodes.living()
-    return store.indexes.nodes_within(*demand.disc)
+        return store.nodes.list_living()
+    return store.indexes.find_nodes_within(*demand.disc)
 
 
 def _draw_rows(store: GraphStore, rows: IntArray, demand: _PlacementRequest) -> list[int]:
@@ -221,7 +221,7 @@ def _draw_rows(store: GraphStore, rows: IntArray, demand: _PlacementRequest) -> 
     if demand.apart == 0.0:
         drawn: list[int] = rows[: demand.n].tolist()
         return drawn
-    xy = store.nodes.array("xy")
+    xy = store.nodes.get_array("xy")
     is_blocked = np.zeros(len(xy), np.bool_)
     drawn = []
     for row in rows.tolist():
@@ -235,7 +235,7 @@ def _draw_rows(store: GraphStore, rows: IntArray, demand: _PlacementRequest) -> 
 
 def _find_closer(store: GraphStore, xy: FloatArray, row: int, apart: float) -> IntArray:
     x, y = xy[row].tolist()
-    around = store.nodes.living() if apart == np.inf else store.indexes.nodes_within(x, y, apart)
+    around = store.nodes.list_living() if apart == np.inf else store.indexes.find_nodes_within(x, y, apart)
     with np.errstate(over="ignore"):  # an infinite distance is a valid result
         found: IntArray = around[np.hypot(*(xy[around] - (x, y)).T) < apart]
     return found

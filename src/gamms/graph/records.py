@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from gamms import arguments
 from gamms.arguments import as_array, as_float, as_int
 from gamms.errors import BadType, BadValue
-from gamms.graph.tables import NodeTable, own
+from gamms.graph.tables import NodeTable, copy_value
 from gamms.ir.geometry import read_points
 from gamms.ir.graph import FloatArray, IntArray, as_node_id, label_hint
 from gamms.text import shown
@@ -72,7 +72,7 @@ def check_polyline(linestring: object, id: int, ends: Sequence[float]) -> FloatA
     return None if len(points) == 2 and tuple(points.ravel().tolist()) == tuple(ends) else points
 
 
-def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
+def select_extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
     """Return the items of a record except `keys`: the caller's attributes.
 
     Raises:
@@ -84,7 +84,7 @@ def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
         if key not in keys:
             if not isinstance(key, str):
                 raise BadType(f"The name of an attribute must be a string, not {shown(key)}.")
-            given[str.__str__(key)] = own(value)
+            given[str.__str__(key)] = copy_value(value)
     return given
 
 
@@ -168,9 +168,9 @@ def check_edges(
     for name, end in zip(("sources", "targets"), ends, strict=True):
         if len(end) != len(ids):
             raise BadValue(f"{name} must have shape ({len(ids)},) like the ids, not {end.shape}.")
-    source_rows, target_rows = (nodes.index.rows(end, "node") for end in ends)
+    source_rows, target_rows = (nodes.index.find_rows(end, "node") for end in ends)
     if lengths is None:
-        xy = nodes.array("xy")
+        xy = nodes.get_array("xy")
         lengths = np.hypot(*(xy[target_rows] - xy[source_rows]).T)
     lengths = check_numbers(lengths, len(ids), "lengths")
     if len(lengths) and float(lengths.min()) < 0.0:

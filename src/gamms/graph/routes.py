@@ -99,7 +99,7 @@ class CachedRoutes(Routes):
         if not isinstance(nodes, Iterable):
             return np.array([self.row(nodes)])
         ids = nodes if isinstance(nodes, np.ndarray | str) else list(nodes)
-        return self._store.nodes.index.rows(records.check_ids(ids, name, self._store), "node")
+        return self._store.nodes.index.find_rows(records.check_ids(ids, name, self._store), "node")
 
     def row(self, node_id: int) -> int:
         """Return the row of a node (KeyError)."""
@@ -120,7 +120,9 @@ class CachedRoutes(Routes):
         if not self._has_table(end, weight):
             search = self.search(weight)
             goal = self._get_known_goals(end, weight)
-            far, visited = search.far(np.array([end]), rows, most=self._count_left(goal), is_nearest=is_nearest)
+            far, visited = search.compute_distances(
+                np.array([end]), rows, most=self._count_left(goal), is_nearest=is_nearest
+            )
             if goal.has_visited(visited):
                 return far
         return np.asarray(self.distances_to(end, weight))[rows]
@@ -137,7 +139,7 @@ class CachedRoutes(Routes):
         goal = self._get_known_goals(end, weight)
         if row in goal.distances:
             return goal
-        path = search.path(row, end, self._count_left(goal), kernels.widened(within))
+        path = search.find_path(row, end, self._count_left(goal), kernels.widen_distance(within))
         if not goal.has_visited(path.visited):
             return None
         goal.steps.update(pairwise(path.rows))

@@ -44,7 +44,7 @@ class MapSnapshot(NamedTuple):
     place_state: Any  # state of the random stream of `place`; None: nothing was drawn
     shared: "list[tuple[GraphStore, Obstacles]]"  # tables shared by all contexts with this map, once created
 
-    def tables(self) -> "tuple[GraphStore, Obstacles]":
+    def get_tables(self) -> "tuple[GraphStore, Obstacles]":
         """Return the read-only tables that all contexts with this map share; made on the first call."""
         if not self.shared:
             store = GraphStore()
@@ -77,7 +77,7 @@ class MapStorage(Guarded, IMapStorage):
         self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_make_key` and `_list_packed_map`
         self._last_snapshot: tuple[tuple[Any, ...], MapSnapshot] | None = None  # (key of its inputs, snapshot)
 
-    def contents(self) -> "SavedMap":
+    def get_contents(self) -> "SavedMap":
         """Return the complete contents of a map file."""
         from gamms.graph.map_file import SavedMap
 
@@ -95,7 +95,7 @@ class MapStorage(Guarded, IMapStorage):
 
         packed = self._list_packed_map()
         if not packed:
-            packed.append(map_file.encode(self.contents()))
+            packed.append(map_file.encode(self.get_contents()))
         return packed[0]
 
     def _list_packed_map(self) -> list[bytes]:
@@ -115,7 +115,7 @@ class MapStorage(Guarded, IMapStorage):
         except BadValue:
             from gamms.graph import map_file
 
-            contents, left_out = map_file.select_savable(self.contents())
+            contents, left_out = map_file.select_savable(self.get_contents())
             return map_file.encode(contents), left_out
 
     def unpack(self, data: bytes) -> None:
@@ -165,20 +165,20 @@ class MapStorage(Guarded, IMapStorage):
         store = self._store
         obstacles = self._obstacles
         if store.revision not in (before.revision, self._restored.get(before.revision)):
-            store.share(before.tables()[0])
+            store.share(before.get_tables()[0])
             self._restored = {before.revision: store.revision}
         known = before.obstacle_revision, self._restored_obstacles.get(before.obstacle_revision)
         if obstacles.revision not in known:
-            obstacles.share(before.tables()[1])
+            obstacles.share(before.get_tables()[1])
             self._restored_obstacles = {before.obstacle_revision: obstacles.revision}
         self._packed = self._make_key(), before.packed
         self._place_stream = None
         if before.place_state is not None:
-            self.place_stream().bit_generator.state = before.place_state
+            self.get_place_stream().bit_generator.state = before.place_state
 
     def copy_from(self, snapshot: MapSnapshot) -> None:
         """Share the graph and the obstacles of another context's snapshot, until one of the contexts changes them."""
-        store, obstacles = snapshot.tables()
+        store, obstacles = snapshot.get_tables()
         self._store.share(store)
         self._obstacles.share(obstacles)
         self.visibility_rows = snapshot.visibility_rows
@@ -188,55 +188,55 @@ class MapStorage(Guarded, IMapStorage):
         """Let a mode of agents be known, although no edge may have its attribute any more."""
         self._store.modes |= {mode}
 
-    def roads(self) -> tuple[IntArray, ClosedEdges]:
+    def list_roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of all edges in insertion order, and the ids of closed edges."""
         edges = self._store.edges
-        return edges.array("ids")[edges.living()], self._store.closed
+        return edges.get_array("ids")[edges.list_living()], self._store.closed
 
-    def changes(self) -> tuple[int, int, int, bool]:
+    def count_changes(self) -> tuple[int, int, int, bool]:
         """Return the numbers of changes of the graph, of its roads only and of the obstacles, and `has_placed`."""
         store = self._store
         return store.revision, store.road_changes, self._obstacles.revision, self._place_stream is not None
 
-    def changed_roads(self, since: tuple[int, int]) -> dict[int, bool] | None:
+    def find_changed_roads(self, since: tuple[int, int]) -> dict[int, bool] | None:
         """Return which edges were closed, opened or removed since a moment, and whether each of them is open now.
 
         None: the graph has changed in other ways, too, or so often that they are not known.
 
         Args:
-            since: the first two numbers that `changes` returned at that moment.
+            since: the first two numbers that `count_changes` returned at that moment.
         """
         store = self._store
         revision, roads = since
         if store.revision - revision != store.road_changes - roads:
             return None
-        ids = store.changed_roads(roads)
-        return None if ids is None else {id: store.edges.index.row(id) >= 0 for id in ids}
+        ids = store.find_changed_roads(roads)
+        return None if ids is None else {id: store.edges.index.find_row(id) >= 0 for id in ids}
 
-    def detached(self) -> tuple[GraphColumns, RouteQueries]:
+    def detach_graph(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the present graph and its routes; both stay the same when this graph changes."""
         from gamms.graph.graph import Graph
 
         graph = Graph(self._store.fork())
         return graph.columns(), graph.routes
 
-    def edges_as_given(self, ids: Iterable[int]) -> ClosedEdges:
+    def get_edges_as_given(self, ids: Iterable[int]) -> ClosedEdges:
         """Return edges in the form of `add_edge`, by id."""
         store = self._store.fork()
         chosen = [*ids]
         store.close_edges(chosen)
         return {id: store.closed[id] for id in chosen}
 
-    def with_edges(self, edges: ClosedEdges) -> tuple[GraphColumns, RouteQueries]:
+    def extend_graph(self, edges: ClosedEdges) -> tuple[GraphColumns, RouteQueries]:
         """Return the graph with more edges, after all other edges, and its routes; edges with known ids are ignored."""
         from gamms.graph.graph import Graph
 
         graph = Graph(self._store.fork())
-        for id in [id for id in edges if self._store.edges.index.row(id) < 0]:
+        for id in [id for id in edges if self._store.edges.index.find_row(id) < 0]:
             graph.add_edge(dict(edges[id]))
         return graph.columns(), graph.routes
 
-    def place_stream(self) -> "Generator":
+    def get_place_stream(self) -> "Generator":
         """Return the random stream of `ctx.graph.place`."""
         stream = self._ctx.stream("graph", "place")  # each time, as a use of the seed
         self._place_stream = self._place_stream or stream

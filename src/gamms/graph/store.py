@@ -17,7 +17,7 @@ from gamms.core.agents import NodeNumbers, number_nodes
 from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
-from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, TableSharing, join_rows, kept
+from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, TableSharing, freeze_mapping, join_rows
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, make_edge_arguments, read_only
 from gamms.ir.scenery import Scenery
 
@@ -45,14 +45,14 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     def learn(self, ids: Iterable[int]) -> None:
         """Compute the neighborhoods of many nodes at once; unknown nodes are left out."""
-        row_of = self._store.nodes.index.row
+        row_of = self._store.nodes.index.find_row
         rows = {id: row for id in ids if id not in self and (row := row_of(id)) >= 0}
-        for id, targets in zip(rows, self._store.indexes.targets_of_each([*rows.values()]), strict=True):
+        for id, targets in zip(rows, self._store.indexes.list_targets_of_each([*rows.values()]), strict=True):
             self[id] = tuple(dict.fromkeys([id, *targets]))
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         id = records.as_id(id, "a node", self._store)
-        made = tuple(dict.fromkeys([id, *self._store.indexes.targets(id)]))
+        made = tuple(dict.fromkeys([id, *self._store.indexes.list_targets(id)]))
         self[id] = made
         return made
 
@@ -107,7 +107,7 @@ class GraphStore(TableSharing):
         self._columns = None
         self._ground = None
         self._ground_key = None
-        self.rows_added()
+        self.record_added_rows()
 
     @property
     def node_numbers(self) -> NodeNumbers:
@@ -128,7 +128,7 @@ class GraphStore(TableSharing):
             self._columns = known
         return known
 
-    def ground(self) -> FloatArray | None:
+    def get_ground(self) -> FloatArray | None:
         """Return height and tunnel number of each node row, removed nodes included, (rows, 2); None if all are 0."""
         key = self.revision, self.nodes.count, self.nodes.dead
         if key != self._ground_key:
@@ -139,7 +139,7 @@ class GraphStore(TableSharing):
                     # Attributes set by users may have any type.
                     if type(value) in (int, float) and isfinite(value):
                         ground[row, column] = value
-            ground[self.nodes.array("alive") == 0] = 0.0
+            ground[self.nodes.get_array("alive") == 0] = 0.0
             self._ground = ground if ground.any() else None
             self._ground_key = key
         return self._ground
@@ -160,7 +160,7 @@ class GraphStore(TableSharing):
             DuplicateId (KeyError): an id is taken, or occurs twice.
             BadValue: the CRS differs.
         """
-        self.own()
+        self.unshare_tables()
         nodes = self.nodes
         edges = self.edges
         if len(nodes) and None not in (columns.crs, self.crs) and columns.crs != self.crs:
@@ -175,30 +175,30 @@ class GraphStore(TableSharing):
         edges.add_attributes(first, columns.edge_attributes)
         self.crs = columns.crs or self.crs
         self.attribution = attribution or self.attribution
-        self.rows_added()
+        self.record_added_rows()
 
-    def rows_added(self) -> None:
+    def record_added_rows(self) -> None:
         """Record that many rows were added to the tables."""
         self._discard_indexes()
         self.revision += 1
 
     def remove_node(self, node_id: int) -> None:
         """Remove a node and its edges; a missing node is ignored."""
-        self.own()
-        row = self.nodes.index.row(node_id)
+        self.unshare_tables()
+        row = self.nodes.index.find_row(node_id)
         if row < 0:
             return
-        for edge in self.indexes.edges_at(np.array([row])).tolist():
+        for edge in self.indexes.find_edges_at(np.array([row])).tolist():
             self._drop_edge(edge)
         self.closed = {id: edge for id, edge in self.closed.items() if node_id not in (edge["source"], edge["target"])}
         self.nodes.remove(row)
-        self.indexes.node_removed(row)
+        self.indexes.record_removed_node(row)
         self.revision += 1
         self._compact()
 
     def remove_edge(self, edge_id: int) -> None:
         """Remove an edge (KeyError)."""
-        self.own()
+        self.unshare_tables()
         self._drop_edge(self.edges.find(edge_id))
         self.revision += 1
         self.note_roads((edge_id,))
@@ -206,7 +206,7 @@ class GraphStore(TableSharing):
 
     def close_edges(self, ids: Collection[int]) -> None:
         """Remove edges, and store them as closed edges."""
-        self.own()
+        self.unshare_tables()
         edges = self.edges
         node_ids = self.nodes.ids
         closed = dict(self.closed)
@@ -214,7 +214,7 @@ class GraphStore(TableSharing):
             row = edges.find(id)
             ends = (node_ids[edges.sources[row]], node_ids[edges.targets[row]])
             line = edges.polylines.get(row)
-            closed[id] = make_edge_arguments(id, ends, edges.lengths[row], line, edges.attributes_of(row))
+            closed[id] = make_edge_arguments(id, ends, edges.lengths[row], line, edges.copy_attributes(row))
             self._drop_edge(row)
         self.closed = closed
         self.revision += 1
@@ -226,7 +226,7 @@ class GraphStore(TableSharing):
         self.road_changes += 1
         self._changed_roads.append(ids)
 
-    def changed_roads(self, since: int) -> list[int] | None:
+    def find_changed_roads(self, since: int) -> list[int] | None:
         """Return the ids of edges that were closed, opened or removed since a number of road changes; None: unknown."""
         count = self.road_changes - since
         if not 0 <= count <= len(self._changed_roads):
@@ -271,7 +271,7 @@ class GraphStore(TableSharing):
         self.neighborhoods.clear()
         self.share_with(other)
 
-    def own(self) -> None:
+    def unshare_tables(self) -> None:
         """Stop sharing the tables; called before every change."""
         if self._sharers is None:
             return
@@ -299,7 +299,7 @@ class GraphStore(TableSharing):
 
     def _number_table(self, table: str) -> NodeNumbers:
         # NOTE: in one step, because forks that share a map may ask for its numbers in several threads.
-        return self._numbers.setdefault(table, number_nodes(getattr(self, table).array("ids").data))
+        return self._numbers.setdefault(table, number_nodes(getattr(self, table).get_array("ids").data))
 
     def _discard_indexes(self) -> None:
         self.neighborhoods.clear()
@@ -308,7 +308,7 @@ class GraphStore(TableSharing):
     def _drop_edge(self, row: int) -> None:
         ends = (self.edges.sources[row], self.edges.targets[row])
         self.edges.remove(row)
-        self.indexes.edge_removed(ends)
+        self.indexes.record_removed_edge(ends)
 
     def _compact(self, *, fully: bool = False) -> None:
         """Drop dead rows, by default only if they outnumber the living, so that the cost per removal is constant."""
@@ -325,19 +325,19 @@ class GraphStore(TableSharing):
         """Return the tables, which must not have dead rows, as columns."""
         nodes = self.nodes
         edges = self.edges
-        offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
+        offsets, out_edges = kernels.group_rows(edges.get_array("sources"), nodes.count)
         return GraphColumns(
-            node_ids=nodes.frozen("ids"),
-            xy=nodes.frozen("xy"),
-            edge_ids=edges.frozen("ids"),
-            sources=edges.frozen("sources"),
-            targets=edges.frozen("targets"),
-            lengths=edges.frozen("lengths"),
+            node_ids=nodes.get_frozen("ids"),
+            xy=nodes.get_frozen("xy"),
+            edge_ids=edges.get_frozen("ids"),
+            sources=edges.get_frozen("sources"),
+            targets=edges.get_frozen("targets"),
+            lengths=edges.get_frozen("lengths"),
             offsets=read_only(offsets),
             out_edges=read_only(out_edges),
-            polylines=kept(edges.polylines),
-            node_attributes={name: kept(values) for name, values in nodes.attributes.items() if values},
-            edge_attributes={name: kept(values) for name, values in edges.attributes.items() if values},
+            polylines=freeze_mapping(edges.polylines),
+            node_attributes={name: freeze_mapping(values) for name, values in nodes.attributes.items() if values},
+            edge_attributes={name: freeze_mapping(values) for name, values in edges.attributes.items() if values},
             revision=self.revision,
             crs=self.crs,
         )

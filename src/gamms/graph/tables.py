@@ -31,14 +31,14 @@ class RowIndex:
         self._gone: set[int] = set()  # removed rows among these
         self._others: dict[int, int] = {}  # id -> row, for all other rows
 
-    def row(self, id: int) -> int:
+    def find_row(self, id: int) -> int:
         """Return the row of `id`, or -1."""
         row = id - self._first
         if 0 <= row < self._run and row not in self._gone:
             return row
         return self._others.get(id, -1)
 
-    def rows(self, ids: IntArray, kind: str) -> IntArray:
+    def find_rows(self, ids: IntArray, kind: str) -> IntArray:
         """Return the rows (ids,) of many ids.
 
         Raises:
@@ -84,7 +84,7 @@ class RowIndex:
     def remove(self, id: int) -> None:
         """Remove an existing id."""
         if self._others.pop(id, None) is None:
-            self._gone.add(self.row(id))
+            self._gone.add(self.find_row(id))
 
     def refuse_duplicates(self, ids: IntArray, kind: str) -> None:
         """Check that new ids are neither taken nor repeated.
@@ -108,7 +108,7 @@ class RowIndex:
         if self._others or self._gone:
             gone = np.fromiter(self._gone, np.int64, len(self._gone))
             unsure = np.flatnonzero((rows < 0) | np.isin(rows, gone))
-            rows[unsure] = np.fromiter(map(self.row, ids[unsure].tolist()), np.int64, len(unsure))
+            rows[unsure] = np.fromiter(map(self.find_row, ids[unsure].tolist()), np.int64, len(unsure))
         return rows
 
 
@@ -120,8 +120,8 @@ def _are_consecutive(ids: IntArray) -> bool:
 class Table:
     """Columns of equal length. A removed row stays as a dead row until `compact`.
 
-    Each column is an attribute: a flat memoryview of single values, `width` values per row. `array` returns it as an
-    array. Arrays returned by `frozen` are never written to again.
+    Each column is an attribute: a flat memoryview of single values, `width` values per row. `get_array` returns it as
+    an array. Arrays returned by `get_frozen` are never written to again.
     """
 
     kind: ClassVar[str]  # name of a row, with its article, for messages
@@ -150,17 +150,17 @@ class Table:
     def __len__(self) -> int:
         return self.count - self.dead
 
-    def array(self, name: str) -> np.ndarray[Any, Any]:
+    def get_array(self, name: str) -> np.ndarray[Any, Any]:
         """Return a column as an array of the rows in use; do not store it."""
         array = self._arrays[name][: self.count]
         return array[:, 0] if array.shape[1] == 1 else array
 
-    def frozen(self, name: str) -> np.ndarray[Any, Any]:
+    def get_frozen(self, name: str) -> np.ndarray[Any, Any]:
         """Return a column as a read-only array that never changes."""
         self._is_shared = True
-        return read_only(self.array(name))
+        return read_only(self.get_array(name))
 
-    def own(self) -> None:
+    def prepare_writing(self) -> None:
         """Prepare for writing to an existing row: copy columns that were handed out."""
         if self._is_shared:
             self._resize(self.capacity)
@@ -180,7 +180,7 @@ class Table:
         Raises:
             UnknownName (KeyError): the id is unknown.
         """
-        row = self.index.row(id)
+        row = self.index.find_row(id)
         if row < 0:
             raise UnknownName(self.kind.partition(" ")[2], id, compress(self.ids[: self.count], self.alive))
         return row
@@ -207,23 +207,23 @@ class Table:
         self.alive[row] = 0
         self.dead += 1
 
-    def living(self) -> IntArray:
+    def list_living(self) -> IntArray:
         """Return the living rows, ascending."""
         if not self.dead:
             return np.arange(self.count)
-        return np.flatnonzero(self.array("alive"))
+        return np.flatnonzero(self.get_array("alive"))
 
-    def iter_ids(self, rows: IntArray | None = None) -> Iterator[int]:
+    def iterate_ids(self, rows: IntArray | None = None) -> Iterator[int]:
         """Return the ids of `rows`, or of all living rows."""
-        ids = self.array("ids")
+        ids = self.get_array("ids")
         if rows is None:
-            rows = None if not self.dead else self.living()
+            rows = None if not self.dead else self.list_living()
         ids = ids if rows is None else ids[rows]  # a snapshot, because the id of a row never changes
         return chain.from_iterable(ids[i : i + _CHUNK].tolist() for i in range(0, len(ids), _CHUNK))
 
-    def attributes_of(self, row: int) -> dict[str, Any]:
+    def copy_attributes(self, row: int) -> dict[str, Any]:
         """Return the attributes of one row as a fresh dict."""
-        return {name: own(values[row]) for name, values in self.attributes.items() if row in values}
+        return {name: copy_value(values[row]) for name, values in self.attributes.items() if row in values}
 
     def set_attributes(self, row: int, given: dict[str, Any]) -> None:
         """Change some attributes of one row."""
@@ -239,10 +239,10 @@ class Table:
 
     def compact(self) -> IntArray:
         """Drop the dead rows; return the new row (rows,) of each old row, -1 for a dead row."""
-        alive = self.living()
+        alive = self.list_living()
         moved = np.full(self.count, -1, np.int64)
         moved[alive] = np.arange(len(alive))
-        ids = self.array("ids")[alive]
+        ids = self.get_array("ids")[alive]
         self._arrays = {name: array[alive] for name, array in self._arrays.items()}
         self.count = len(alive)
         self.dead = 0
@@ -321,7 +321,7 @@ class EdgeTable(Table):
         self.count = row + 1
         return row
 
-    def bend(self, row: int, polyline: FloatArray) -> None:
+    def set_polyline(self, row: int, polyline: FloatArray) -> None:
         """Set the polyline of an edge."""
         polylines = make_writable(self.polylines)
         self.polylines = polylines
@@ -334,11 +334,11 @@ class EdgeTable(Table):
             self.polylines = polylines
             del polylines[row]
 
-    def bends_among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
+    def find_polylines(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
         """Return (index in `rows`, polyline) of the rows (rows,) that have a polyline."""
         polylines = self.polylines
         if isinstance(polylines, Polylines):
-            return polylines.among(rows)
+            return polylines.find_among(rows)
         return [(i, polylines[row]) for i, row in enumerate(rows.tolist()) if row in polylines]
 
     def compact(self) -> IntArray:
@@ -349,9 +349,9 @@ class EdgeTable(Table):
 
     def rename_ends(self, moved: IntArray) -> None:
         """Update the ends after nodes were compacted."""
-        self.own()
+        self.prepare_writing()
         for name in ("sources", "targets"):
-            column = self.array(name)
+            column = self.get_array(name)
             # A dead edge may end at a dead node; any row is valid for it.
             column[:] = np.maximum(moved[column], 0)
 
@@ -377,10 +377,10 @@ def renumber_rows(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
         return {rows[row]: value for row, value in values.items() if rows[row] >= 0}
     rows = moved[values.rows]
     places = np.flatnonzero(rows >= 0)
-    return values.chosen(places, rows[places])
+    return values.select_rows(places, rows[places])
 
 
-def kept(values: Mapping[int, T]) -> Mapping[int, T]:
+def freeze_mapping(values: Mapping[int, T]) -> Mapping[int, T]:
     """Return the present values by row as a mapping that never changes."""
     return values if isinstance(values, RowMapping) else dict(values)
 
@@ -395,7 +395,7 @@ class ClosedTable:
         raise ContextTerminated("its graph")
 
 
-def own(value: T, depth: int = 0) -> T:
+def copy_value(value: T, depth: int = 0) -> T:
     """Return `value` with copies of its lists, dicts, sets and arrays, so that callers cannot change the graph.
 
     Raises:
@@ -410,15 +410,15 @@ def own(value: T, depth: int = 0) -> T:
 
 
 _COPIES: dict[type, Callable[[Any, int], Any]] = {
-    list: lambda value, depth: [own(one, depth) for one in value],
-    tuple: lambda value, depth: tuple(own(one, depth) for one in value),
-    dict: lambda value, depth: {key: own(one, depth) for key, one in value.items()},
+    list: lambda value, depth: [copy_value(one, depth) for one in value],
+    tuple: lambda value, depth: tuple(copy_value(one, depth) for one in value),
+    dict: lambda value, depth: {key: copy_value(one, depth) for key, one in value.items()},
     set: lambda value, _depth: value.copy(),
     bytearray: lambda value, _depth: value.copy(),
     np.ndarray: lambda value, _depth: value.copy(),
 }
 
-CONTAINERS = frozenset(_COPIES)  # values of other classes are returned as they are by `own`
+CONTAINERS = frozenset(_COPIES)  # values of other classes are returned as they are by `copy_value`
 
 
 class TableSharing:

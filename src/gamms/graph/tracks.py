@@ -25,9 +25,9 @@ from gamms.errors import BadFile, BadType, BadValue, MissingFile, UnknownType
 from gamms.ir.geometry import NearLines
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_shortest_edges
 from gamms.limits import refuse_above
-from gamms.text import from_cell, shown
+from gamms.text import parse_cell, shown
 from gamms.typing.graph_engine import IGraph
-from gamms.typing.routes import RouteQueries, made_last
+from gamms.typing.routes import RouteQueries, get_cached
 
 _NEAREST_SIGMAS = 2.0  # points nearer than this to the last one that counts are skipped
 _MORE_SIGMAS = 4.0  # edges farther than the nearest one by more than this do not count
@@ -220,7 +220,7 @@ class TrackMatcher:
         if not len(columns.edge_ids):
             raise BadValue("The map has no edges, so tracks cannot be matched to it.")
         self._graph = graph
-        self._roads = made_last(routes, "tracks", None, lambda: _RoadIndex(routes, columns))
+        self._roads = get_cached(routes, "tracks", None, lambda: _RoadIndex(routes, columns))
         self._noise_m = noise_m
         self._within_m = within_m
 
@@ -265,7 +265,7 @@ class TrackMatcher:
         """Return the edges near points: those that are hardly farther than the nearest one."""
         xy = points.xy[rows]
         finite = np.flatnonzero(np.isfinite(xy).all(axis=1))
-        found, lines, off = self._roads.lines.within(xy[finite], self._within_m)
+        found, lines, off = self._roads.lines.find_within(xy[finite], self._within_m)
         at = finite[found]
         nearest = np.full(len(rows), inf)
         np.minimum.at(nearest, at, off)
@@ -334,7 +334,10 @@ class TrackMatcher:
         starts, start_of = np.unique(self._roads.targets[before.edges], return_inverse=True)
         goals, goal_of = np.unique(self._roads.sources[after.edges], return_inverse=True)
         between = np.array(
-            [self._roads.search.far(starts[i : i + 1], goals, within=within)[0] for i in range(len(starts))]
+            [
+                self._roads.search.compute_distances(starts[i : i + 1], goals, within=within)[0]
+                for i in range(len(starts))
+            ]
         )
         rest = self._roads.lengths[before.edges] - before.offsets
         ways = between[start_of][:, goal_of] + rest[:, None] + after.offsets
@@ -505,7 +508,7 @@ def read_csv(file: Path) -> list[_MeasuredPoints]:
             for row in filter(None, islice(reader, _MOST_POINTS)):
                 at_line = f"line {reader.line_num}: "
                 _refuse_short(row, at, len(header))
-                name = from_cell(row[at["agent"]]) if "agent" in at else file.stem
+                name = parse_cell(row[at["agent"]]) if "agent" in at else file.stem
                 place = float(row[at[keys[0]]]), float(row[at[keys[1]]])
                 if in_degrees:
                     _check_degrees(*place)

@@ -23,7 +23,7 @@ from gamms.graph.tables import RowIndex
 from gamms.graph.visibility_workers import RowArray, VisibilityRows, VisibilityTask, compute_visibility
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.progress import progress as shown
+from gamms.progress import show_progress as shown
 from gamms.readonly import Shareable
 from gamms.typing import IContext
 from gamms.typing.graph_values import NodeIds
@@ -68,7 +68,7 @@ class MapFingerprint:
             self._is_current = is_same
         return self._is_current
 
-    def key(self, radius: float, observer_height: float) -> bytes:
+    def compute_key(self, radius: float, observer_height: float) -> bytes:
         """Return 32 bytes that depend on the map, the radius and the height."""
         parts = b"gamms sight 2", self._nodes, self._faces, pack("<dd", radius, observer_height)
         return sha256(b"".join(parts)).digest()
@@ -79,9 +79,9 @@ class MapFingerprint:
 
 def _list_nodes(store: GraphStore) -> "tuple[np.ndarray[tuple[int, ...], np.dtype[Any]], ...]":
     """Return ids (nodes,) and coordinates (nodes, 2), in insertion order, and the ground unless it is flat."""
-    rows = store.nodes.living()
-    ground = store.ground()
-    nodes = store.nodes.array("ids")[rows], store.nodes.array("xy")[rows]
+    rows = store.nodes.list_living()
+    ground = store.get_ground()
+    nodes = store.nodes.get_array("ids")[rows], store.nodes.get_array("xy")[rows]
     return nodes if ground is None else (*nodes, ground[rows])
 
 
@@ -154,7 +154,7 @@ class Visibility(Shareable, IVisibility):
         is_seen = np.zeros(len(self._ids), np.bool_)
         is_seen[self._find_visible(self._find_row(observer_id))] = True
         asked = ids if isinstance(ids, np.ndarray) else list(ids)
-        return is_seen[self._index.rows(records.check_ids(asked, "ids", self._fingerprint.store), "node")]
+        return is_seen[self._index.find_rows(records.check_ids(asked, "ids", self._fingerprint.store), "node")]
 
     def from_node(self, node_id: int) -> IntArray:
         """Return the ids of the nodes that are visible from a node, itself included."""
@@ -187,14 +187,14 @@ class Visibility(Shareable, IVisibility):
         distances = self._routes.distances(node_id, None, weight, None)
         ids = np.fromiter(distances, np.int64, len(distances))
         far = np.fromiter(distances.values(), np.float64, len(distances))
-        is_hidden = ~is_covered[self._index.rows(ids, "node")]
+        is_hidden = ~is_covered[self._index.find_rows(ids, "node")]
         return int(ids[is_hidden][far[is_hidden].argmin()]) if is_hidden.any() else None
 
     # -- rows ---------------------------------------------------------------------------------------------------
 
     def _find_row(self, node_id: int) -> int:
         self._refuse_outdated()
-        row = self._index.row(records.as_id(node_id, "a node", self._fingerprint.store))
+        row = self._index.find_row(records.as_id(node_id, "a node", self._fingerprint.store))
         if row < 0:
             raise UnknownName("node", node_id)
         return row
@@ -207,7 +207,7 @@ class Visibility(Shareable, IVisibility):
         asked = list(node_ids) if isinstance(node_ids, Iterable) else [node_ids]
         ids = np.array([records.as_id(id, "a node", self._fingerprint.store) for id in asked], np.int64)
         is_covered = np.zeros(len(self), np.bool_)
-        for row in self._index.rows(ids, "node").tolist():
+        for row in self._index.find_rows(ids, "node").tolist():
             is_covered[self._find_visible(row)] = True
         return is_covered
 
@@ -256,7 +256,7 @@ class VisibilityTables:
         if table is not None and not path:
             return table
         fingerprint = MapFingerprint(self._store, self._obstacles)
-        key = fingerprint.key(reach, height)
+        key = fingerprint.compute_key(reach, height)
         place = self._open_place(path, key)
         kept = self._read(place, key, len(fingerprint.node_ids))
         if table is None:

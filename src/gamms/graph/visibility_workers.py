@@ -67,7 +67,7 @@ class SightLines:
         self._obstacles.add_many(ObstacleColumns(np.arange(faces), task.corners, np.zeros(faces, np.int64)))
         self.groups = _group_rows(task.xy, task.radius)
 
-    def seen(self, first: int, last: int) -> VisibilityRows:
+    def find_seen(self, first: int, last: int) -> VisibilityRows:
         """Return the nodes that the observers of one or more groups see, in the order of the groups."""
         found = list(chain.from_iterable(self._list_visible_rows(rows) for rows in self.groups[first:last]))
         return VisibilityRows(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
@@ -79,14 +79,14 @@ class SightLines:
         off = float(np.hypot(x - middle[0], y - middle[1]).max())
         # Rounding must not exclude a node.
         reach = (self._radius + off + max(map(abs, middle))) * 1e-9 + self._radius + off
-        near = self._grid.within(*middle, reach) if reach < np.inf else np.arange(len(self._points))
+        near = self._grid.find_within(*middle, reach) if reach < np.inf else np.arange(len(self._points))
         size = max(1, _LINES // len(near))
         for part in np.split(observers, range(size, len(observers), size)):
             here = self._points[part]
             there = self._points[near]
             is_asked = is_within(there[:, 0], there[:, 1], here[:, :1], here[:, 1:2], self._radius)
             is_asked &= self._tunnels[near] == self._tunnels[part, None]
-            for is_seen in self._obstacles.visible_from_each(here, there, is_asked):
+            for is_seen in self._obstacles.find_visible_from_each(here, there, is_asked):
                 yield near[is_seen].astype(np.int32)
 
 
@@ -124,7 +124,11 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
     spans = [(first, min(first + size, count)) for first in range(0, count, size)]
     parts = []
     done = 0
-    found = (sights.seen(*span) for span in spans) if workers == 1 else _find_visible_by_processes(task, spans, workers)
+    found = (
+        (sights.find_seen(*span) for span in spans)
+        if workers == 1
+        else _find_visible_by_processes(task, spans, workers)
+    )
     with closing(found):
         for part in found:
             parts.append(part)
@@ -133,7 +137,7 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
     counts, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
     by_row = np.argsort(np.concatenate(sights.groups))
     ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)))
-    places, _ = kernels.chosen_runs(ends, by_row)
+    places, _ = kernels.select_runs(ends, by_row)
     return VisibilityRows(counts[by_row], rows[places])
 
 
@@ -157,4 +161,4 @@ def _find_visible_by_processes(
 
 def find_visible(task: VisibilityTask, span: Span) -> VisibilityRows:
     """Return the nodes that the given observers see."""
-    return SightLines(task).seen(*span)
+    return SightLines(task).find_seen(*span)

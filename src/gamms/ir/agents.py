@@ -137,18 +137,18 @@ class AgentBlock(AgentColumns):
         self._unlocated: set[int] = set()  # rows of flying agents that moved since their node was found
         self._located_revision: int | None = None  # graph revision when the nodes of the other flying agents were found
 
-    def arrays(self, names: Iterable[str]) -> dict[str, Any]:
+    def copy_columns(self, names: Iterable[str]) -> dict[str, Any]:
         """Return copies of columns; number columns as arrays, with NaN for None."""
         columns: dict[str, Any] = {}
         for name in names:
             of = _COLUMNS[name]
             if name in _IN_AIR:
                 columns[name] = np.full((len(self), *of.shape), nan)
-                columns[name][self.flyers] = np.asarray(self.games.row(name)).reshape(-1, *of.shape)
+                columns[name][self.flyers] = np.asarray(self.games.get_row(name)).reshape(-1, *of.shape)
                 continue
             column = getattr(self, name)
             if name in _OF_NODES:
-                column = self.ids_of(column)
+                column = self.get_ids(column)
             if of.shape:
                 column = [one or (nan,) * of.shape[0] for one in column]
             columns[name] = list(column) if of.kind is None else np.array(column, of.kind).reshape(-1, *of.shape)
@@ -159,11 +159,11 @@ class AgentBlock(AgentColumns):
         at = bisect_left(self.flyers, row)
         flies = self.flyers[at : at + 1] == [row]
         width = _COLUMNS[name].shape[0]
-        return self.games.row(name)[at * width : (at + flies) * width]
+        return self.games.get_row(name)[at * width : (at + flies) * width]
 
     def _show(self) -> None:
         """Set the number columns to views of the present agents."""
-        row = self.games.row
+        row = self.games.get_row
         for name in _SHOWN:
             setattr(self, name, row(name))
         self.show(row("node"), row("previous"), row("share"), row("alive"))
@@ -265,14 +265,14 @@ class AgentBlock(AgentColumns):
 
     def take_over(self, source: AgentBlock, row: int) -> int:
         """Move the agent of a row of another block to this block; return its new row."""
-        new = self.add(source.names[row], source.node_of(row), position=source.flights.position_of(row))
+        new = self.add(source.names[row], source.get_node(row), position=source.flights.get_position(row))
         for name in (*_LISTS, *_NUMBERS):
             if name not in _OF_NODES and name not in _OF_PROGRESS:
                 getattr(self, name)[new] = getattr(source, name)[row]
-        self.previous[new] = self.numbers.number(source.previous_of(row))
+        self.previous[new] = self.numbers.number(source.get_previous_node(row))
         for name in _IN_AIR:
             self._write(new, name, read_vector(source, name, row))
-        self._write(new, "progress", source.progress_of(row))
+        self._write(new, "progress", source.get_progress(row))
         self.number_teams((self.teams[new],))
         self._follow_progress(new)
         if not self.alive[new]:
@@ -280,7 +280,7 @@ class AgentBlock(AgentColumns):
         return new
 
     def take_all(self, values: Mapping[str, Any], structure: Mapping[str, list[Any]]) -> None:
-        """Copy all agents of another block, from its `values` and `structure_values`, to this block, which is empty."""
+        """Copy all agents of another block, from its `values` and `copy_structure`, to this block, which is empty."""
         for name, column in structure.items():
             setattr(self, name, column.copy())
         for name in (*_PLACES, "placed", "team_rows"):
@@ -288,7 +288,7 @@ class AgentBlock(AgentColumns):
         self.numbers = values["numbers"]
         self._edge_numbers = values["edge_numbers"]
         self.games = values["games"].copy_game()
-        self.flyers = [*compress(count(), self.games.row("kind"))]
+        self.flyers = [*compress(count(), self.games.get_row("kind"))]
         self._show()
         self._derive()
         self._unlocated = set(self.flyers)
@@ -336,9 +336,9 @@ class AgentBlock(AgentColumns):
         self.rows.version = block.rows.version + 1
         self.structure.note_all(block.structure)
 
-    def row_of(self, name: str) -> int:
+    def find_row(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
-        return self.rows.of(name)
+        return self.rows.find_row(name)
 
     # -- changes ------------------------------------------------------------------------------------------------
 
@@ -352,12 +352,12 @@ class AgentBlock(AgentColumns):
             journal.log += chain.from_iterable((journal.ids[row], end) for row, end in goes)
         else:
             goers = rows.ascending
-            nodes = rows.in_order(ends)
+            nodes = rows.sort_values(ends)
             if moved < len(rows.rows):
-                has_moved = rows.in_order((np.asarray(before) != goals).data)
+                has_moved = rows.sort_values((np.asarray(before) != goals).data)
                 goers = goers[has_moved]
                 nodes = nodes[has_moved]
-            journal.moved(goers, nodes)
+            journal.record_moves(goers, nodes)
 
     def set(self, row: int, column: str, value: object) -> None:
         """Set a column of `schema.CHANGE_EVENTS` for one agent, and record the change."""
@@ -377,7 +377,7 @@ class AgentBlock(AgentColumns):
             self.placed.add(row)
         if column == "alive":
             (self.inactive.discard if value else self.inactive.add)(row)
-        if column == "node" or (column == "alive" and not value and self.on_edge(row) is None):
+        if column == "node" or (column == "alive" and not value and self.get_edge_position(row) is None):
             self.set_progress(row, None)
         if self.is_noting and column in CHANGE_EVENTS:
             event = CHANGE_EVENTS[column]
@@ -424,7 +424,7 @@ class AgentBlock(AgentColumns):
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
         """Set the position of an agent on its edge."""
-        if self.progress_of(row) != progress:
+        if self.get_progress(row) != progress:
             self._write_progress(row, progress)
             self._follow_progress(row)
             if self.is_noting:
@@ -444,7 +444,7 @@ class AgentBlock(AgentColumns):
         if self.is_closed:
             return
         journal = self.journal
-        self.previous[row] = self.numbers.number(self.nearest(row))
+        self.previous[row] = self.numbers.number(self.find_nearest_node(row))
         changed = self.flights.fly(row, *position)
         if node is not None:
             self.put(row, node)
@@ -453,14 +453,14 @@ class AgentBlock(AgentColumns):
         self.placed.add(row)
         self._note(row)
         if self.is_noting:
-            journal.flew(row, self.nearest(row), position)
+            journal.record_flight(row, self.find_nearest_node(row), position)
 
-    def turn(self, row: int, quat: Quat) -> None:
+    def set_rotation(self, row: int, quat: Quat) -> None:
         """Set the rotation of a flying agent."""
         if not self.is_closed:
-            self.flights.turn(row, *quat)
+            self.flights.set_rotation(row, *quat)
             if self.is_noting:
-                self.journal.turned(row, quat)
+                self.journal.record_rotation(row, quat)
 
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent without recording the change (used by replay and batches)."""
@@ -476,7 +476,7 @@ class AgentBlock(AgentColumns):
 
     # -- nodes below flying agents ------------------------------------------------------------------------------
 
-    def nearest(self, row: int) -> int:
+    def find_nearest_node(self, row: int) -> int:
         """Return the node nearest to a flying agent, the first of several; cached until it or the graph changes.
 
         In a graph without nodes the previous result is returned.
@@ -485,7 +485,7 @@ class AgentBlock(AgentColumns):
             self._renew_flyer_nodes()
             if row in self._unlocated:
                 self._locate(row)
-        return self.node_of(row)
+        return self.get_node(row)
 
     def locate(self) -> None:
         """Update the nodes of all flying agents."""
@@ -506,8 +506,8 @@ class AgentBlock(AgentColumns):
 
     def _locate(self, row: int) -> None:
         graph = self.graph
-        position = self.flights.position_of(row)
-        node = self.node_of(row)
+        position = self.flights.get_position(row)
+        node = self.get_node(row)
         if graph is not None and position is not None:
             try:
                 node = graph.nearest_node(position[0], position[1])
@@ -515,12 +515,12 @@ class AgentBlock(AgentColumns):
                 if next(graph.get_nodes(), None) is not None:
                     raise
         self._unlocated.discard(row)
-        if node != self.node_of(row):
+        if node != self.get_node(row):
             self.put(row, node)
             self._note(row)
 
     @contextmanager
-    def accepting_any_node(self) -> Iterator[None]:
+    def accept_any_node(self) -> Iterator[None]:
         """Accept any integer as a node (used by replay, because the map may have changed since)."""
         before = self.trusts_nodes
         self.trusts_nodes = True
@@ -557,12 +557,12 @@ class AgentBlock(AgentColumns):
         self._have_all_changed = False
         self._changed.clear()
 
-    def structure_values(self) -> dict[str, list[Any]]:
+    def copy_structure(self) -> dict[str, list[Any]]:
         """Return copies of the lists that change only with `structure`."""
         return {name: getattr(self, name).copy() for name in _STRUCTURE}
 
-    def values(self) -> dict[str, Any]:
-        """Return copies of the positions and numbers of agents for `restore`; see `structure_values` for the rest."""
+    def copy_values(self) -> dict[str, Any]:
+        """Return copies of the positions and numbers of agents for `restore`; see `copy_structure` for the rest."""
         values = {name: getattr(self, name).copy() for name in (*_PLACES, "placed", "team_rows")}
         values["games"] = self.games.copy_game()
         values["numbers"] = self.numbers
@@ -570,7 +570,7 @@ class AgentBlock(AgentColumns):
         return values
 
     def restore(self, values: dict[str, Any], structure: dict[str, list[Any]] | None) -> None:
-        """Set the columns from `values` and `structure_values`, for the same number of agents as now.
+        """Set the columns from `values` and `copy_structure`, for the same number of agents as now.
 
         Without a structure, agents, teams, speeds, alive flags and sensors must be unchanged since then.
         """
@@ -628,7 +628,7 @@ def get_speed(block: AgentBlock, row: int) -> float | None:
 
 def list_speeds(games: Block) -> list[float | None]:
     """Return the speeds of all agents; see `get_speed`."""
-    return [*map(read_speed, games.row("speed"), games.row("has_int_speed"))]
+    return [*map(read_speed, games.get_row("speed"), games.get_row("has_int_speed"))]
 
 
 def read_speed(number: float, is_int: bool) -> float | None:

@@ -96,7 +96,7 @@ class StructureLog:
             one if isinstance(one, str) else name_of.get(one, one - bisect_left(gone, one)) for one in self._rows
         ]
 
-    def since(self, entry: int) -> tuple[list[int | str], list[list[int]]] | None:
+    def list_changes_since(self, entry: int) -> tuple[list[int | str], list[list[int]]] | None:
         """Return the changes since an entry; None if everything may have changed.
 
         Returns rows, and names of removed agents; and the lists of rows that were closed up, in order.
@@ -157,14 +157,14 @@ class RowsByName:
         drop(self._numbers, gone)
         self.version += 1
 
-    def of(self, name: str) -> int:
+    def find_row(self, name: str) -> int:
         """Return the row of a name (KeyError)."""
         return bisect_left(self._numbers, self._number_of[name])
 
-    def of_each(self, names: Collection[str]) -> list[int]:
+    def find_rows(self, names: Collection[str]) -> list[int]:
         """Return the rows of names (KeyError)."""
         if len(names) < len(self._numbers) // _FEW:
-            return list(map(self.of, names))
+            return list(map(self.find_row, names))
         numbers = list(map(self._number_of.__getitem__, names))
         rows: list[int] = np.searchsorted(np.array(self._numbers, np.int64), numbers).tolist()
         return rows
@@ -214,13 +214,13 @@ class AgentSetChange:
         """The positions of new and changed agents."""
         return list(map(add, self._places, count()))
 
-    def moved(self, rows: IntArray) -> IntArray:
+    def map_rows(self, rows: IntArray) -> IntArray:
         """Return the present rows of the earlier agents, without removed ones."""
         for gone in self.closed:
             rows = rows - np.searchsorted(gone, rows)
         return rows
 
-    def of_array(self, column: Column, values: ArrayLike) -> Column:
+    def update_array(self, column: Column, values: ArrayLike) -> Column:
         """Return an updated array column: without removed agents, with the values of new agents."""
         stays = np.ones(len(column), np.bool_)
         stays[self.gone] = False
@@ -233,17 +233,17 @@ class AgentSetChange:
             begin = place
         return np.concatenate([*parts, left[begin:]])
 
-    def of(self, column: Sequence[Any], values: Iterable[Any]) -> list[Any]:
+    def update_list(self, column: Sequence[Any], values: Iterable[Any]) -> list[Any]:
         """Return an updated list column: without removed agents, with the values of new agents."""
         if not column:
             return [*values]
-        left = without(column, self.gone)
+        left = remove_items(column, self.gone)
         if not self._places:
             return left
         return _replace_ranges(left, [(i, i, (value,)) for i, value in zip(self._places, values, strict=True)])
 
 
-def without(column: Sequence[Any], gone: Iterable[int]) -> list[Any]:
+def remove_items(column: Sequence[Any], gone: Iterable[int]) -> list[Any]:
     """Return a list without the items at ascending positions."""
     return _replace_ranges(column, [(i, i + 1, ()) for i in gone])
 
@@ -251,7 +251,7 @@ def without(column: Sequence[Any], gone: Iterable[int]) -> list[Any]:
 def drop(column: list[Any], gone: Sequence[int]) -> None:
     """Delete the items at ascending positions of a list."""
     if len(gone) > _FEW_DROPPED:
-        column[:] = without(column, gone)
+        column[:] = remove_items(column, gone)
         return
     # NOTE: a tenth of the time of a new list, and no garbage (benchmarks: deletion).
     for i in reversed(gone):
@@ -291,11 +291,11 @@ class Selection:
         self.rows = rows
         self._pick: Callable[[Sequence[Any]], Iterable[Any]] | None = None
 
-    def after(self, change: AgentSetChange) -> Selection:
+    def follow_change(self, change: AgentSetChange) -> Selection:
         """Return the rows of the agents after a change."""
         # NOTE: `array` exists if agents move as arrays (benchmarks: death, deletion).
-        array = change.of_array(change.moved(self.array), change.rows)
-        now = Selection(array.tolist() if change.closed else change.of(self.rows, change.rows))
+        array = change.update_array(change.map_rows(self.array), change.rows)
+        now = Selection(array.tolist() if change.closed else change.update_list(self.rows, change.rows))
         now.array = array
         return now
 
@@ -317,7 +317,7 @@ class Selection:
     def gather(self, column: Sequence[Any]) -> Any:
         """Return the values of a column in these rows: a list, or a view of an array."""
         if type(column) is list:
-            return self.listed(column)
+            return self.list_values(column)
         view: Any = column if type(column) is memoryview else np.asarray(column).data
         if view.format != INT64:
             return np.asarray(view).take(self.array).data
@@ -325,7 +325,7 @@ class Selection:
         gather(view, self.buffer, values)
         return values
 
-    def listed(self, column: Sequence[Any]) -> list[Any]:
+    def list_values(self, column: Sequence[Any]) -> list[Any]:
         """Return the values of a column in these rows as a list."""
         pick = self._pick
         if pick is None:
@@ -357,7 +357,7 @@ class Selection:
         """The rows in ascending order."""
         return self.array.take(self._order)
 
-    def in_order(self, values: Sequence[int]) -> IntArray:
+    def sort_values(self, values: Sequence[int]) -> IntArray:
         """Return values of these rows in ascending order of the rows; may be the same array."""
         numbers = np.asarray(values)
         return numbers if self._is_ascending else numbers.take(self._order)
@@ -419,7 +419,7 @@ class Failure(NamedTuple):
     message: str
 
     @classmethod
-    def illegal(cls, game: int, agent: int, why: str) -> Failure:
+    def make_illegal(cls, game: int, agent: int, why: str) -> Failure:
         """Return the failure for an illegal action, or for a message that cannot be sent."""
         return cls(game, agent, "illegal", why)
 
@@ -438,7 +438,7 @@ class GameLog(ABC, Generic[P]):
         self._num_games = num_games
         self._of_game = defaultdict[int, list[dict[str, Any]]](list)
 
-    def of(self, game: int) -> list[dict[str, Any]]:
+    def list_entries(self, game: int) -> list[dict[str, Any]]:
         """Return the log entries of a game, in order."""
         for noted in self._pending:
             for number, entry in self._list_entries(noted):
@@ -450,7 +450,7 @@ class GameLog(ABC, Generic[P]):
         """Remove the entries of some games."""
         if len(games) == self._num_games:  # do not write out entries that are removed anyway
             self._pending.clear()
-        self.of(0)
+        self.list_entries(0)
         for game in games.tolist():
             self._of_game.pop(game, None)
 
@@ -473,7 +473,7 @@ class GameLog(ABC, Generic[P]):
 
     def put(self, game: int, entries: list[dict[str, Any]]) -> None:
         """Replace the entries of a game by a list, which grows with the log."""
-        self.of(game)
+        self.list_entries(game)
         self._of_game[game] = entries
 
     def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:

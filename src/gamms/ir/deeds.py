@@ -32,7 +32,7 @@ class ArrayDeeds(NamedTuple):
     order: IntArray
     values: Mapping[str, Column]
 
-    def those(self, which: BoolArray | IntArray) -> ArrayDeeds:
+    def select(self, which: BoolArray | IntArray) -> ArrayDeeds:
         """Return deeds selected by a mask or by indices."""
         return select_rows(self, which)
 
@@ -40,7 +40,7 @@ class ArrayDeeds(NamedTuple):
 def join_deeds(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
     """Return the concatenated deeds of one kind; there is at least one part."""
     whole = join_rows(parts)
-    return whole.those(np.lexsort((whole.agents, whole.at)))
+    return whole.select(np.lexsort((whole.agents, whole.at)))
 
 
 DeedRow = tuple[int, int, int, str, str, int, int, dict[str, Any]]
@@ -74,7 +74,7 @@ class DeedNumbering(NamedTuple):
     node_ids: IntArray
     kinds: Mapping[str, Mapping[str, str]]
 
-    def fields(self, deeds: ArrayDeeds) -> list[dict[str, Any]]:
+    def list_fields(self, deeds: ArrayDeeds) -> list[dict[str, Any]]:
         """Return the fields of each deed as plain values, without omitted ones."""
         columns = [(key, self._make_plain(column, self.kinds[deeds.kind][key])) for key, column in deeds.values.items()]
         return [{key: column[i] for key, column in columns if column[i] is not None} for i in range(len(deeds.at))]
@@ -109,25 +109,25 @@ class PlainDeeds(NamedTuple):
         for kind, fields in deeds.items():
             given.append((game, agent, len(given), name, kind, turn, node, fields))
 
-    def rows(self) -> list[DeedRow]:
+    def list_rows(self) -> list[DeedRow]:
         """Return each deed."""
         return self.given
 
-    def without(self, refused: Collection[tuple[int, int, str | None]]) -> PlainDeeds:
+    def remove_refused(self, refused: Collection[tuple[int, int, str | None]]) -> PlainDeeds:
         """Return the deeds that are not refused; see `DeedLog.refuse`."""
         return self._replace(given=[row for row in self.given if not _is_refused(row[0], row[1], row[4], refused)])
 
-    def without_kinds(self, kinds: Collection[str]) -> PlainDeeds:
+    def remove_kinds(self, kinds: Collection[str]) -> PlainDeeds:
         """Return the deeds of other kinds."""
         return self._replace(given=[row for row in self.given if row[4] not in kinds])
 
-    def without_games(self, games: IntArray) -> PlainDeeds:
+    def remove_games(self, games: IntArray) -> PlainDeeds:
         """Return the deeds of other games."""
         left_out = set(games.tolist())
         return self._replace(given=[row for row in self.given if row[0] not in left_out])
 
-    def of_kind(self, kind: str, number: IntArray, turn: IntArray, as_arrays: AsArrays) -> ArrayDeeds:
-        """Return the deeds of a kind in a turn; see `DeedLog.in_turn`."""
+    def select_kind(self, kind: str, number: IntArray, turn: IntArray, as_arrays: AsArrays) -> ArrayDeeds:
+        """Return the deeds of a kind in a turn; see `DeedLog.list_in_turn`."""
         given: list[DeedRow] = [(int(number[game]), *of) for game, *of in self.given if of[3] == kind]  # type: ignore[misc] # a tuple of the same types
         return as_arrays([row for row in given if row[0] >= 0 and row[5] == turn[row[0]]])
 
@@ -147,40 +147,40 @@ class DeedsInArrays(NamedTuple):
     deeds: ArrayDeeds
     turns: IntArray
 
-    def rows(self) -> list[DeedRow]:
+    def list_rows(self) -> list[DeedRow]:
         """Return each deed."""
         deeds = self.deeds
         names = self.numbering.names
         columns = (deeds.at, deeds.agents, deeds.order, self.turns, self.numbering.node_ids[deeds.nodes])
-        each = zip(*(column.tolist() for column in columns), self.numbering.fields(deeds), strict=True)
+        each = zip(*(column.tolist() for column in columns), self.numbering.list_fields(deeds), strict=True)
         return [
             (game, agent, order, names[agent], deeds.kind, turn, node, fields)
             for game, agent, order, turn, node, fields in each
         ]
 
-    def without(self, refused: Collection[tuple[int, int, str | None]]) -> DeedsInArrays:
+    def remove_refused(self, refused: Collection[tuple[int, int, str | None]]) -> DeedsInArrays:
         """Return the deeds that are not refused; see `DeedLog.refuse`."""
         each = zip(self.deeds.at.tolist(), self.deeds.agents.tolist(), strict=True)
         kind = self.deeds.kind
         return self._select_deeds(np.array([not _is_refused(*one, kind, refused) for one in each], np.bool_))
 
-    def without_kinds(self, kinds: Collection[str]) -> DeedsInArrays | None:
+    def remove_kinds(self, kinds: Collection[str]) -> DeedsInArrays | None:
         """Return the deeds of other kinds; None: all are of these."""
         return None if self.deeds.kind in kinds else self
 
-    def without_games(self, games: IntArray) -> DeedsInArrays:
+    def remove_games(self, games: IntArray) -> DeedsInArrays:
         """Return the deeds of other games."""
         return self._select_deeds(~np.isin(self.deeds.at, games))
 
     def _select_deeds(self, which: BoolArray) -> DeedsInArrays:
-        return self._replace(deeds=self.deeds.those(which), turns=self.turns[which])
+        return self._replace(deeds=self.deeds.select(which), turns=self.turns[which])
 
-    def of_kind(self, kind: str, number: IntArray, turn: IntArray, _: AsArrays) -> ArrayDeeds | None:
-        """Return the deeds in a turn, None: they are of another kind; see `DeedLog.in_turn`."""
+    def select_kind(self, kind: str, number: IntArray, turn: IntArray, _: AsArrays) -> ArrayDeeds | None:
+        """Return the deeds in a turn, None: they are of another kind; see `DeedLog.list_in_turn`."""
         if kind != self.deeds.kind:
             return None
         deeds = self.deeds._replace(at=number[self.deeds.at])
-        return deeds.those((deeds.at >= 0) & (self.turns == turn[deeds.at]))
+        return deeds.select((deeds.at >= 0) & (self.turns == turn[deeds.at]))
 
 
 def _is_refused(game: int, agent: int, kind: str, refused: Collection[tuple[int, int, str | None]]) -> bool:
@@ -193,9 +193,9 @@ DoneDeeds = PlainDeeds | DeedsInArrays
 class DeedLog(GameLog[list[DoneDeeds]]):
     """The deeds of one game, or of all games of a batch: those of the turn, and the log.
 
-    In each part of a turn, `want` collects the requested deeds, `do` starts the deeds of the part, and `note` logs the
-    deeds that were not refused. Deeds that last are not logged then: `begun` returns them, and `add` logs each when it
-    is done. Entries of the log are dicts, which are made when they are read.
+    In each part of a turn, `request_deeds` collects the requested deeds, `do` starts the deeds of the part, and `note`
+    logs the deeds that were not refused. Deeds that last are not logged then: `list_begun` returns them, and `add`
+    logs each when it is done. Entries of the log are dicts, which are made when they are read.
 
     Args:
         num_games: the number of games.
@@ -218,7 +218,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         """Drop requested deeds that were not executed."""
         self._wanted: list[DoneDeeds] = []
 
-    def want(self, deeds: DoneDeeds) -> None:
+    def request_deeds(self, deeds: DoneDeeds) -> None:
         """Collect requested deeds."""
         self._wanted.append(deeds)
 
@@ -242,17 +242,17 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         self._begun.clear()
         if self._refused or lasting:
             before = self.last[: len(self.last) - len(self._now)]
-            self._now = [one.without(self._refused) for one in self._now]
+            self._now = [one.remove_refused(self._refused) for one in self._now]
             for row in _list_rows(self._now) if lasting else ():
                 if row[4] in lasting:
                     self._begun.setdefault(row[0], []).append(row)
-            others = [one.without_kinds(lasting) for one in self._now] if lasting else self._now
+            others = [one.remove_kinds(lasting) for one in self._now] if lasting else self._now
             self._now = [one for one in others if one is not None]
             self.last = [*before, *self._now] if before else self._now
         if self._now:
             self._pending.append(self._now)
 
-    def begun(self, game: int) -> list[DeedRow]:
+    def list_begun(self, game: int) -> list[DeedRow]:
         """Return the deeds that last and that agents of a game begin or continue in the current part of the turn."""
         return sorted(self._begun.get(game, ()), key=itemgetter(1, 2))
 
@@ -264,7 +264,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
 
     # -- the deeds of a turn -----------------------------------------------------------------------------------------
 
-    def in_turn(
+    def list_in_turn(
         self, games: IntArray, turn: IntArray, kind: str, as_arrays: AsArrays, *, is_moving: bool
     ) -> list[ArrayDeeds]:
         """Return the deeds of one kind that were done in a turn; their `at` are indices into `games`.
@@ -278,11 +278,11 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         """
         number = find_places(games, self._num_games)
         tables = self._now if is_moving else self.last
-        found = [one.of_kind(kind, number, turn, as_arrays) for one in tables]
+        found = [one.select_kind(kind, number, turn, as_arrays) for one in tables]
         return [one for one in found if one is not None]
 
-    def rows_in_turn(self, game: int, turn: int, *, is_moving: bool) -> list[DeedRow]:
-        """Return the deeds of a game in a turn; see `in_turn`."""
+    def list_rows_in_turn(self, game: int, turn: int, *, is_moving: bool) -> list[DeedRow]:
+        """Return the deeds of a game in a turn; see `list_in_turn`."""
         tables = self._now if is_moving else self.last
         if self._read is not tables:
             self._read = tables
@@ -291,7 +291,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
                 self._rows.setdefault(row[0], []).append(row)
         return [row for row in self._rows.get(game, ()) if row[5] == turn]
 
-    def last_of(self, game: int) -> list[DoneDeeds]:
+    def list_last(self, game: int) -> list[DoneDeeds]:
         """Return the deeds of a game in its last turn, as those of a game that is alone."""
         if self._num_games == 1:
             return self.last
@@ -299,7 +299,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
 
     def copy_part(self, game: int, target: DeedLog) -> None:
         """Let the log of a single game go on in the part of the turn that a game is in, after `do`."""
-        now = {id(one): PlainDeeds(0, _list_rows_alone(game, [one.without(self._refused)])) for one in self._now}
+        now = {id(one): PlainDeeds(0, _list_rows_alone(game, [one.remove_refused(self._refused)])) for one in self._now}
         target._now = [*now.values()]
         target.last = [now.get(id(one)) or PlainDeeds(0, _list_rows_alone(game, [one])) for one in self.last]
         target._begun = {0: _renumber_game(0, self._begun.get(game, []))}
@@ -315,9 +315,9 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         """
         earlier = self.last[: len(self.last) - len(self._now)]
         target.last = [PlainDeeds(0, _list_rows_alone(game, [one])) for one in earlier]
-        rows = _list_rows_alone(game, [one.without(self._refused) for one in self._now])
+        rows = _list_rows_alone(game, [one.remove_refused(self._refused) for one in self._now])
         there = [(row[0], slots[row[1]], *row[2:]) for row in rows if row[1] in slots]
-        target.want(PlainDeeds(part, sorted(there, key=itemgetter(1, 2))))
+        target.request_deeds(PlainDeeds(part, sorted(there, key=itemgetter(1, 2))))
 
     def go_to(self, last: list[DoneDeeds]) -> None:
         """Restore the deeds of the last turn, which were `last` at that moment, and drop those of the present turn."""
@@ -333,7 +333,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         Args:
             games: the numbers of the games.
             entries: the entries of each game.
-            last: the deeds of a game that is alone, see `last_of`.
+            last: the deeds of a game that is alone, see `list_last`.
         """
         super().begin(games, entries)
         rows = _list_rows(last)
@@ -343,7 +343,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
     def forget(self, games: IntArray) -> None:
         """Remove the deeds of games."""
         super().forget(games)
-        self.last = [one.without_games(games) for one in self.last]
+        self.last = [one.remove_games(games) for one in self.last]
 
     def clear(self) -> None:
         """Remove the deeds of all games."""
@@ -362,7 +362,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         return undo
 
     def _list_entries(self, noted: list[DoneDeeds]) -> Iterator[tuple[int, dict[str, Any]]]:
-        rows = noted[0].rows()
+        rows = noted[0].list_rows()
         if len(noted) > 1:
             rows = sorted(_list_rows(noted), key=itemgetter(0, 1, 2))
         for game, _, _, name, kind, turn, node, fields in rows:
@@ -371,7 +371,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
 
 def _list_rows(tables: Iterable[DoneDeeds]) -> list[DeedRow]:
     """Return the deeds of several tables."""
-    return [row for one in tables for row in one.rows()]
+    return [row for one in tables for row in one.list_rows()]
 
 
 def _list_rows_alone(game: int, tables: Iterable[DoneDeeds]) -> list[DeedRow]:

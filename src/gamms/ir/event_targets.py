@@ -26,10 +26,10 @@ class AgentsState:
     def remove(self, name: str) -> None:
         """Remove an agent."""
 
-    def row(self, name: str) -> Row:
+    def find_row(self, name: str) -> Row:
         """Return an agent by name."""
 
-    def row_of(self, number: int) -> Row:
+    def find_numbered_row(self, number: int) -> Row:
         """Return an agent by number."""
 
     def set(self, row: Row, column: str, value: Plain) -> None:
@@ -41,13 +41,13 @@ class AgentsState:
     def fly(self, row: Row, node: int | None, position: tuple[float, ...]) -> None:
         """Move a flying agent to a position above a node; None: the node was not recorded."""
 
-    def turn(self, row: Row, quat: tuple[float, ...]) -> None:
+    def set_rotation(self, row: Row, quat: tuple[float, ...]) -> None:
         """Set the rotation of a flying agent."""
 
-    def progress(self, numbers: IntArray, columns: "Mapping[str, np.ndarray[Any, Any]]") -> None:
+    def set_progress(self, numbers: IntArray, columns: "Mapping[str, np.ndarray[Any, Any]]") -> None:
         """Set the progress of agents along edges, as arrays by the names in `ir.events.ON_EDGES`."""
 
-    def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
+    def set_attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
         """Set a custom attribute, one value for each agent; None: delete it."""
 
     def equip(self, row: Row, name: str, sensor_id: str) -> None:

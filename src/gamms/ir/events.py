@@ -20,7 +20,7 @@ from gamms.ir.game_state import FIELD_EVENTS, FIELDS, as_looks, as_over, as_turn
 from gamms.ir.messages import as_message
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
 from gamms.plain import Plain
-from gamms.readonly import published
+from gamms.readonly import make_shareable
 from gamms.text import shown
 
 # A move on the ground is two ints: the number of the agent and a node id. Moves of many agents are (MOVES, an array
@@ -61,7 +61,7 @@ class Field(NamedTuple):
     check: Callable[[Any, str], Any] | None = None
     is_optional: bool = False
 
-    def value_of(self, data: Mapping[str, Any], key: str) -> Any:
+    def read_value(self, data: Mapping[str, Any], key: str) -> Any:
         """Return the checked value of the field `key`.
 
         Raises:
@@ -125,7 +125,7 @@ _FIELDS = {  # fields with these names; other fields name their role, and hold a
     "team": Field(check=as_key),
     "alive": Field(check=as_bool),
     "speed": Field(check=_check_speed),
-    **{column.event.key: Field(check=column.checked) for column in NUMBERS if column.event is not None},
+    **{column.event.key: Field(check=column.check_value) for column in NUMBERS if column.event is not None},
 }
 EVENTS: dict[int, EventKind] = {}
 """All kinds by code."""
@@ -178,8 +178,8 @@ def _make_setter(column: str, key: str) -> _Apply:
     field = _FIELDS.get(key, Field())
 
     def apply(state: State, data: Mapping[str, Plain]) -> None:
-        value = field.value_of(data, key)
-        state.agents.set(state.agents.row(data["agent_name"]), column, value)
+        value = field.read_value(data, key)
+        state.agents.set(state.agents.find_row(data["agent_name"]), column, value)
 
     return apply
 
@@ -250,44 +250,44 @@ def _move(state: State, data: Sequence[int]) -> None:
 
 def _fly(state: State, data: tuple[int, int, float, float, float]) -> None:
     number, node, *position = data
-    state.agents.fly(state.agents.row_of(number), node, tuple(position))
+    state.agents.fly(state.agents.find_numbered_row(number), node, tuple(position))
 
 
 def _apply_turn(state: State, data: tuple[int, float, float, float, float]) -> None:
     number, *quat = data
-    state.agents.turn(state.agents.row_of(number), tuple(quat))
+    state.agents.set_rotation(state.agents.find_numbered_row(number), tuple(quat))
 
 
 def _fly_by_name(state: State, data: Mapping[str, Plain]) -> None:
     node = as_int(data["node"], "node") if "node" in data else None
     state.agents.fly(
-        state.agents.row(data["agent_name"]), node, tuple(as_numbers(data["position"], "position", "(x, y, z)"))
+        state.agents.find_row(data["agent_name"]), node, tuple(as_numbers(data["position"], "position", "(x, y, z)"))
     )
 
 
 def _register(state: State, data: Mapping[str, Plain]) -> None:
-    state.agents.equip(state.agents.row(data["agent_name"]), data["name"], data["sensor_id"])
+    state.agents.equip(state.agents.find_row(data["agent_name"]), data["name"], data["sensor_id"])
 
 
 def _deregister(state: State, data: Mapping[str, Plain]) -> None:
-    state.agents.unequip(state.agents.row(data["agent_name"]), data["name"])
+    state.agents.unequip(state.agents.find_row(data["agent_name"]), data["name"])
 
 
 def _apply_progress(state: State, data: Mapping[str, Plain]) -> None:
     columns = {name: data[name] for name in ON_EDGES if name in data}
-    state.agents.progress(data["numbers"], columns)
+    state.agents.set_progress(data["numbers"], columns)
 
 
 def _apply_attribute(state: State, data: Mapping[str, Plain]) -> None:
     numbers = np.asarray(data["numbers"], np.int64).tolist()
     values = data.get("values")
     values = values.tolist() if isinstance(values, np.ndarray) else values
-    state.agents.attribute(numbers, as_name(data["name"], "name"), values)
+    state.agents.set_attribute(numbers, as_name(data["name"], "name"), values)
 
 
 def _apply_above(state: State, data: Mapping[str, Plain]) -> None:
     for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
-        row = state.agents.row(name)
+        row = state.agents.find_row(name)
         state.agents.set(row, "node", node)
         state.agents.set(row, "previous", previous)
 
@@ -407,7 +407,7 @@ def _apply_over(state: State, data: Mapping[str, Plain]) -> None:
 
 def _remember(state: State, data: Mapping[str, Plain]) -> None:
     for name, changes in data["agents"].items():
-        change(state.game.memory_of(name), changes)
+        change(state.game.get_memory(name), changes)
     for team, changes in data["teams"]:
         change(state.game.team_memories.setdefault(team, {}), changes)
 
@@ -417,7 +417,7 @@ def _publish_privately(state: State, data: Mapping[str, Plain]) -> None:
         for to, changes in changed:
             facts = known.setdefault(to, {})
             change(facts, changes)
-            facts.update((name, published(name, facts[name])) for name in changes.get("set", ()))
+            facts.update((name, make_shareable(name, facts[name])) for name in changes.get("set", ()))
 
 
 def _apply_delay(state: State, data: Mapping[str, Plain]) -> None:

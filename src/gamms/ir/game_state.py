@@ -13,11 +13,11 @@ from typing import Any, Self, TypeGuard, cast
 
 from gamms.core.copies import (
     ONLY_PLAIN,
-    copied,
-    copied_dict,
-    copied_each,
-    copied_fields,
-    copied_filled,
+    copy_deep,
+    copy_dict,
+    copy_each,
+    copy_fields,
+    copy_filled,
     refill,
     refill_counts,
     refill_each,
@@ -27,7 +27,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.deeds import DeedLog, DoneDeeds
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
 from gamms.plain import Plain, refuse_misfit, select_plain, to_plain, whole
-from gamms.readonly import published
+from gamms.readonly import make_shareable
 from gamms.text import as_text, shown
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
@@ -97,7 +97,7 @@ LogMarks = tuple[Sequence[list[Any]], Sequence[int], list[DoneDeeds]]
 """A marker of logs at a moment: their lists, which may grow later, their lengths, and the deeds of the last turn."""
 
 
-def log_at(log: list[Any], entries: list[Any], length: int, marked: int) -> list[Any]:
+def cut_log(log: list[Any], entries: list[Any], length: int, marked: int) -> list[Any]:
     """Return a log as it was at a moment, as a list that may be appended to.
 
     Args:
@@ -111,7 +111,7 @@ def log_at(log: list[Any], entries: list[Any], length: int, marked: int) -> list
     return entries if len(entries) == length else entries[:length]
 
 
-def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
+def join_ends(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
     """Return the end of a game that two rules end in the same turn.
 
     An end by events overrides an end by time; reasons are sorted alphabetically, and a team wins only if both agree.
@@ -189,7 +189,7 @@ class BlockedAgents(MutableMapping[str, str]):
                     left.append((known, [i for i, _ in rest], [place for _, place in rest]))
         self.stopped = left
 
-    def copied(self) -> "BlockedAgents":
+    def copy_blocked(self) -> "BlockedAgents":
         """Return a copy, in which reasons that were not yet worked out are left so."""
         twin = BlockedAgents(self.known)
         twin.stopped = [*self.stopped]
@@ -220,10 +220,10 @@ def _capture_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[A
 
 
 def _restore_private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
-    return {to: {name: published(name, value) for name, value in facts.items()} for to, facts in each}
+    return {to: {name: make_shareable(name, value) for name, value in facts.items()} for to, facts in each}
 
 
-_FACTS = (copied_each, _capture_each, _restore_private_facts)
+_FACTS = (copy_each, _capture_each, _restore_private_facts)
 
 
 def as_scores(scores: Plain) -> Scores:
@@ -397,15 +397,15 @@ class GameState:
 
     scores: Scores = game_field(
         Scores,
-        copied_dict,
+        copy_dict,
         refill=refill,
         captured=lambda scores: list(to_plain(scores).items()),
         restored=as_scores,
         axis="game",
         event=ChangeEvent(0x04000000, "GAME_SCORES", Audience.ALL, "scores"),
     )
-    data: dict[str, Any] = game_field(dict, copied, refill=refill, captured=select_plain)
-    over: dict[str, Any] | None = game_field(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
+    data: dict[str, Any] = game_field(dict, copy_deep, refill=refill, captured=select_plain)
+    over: dict[str, Any] | None = game_field(NoneType, copy_deep, captured=to_plain, restored=as_over, axis="game")
     turn: int = game_field(int, _return_value, captured=to_plain, restored=as_turn, axis="game")
     events: list[dict[str, Any]] = game_field(list)
     errors: list[dict[str, Any]] = game_field(list)
@@ -434,7 +434,7 @@ class GameState:
     )
     driven: dict[str, tuple[int, ...]] = game_field(
         dict,
-        copied_dict,
+        copy_dict,
         captured=to_plain,
         restored=as_driven,
         is_seldom=True,
@@ -449,37 +449,37 @@ class GameState:
         is_seldom=True,
         event=ChangeEvent(0x0400000E, "GAME_COLLECTED", Audience.HOST, "collected"),
     )
-    facts: dict[str, Any] = game_field(dict, copied_dict, refill=refill, axis="game")
+    facts: dict[str, Any] = game_field(dict, copy_dict, refill=refill, axis="game")
     agent_facts: dict[str, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="agent")
     team_facts: dict[Any, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="team")
     memories: dict[str, dict[Any, Any]] = game_field(
         dict,
-        copied_filled,
+        copy_filled,
         refill=refill_each,
         captured=lambda memories: dict(sorted(_capture_each(memories))),
-        restored=lambda memories: copied_each(deepcopy(memories)),
+        restored=lambda memories: copy_each(deepcopy(memories)),
         axis="agent",
     )
     team_memories: dict[Any, dict[Any, Any]] = game_field(
         dict,
-        copied,
+        copy_deep,
         captured=_capture_each,
         restored=lambda each: dict(deepcopy(list(each))),
         axis="team",
     )
     delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = game_field(
         dict,
-        copied_each,
+        copy_each,
         captured=lambda looks: [[*key, to_plain(one)] for key, one in sorted(looks.items()) if one],
         restored=lambda each: {(sensor, owner): as_looks(deepcopy(one)) for sensor, owner, one in each},
         is_seldom=True,
     )
-    counts: dict[str, dict[str, int]] = game_field(dict, copied_each, refill=refill_counts, axis="agent")
-    timings: dict[str, float] = game_field(lambda: dict.fromkeys(PHASES, 0.0), copied_dict, refill=refill)
+    counts: dict[str, dict[str, int]] = game_field(dict, copy_each, refill=refill_counts, axis="agent")
+    timings: dict[str, float] = game_field(lambda: dict.fromkeys(PHASES, 0.0), copy_dict, refill=refill)
     moves: Any = game_field(NoneType, _return_value, is_own=True)
-    departed: dict[str, tuple[Any, int]] = game_field(dict, copied_dict)
+    departed: dict[str, tuple[Any, int]] = game_field(dict, copy_dict)
     last_turn: int | None = game_field(NoneType, _return_value, axis="game")
-    began: dict[str, Any] = game_field(dict, copied_dict, is_own=True)
+    began: dict[str, Any] = game_field(dict, copy_dict, is_own=True)
     start: Any = game_field(NoneType, _return_value, is_own=True)
     drawn: Any = game_field(NoneType, _return_value, is_own=True)
     parts_played: int | None = game_field(NoneType, _return_value)
@@ -490,7 +490,7 @@ class GameState:
     @property
     def deeds(self) -> list[dict[str, Any]]:
         """Deeds of agents in order, append-only: dicts with `turn`, `agent`, `deed`, `at`."""
-        return self.deed_log.of(self.row)
+        return self.deed_log.list_entries(self.row)
 
     @deeds.setter
     def deeds(self, entries: list[dict[str, Any]]) -> None:
@@ -510,39 +510,39 @@ class GameState:
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
-    def values(self) -> list[Any]:
+    def list_values(self) -> list[Any]:
         """Return the present values of the fields `SAVED` in order, which may change later."""
         return [*_saved_of(self)]
 
-    def copies(self, memo: Memo | None = None) -> list[Any]:
+    def copy_values(self, memo: Memo | None = None) -> list[Any]:
         """Return the values for snapshots, of the fields `SAVED` in order; None for an empty dict.
 
         Args:
-            memo: see `core.copies.copied`.
+            memo: see `core.copies.copy_deep`.
         """
-        return copied_fields(self.values(), _COPIED, memo)
+        return copy_fields(self.list_values(), _COPIED, memo)
 
-    def plain_copies(self) -> list[Any]:
-        """Return `copies`; raise NotPlain if a value contains other objects than plain values."""
-        return self.copies(ONLY_PLAIN)
+    def copy_plain_values(self) -> list[Any]:
+        """Return `copy_values`; raise NotPlain if a value contains other objects than plain values."""
+        return self.copy_values(ONLY_PLAIN)
 
     def restore(self, values: list[Any]) -> None:
-        """Set the fields to copies of the values from `copies`."""
+        """Set the fields to copies of the values from `copy_values`."""
         restore_fields(self, values, _SHARED, _REPLACED, _REFILLED)
 
     def turn_copies(self) -> list[Any]:
         """Return the values for `take_back`, of the fields `SAVED` in order; those of `WRITTEN` may change later."""
-        return copied_fields(self.values(), _COPIED_IN_TURN)
+        return copy_fields(self.list_values(), _COPIED_IN_TURN)
 
     def take_back(self, values: list[Any]) -> None:
         """Set the fields to copies of the values from `turn_copies`, but for the fields `WRITTEN`."""
         restore_fields(self, values, *_TAKEN_BACK)
 
-    def marks(self) -> LogMarks:
+    def get_marks(self) -> LogMarks:
         """Return markers of the present logs, for `go_to`."""
         logs = _logs_of(self)
         self.marked = tuple(map(len, logs))
-        return logs, self.marked, self.deed_log.last_of(self.row)
+        return logs, self.marked, self.deed_log.list_last(self.row)
 
     def go_to(self, marks: LogMarks) -> None:
         """Restore the logs to their state at `marks`."""
@@ -550,7 +550,7 @@ class GameState:
         if self.unlogged is not None:  # they are newer than all marks
             self.unlogged.drop()
         for name, entries, length, marked in zip(LOGS, logs, lengths, self.marked, strict=True):
-            setattr(self, name, log_at(getattr(self, name), entries, length, marked))
+            setattr(self, name, cut_log(getattr(self, name), entries, length, marked))
         self.marked = lengths
         self.deed_log.go_to(last)
 
@@ -561,7 +561,7 @@ class GameState:
             setattr(self, name, entries[:length])
         self.deed_log.go_to(last)
 
-    def memory_of(self, name: str) -> dict[Any, Any]:
+    def get_memory(self, name: str) -> dict[Any, Any]:
         """Return the writable memory of an agent."""
         return self.memories.setdefault(name, {})
 
@@ -571,7 +571,7 @@ class GameState:
         earlier = {name: pair for name, pair in self.named_edges.items() if pair[0] == now}  # of its earlier parts
         self.named_edges = earlier | {name: (now, edge) for name, edge in named.items()}
 
-    def named_edges_of(self, turn: int) -> dict[str, int]:
+    def find_named_edges(self, turn: int) -> dict[str, int]:
         """Return agent -> the id of the edge that its action has named, for those that took one in a turn."""
         return {name: edge for name, (number, edge) in self.named_edges.items() if number == turn}
 
@@ -628,7 +628,7 @@ _SHARED = [(i, name) for i, name in enumerate(SAVED) if COPY_OF[name] is _return
 _COPIED = [(i, COPY_OF[name]) for i, name in enumerate(SAVED) if COPY_OF[name] is not _return_value]
 _REPLACED = [(i, SAVED[i], copy, _MAKERS[SAVED[i]]) for i, copy in _COPIED if FIELDS[SAVED[i]].refill is None]
 _REFILLED = [  # filling a dict of dicts copies them
-    (i, SAVED[i], _return_value if copy in (copied_dict, copied_each) else copy, fill)
+    (i, SAVED[i], _return_value if copy in (copy_dict, copy_each) else copy, fill)
     for i, copy in _COPIED
     if (fill := FIELDS[SAVED[i]].refill) is not None
 ]

@@ -22,7 +22,7 @@ def make_line_string(points: FloatArray | Sequence[Sequence[float]]) -> "LineStr
     return shapely.LineString(points)
 
 
-def polygon(points: FloatArray | Sequence[Sequence[float]]) -> "Polygon":
+def make_polygon(points: FloatArray | Sequence[Sequence[float]]) -> "Polygon":
     """Return a shapely Polygon with the outline `points` of shape (points, 2)."""
     import shapely
 
@@ -81,7 +81,7 @@ def find_hull(points: FloatArray) -> FloatArray:
     return corners
 
 
-def seam_rings(rings: Sequence[FloatArray]) -> FloatArray:
+def join_rings(rings: Sequence[FloatArray]) -> FloatArray:
     """Return one line (points, 2) along closed rings, the outer one first, each hole joined by a short seam."""
     outer, *holes = rings
     line = outer
@@ -223,7 +223,7 @@ class LineTree:
         self._tree = shapely.STRtree(lines)
         self._point = shapely.Point
 
-    def nearest(self, place: tuple[float, float]) -> int:
+    def find_nearest(self, place: tuple[float, float]) -> int:
         """Return the line nearest to a place; ties within a billionth of the distance go to the first line."""
         point = self._point(place)
         (line,), (distance,) = self._tree.query_nearest(point, return_distance=True, all_matches=False)
@@ -247,7 +247,7 @@ class NearLines:
         self._distance = shapely.distance
         self._points = shapely.points
 
-    def within(self, points: FloatArray, distance: float) -> tuple[IntArray, IntArray, FloatArray]:
+    def find_within(self, points: FloatArray, distance: float) -> tuple[IntArray, IntArray, FloatArray]:
         """Return rows of points (points, 2), rows of lines within a distance, and the distances, (pairs,) each."""
         near = self._points(points)
         rows, lines = self._tree.query(near, predicate="dwithin", distance=distance)
@@ -367,7 +367,7 @@ class Box(NamedTuple):
         """Whether it lies across 180 degrees."""
         return self.west > self.east
 
-    def region(self) -> "Polygon | MultiPolygon":
+    def make_region(self) -> "Polygon | MultiPolygon":
         """Return its area; of one across 180 degrees both parts."""
         import shapely
 
@@ -411,7 +411,7 @@ def make_area(clip: object, name: str) -> "Polygon | MultiPolygon":
     """
     sides = clip.tolist() if isinstance(clip, np.ndarray) else clip
     if isinstance(sides, (list, tuple)) and len(sides) == 4 and all(isinstance(one, (int, float)) for one in sides):
-        return make_region(check_box(sides, Box._fields, name).region(), name, lambda lonlat: lonlat)
+        return make_region(check_box(sides, Box._fields, name).make_region(), name, lambda lonlat: lonlat)
     region = make_region(clip, name, lambda lonlat: lonlat)
     if (np.abs(np.reshape(region.bounds, (2, 2))) > (_EAST, _NORTH)).any():
         raise BadValue(f"{name} must be in degrees of longitude and latitude; its bounds are {shown(region.bounds)}.")

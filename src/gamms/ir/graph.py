@@ -57,35 +57,35 @@ class RowMapping(Mapping[int, V]):
         self._are_all = len(rows) > 0 and int(rows[-1]) == len(rows) - 1
 
     @abstractmethod
-    def at(self, place: int) -> V:
+    def get_at(self, place: int) -> V:
         """Return the value of `rows[place]`."""
 
     @abstractmethod
-    def all(self) -> list[V]:
+    def list_all(self) -> list[V]:
         """Return all values, in the order of the rows."""
 
     @abstractmethod
-    def chosen(self, places: IntArray, rows: IntArray) -> Self:
+    def select_rows(self, places: IntArray, rows: IntArray) -> Self:
         """Return the values of `self.rows[places]` under other, ascending row numbers (places,)."""
 
     def get(self, row: object, default: Any = None) -> Any:
         """Return the value of a row, or the default."""
         place = self._find_index(row)
-        return default if place < 0 else self.at(place)
+        return default if place < 0 else self.get_at(place)
 
     def items(self) -> ItemsView[int, V]:
         """Return (row, value) pairs."""
-        return dict(zip(self.rows.tolist(), self.all(), strict=True)).items()
+        return dict(zip(self.rows.tolist(), self.list_all(), strict=True)).items()
 
     def values(self) -> ValuesView[V]:
         """Return all values, in the order of the rows."""
-        return dict(enumerate(self.all())).values()
+        return dict(enumerate(self.list_all())).values()
 
     def __getitem__(self, row: int) -> V:
         place = self._find_index(row)
         if place < 0:
             raise KeyError(row)
-        return self.at(place)
+        return self.get_at(place)
 
     def __contains__(self, row: object) -> bool:
         return self._find_index(row) >= 0
@@ -125,15 +125,15 @@ class CodedValues(RowMapping[Any]):
         self.codes = codes
         self.choices = choices
 
-    def at(self, place: int) -> Any:
+    def get_at(self, place: int) -> Any:
         """Return the value of `rows[place]`."""
         return self.choices[self.codes[place]]
 
-    def all(self) -> list[Any]:
+    def list_all(self) -> list[Any]:
         """Return all values, in the order of the rows."""
         return list(map(self.choices.__getitem__, self.codes.tolist()))
 
-    def chosen(self, places: IntArray, rows: IntArray) -> Self:
+    def select_rows(self, places: IntArray, rows: IntArray) -> Self:
         """Return the values of `self.rows[places]` under other row numbers."""
         return type(self)(rows, self.codes[places], self.choices)
 
@@ -159,24 +159,24 @@ class Polylines(RowMapping[FloatArray]):
         self.ends = ends
         self.points = points
 
-    def at(self, place: int) -> FloatArray:
+    def get_at(self, place: int) -> FloatArray:
         """Return the points of `rows[place]`."""
         return self.points[self.starts[place] : self.ends[place]]
 
-    def all(self) -> list[FloatArray]:
+    def list_all(self) -> list[FloatArray]:
         """Return the points of all rows, in the order of the rows."""
         points = self.points
         return [points[start:end] for start, end in zip(self.starts.tolist(), self.ends.tolist(), strict=True)]
 
-    def among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
+    def find_among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
         """Return (index in `rows`, polyline) of the rows (rows,) that have a polyline."""
         if not len(self.rows):
             return []
         places = np.minimum(np.searchsorted(self.rows, rows), len(self.rows) - 1)
         found = np.flatnonzero(self.rows[places] == rows)
-        return [(i, self.at(place)) for i, place in zip(found.tolist(), places[found].tolist(), strict=True)]
+        return [(i, self.get_at(place)) for i, place in zip(found.tolist(), places[found].tolist(), strict=True)]
 
-    def chosen(self, places: IntArray, rows: IntArray) -> Self:
+    def select_rows(self, places: IntArray, rows: IntArray) -> Self:
         """Return the polylines of `self.rows[places]` under other row numbers."""
         return type(self)(rows, self.starts[places], self.ends[places], self.points)
 
@@ -378,7 +378,7 @@ def _renumber_rows(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
     places = np.flatnonzero(rows >= 0)
     places = places[np.argsort(rows[places])]
     if isinstance(values, RowMapping):
-        return values.chosen(places, rows[places])
+        return values.select_rows(places, rows[places])
     return {row: values[one] for row, one in zip(rows[places].tolist(), old[places].tolist(), strict=True)}
 
 
@@ -537,7 +537,7 @@ LABEL = "networkx_label"  # attribute with the networkx label of a node, if the 
 _WAY_OUT = "ctx.graph.networkx_labels() gives the id of each networkx label."
 
 
-def labels(columns: GraphColumns) -> dict[Hashable, int]:
+def list_labels(columns: GraphColumns) -> dict[Hashable, int]:
     """Return networkx label -> id, for every node whose label could not be its id."""
     return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
 
@@ -585,7 +585,7 @@ def label_hint(value: object, graph: object = None) -> str:
     if graph is None:
         return f" {_WAY_OUT}" if isinstance(value, (str, tuple)) else ""
     columns: Callable[[], GraphColumns] | None = getattr(graph, "columns", None)
-    known = {} if columns is None else labels(columns())
+    known = {} if columns is None else list_labels(columns())
     try:
         id = known.get(value)
     except TypeError:  # not hashable

@@ -21,7 +21,8 @@ class Journal:
         in_arrays: number of moves in `log` beyond its length, because one entry may hold the moves of many agents;
             reset by the reader.
         progressed: numbers of agents whose progress along an edge was set; emptied by the reader.
-        is_silent: whether nothing is recorded; `log`, `flew`, `turned` and `attributed` must not be used then.
+        is_silent: whether nothing is recorded; `log`, `record_flight`, `record_rotation` and `record_attribute` must
+            not be used then.
         is_closed: whether the context has ended, so that agents no longer change.
     """
 
@@ -43,7 +44,7 @@ class Journal:
         """Append an event of a recording that has already been applied to the context."""
         self.log.append((kind, data))
 
-    def moved(self, rows: IntArray, nodes: IntArray) -> None:
+    def record_moves(self, rows: IntArray, nodes: IntArray) -> None:
         """Record the moves of many agents: their distinct rows, and the ids of their nodes, (agents,) each."""
         moves = np.empty((len(rows), 2), np.int64)
         moves[:, 0] = np.array(self.ids, np.int64).take(rows)
@@ -51,21 +52,21 @@ class Journal:
         self.log.append((MOVES, moves))
         self.in_arrays += 2 * len(rows) - 1
 
-    def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
+    def record_flight(self, row: int, node: int, position: tuple[float, float, float]) -> None:
         """Record a new position of a flying agent above a node."""
         self.log.append((AERIAL_AGENT_FLIGHT, (self.ids[row], node, *position)))
 
-    def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
+    def record_rotation(self, row: int, quat: tuple[float, float, float, float]) -> None:
         """Record a new rotation of a flying agent."""
         self.log.append((AERIAL_AGENT_TURN, (self.ids[row], *quat)))
 
-    def attributed(self, rows: Iterable[int], name: str, values: Plain) -> None:
+    def record_attribute(self, rows: Iterable[int], name: str, values: Plain) -> None:
         """Record a change of a custom attribute, one value for each agent; None: it was deleted."""
         data = {"numbers": [self.ids[row] for row in rows], "name": name}
         self.in_arrays += len(data["numbers"]) - 1
         self.note(AGENT_ATTRIBUTE, data if values is None else {**data, "values": values})
 
-    def entered(self, row: int, name: str) -> None:
+    def number_agent(self, row: int, name: str) -> None:
         """Give a number to a new agent in the last row."""
         del self.ids[row:]
         self.ids += [-1] * (row - len(self.ids))  # rows of agents whose creation failed
@@ -94,9 +95,9 @@ class MutedJournal(Journal):
     def note(self, kind: int, data: Plain) -> None:
         """Record nothing."""
 
-    def entered(self, row: int, name: str) -> None:
+    def number_agent(self, row: int, name: str) -> None:
         """Give a number to a new agent in the last row."""
-        self._journal.entered(row, name)
+        self._journal.number_agent(row, name)
 
     def close_up(self, gone: list[int]) -> None:
         """Drop the numbers of rows, ascending, that are closed up."""
@@ -116,7 +117,7 @@ class _SilentJournal(Journal):
 
     append = note
 
-    def entered(self, row: int, name: str) -> None:
+    def number_agent(self, row: int, name: str) -> None:
         pass
 
     def close_up(self, gone: list[int]) -> None:

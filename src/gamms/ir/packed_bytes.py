@@ -33,7 +33,7 @@ def encode_varint(value: int) -> bytes:
     return bytes(out)
 
 
-def packed(data: bytes, level: int = BEST) -> bytes:
+def pack_bytes(data: bytes, level: int = BEST) -> bytes:
     """Return the size of the data, followed by the data as a raw deflate stream."""
     # NOTE: for a city, the lower level takes half the time for 1 % more bytes (benchmarks: city scale).
     level = min(level, FAST) if len(data) > _LARGE else level
@@ -41,14 +41,14 @@ def packed(data: bytes, level: int = BEST) -> bytes:
     return b"".join((encode_varint(len(data)), deflate.compress(data), deflate.flush()))
 
 
-def unpacked(data: bytes, most: int) -> tuple[bytes, bytes]:
-    """Unpack the data of `packed`; return it, and the bytes that follow it.
+def unpack_bytes(data: bytes, most: int) -> tuple[bytes, bytes]:
+    """Unpack the data of `pack_bytes`; return it, and the bytes that follow it.
 
     Raises:
         BadFile: the bytes are damaged, or would decompress to more than `most` bytes.
     """
     reader = ByteReader(data)
-    size = reader.varint()
+    size = reader.read_varint()
     if size > most:
         raise BadFile(f"{size} bytes of memory are too many for the size of the file")
     inflate = zlib.decompressobj(-15)
@@ -86,7 +86,7 @@ class ByteReader:
         self.at += size
         return self.data[self.at - size : self.at]
 
-    def varint(self) -> int:
+    def read_varint(self) -> int:
         """Return the next number."""
         value = 0
         for shift in range(0, 63, 7):
@@ -96,7 +96,7 @@ class ByteReader:
                 return value
         raise BadFile("a number is too long")
 
-    def column(self, size: int) -> IntArray:
+    def read_column(self, size: int) -> IntArray:
         """Return the next column, which must have `size` items."""
         (count,) = self.take(1)
         if count != _TABLE:
@@ -124,9 +124,9 @@ class ByteReader:
         zigzag = wide.view(f"<u{width}").reshape(-1)
         return ((zigzag >> 1) ^ -(zigzag & 1)).astype(f"u{width}").view(f"i{width}").astype(np.int64)
 
-    def sums(self, size: int) -> IntArray:
+    def read_sums(self, size: int) -> IntArray:
         """Return the running sums of the next column, which holds differences."""
-        return np.cumsum(self.column(size), dtype=np.int64)
+        return np.cumsum(self.read_column(size), dtype=np.int64)
 
     def finish(self) -> None:
         """Raise BadFile if bytes are left over."""
@@ -137,14 +137,14 @@ class ByteReader:
 # -- columns ----------------------------------------------------------------------------------------------------
 
 
-def steps(numbers: IntArray) -> IntArray:
+def compute_differences(numbers: IntArray) -> IntArray:
     """Return the differences of consecutive numbers, the first from 0, with wraparound at 64 bits."""
     differences = numbers.copy()
     differences[1:] -= numbers[:-1]
     return differences
 
 
-def column(numbers: IntArray) -> bytes:
+def encode_column(numbers: IntArray) -> bytes:
     """Encode integers as a column."""
     if not len(numbers):
         return b"\0"

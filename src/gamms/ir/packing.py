@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir.packed_bytes import BEST, packed, steps, unpacked
+from gamms.ir.packed_bytes import BEST, compute_differences, pack_bytes, unpack_bytes
 from gamms.limits import PER_BYTE, KeyBudget, MemoryBudget
 from gamms.plain import MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
@@ -80,7 +80,7 @@ def unpack(body: bytes, decoder: "Decoder", *, is_new: bool = True) -> Plain:
     Raises:
         BadFile: the bytes are damaged, or the memory limit of the file is exceeded.
     """
-    return decoder.value(unpack_parts(body, decoder.most_bytes)[0], is_new=is_new)
+    return decoder.decode(unpack_parts(body, decoder.most_bytes)[0], is_new=is_new)
 
 
 def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int = 0, level: int = BEST) -> bytes:
@@ -94,9 +94,9 @@ def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int
     """
     data = b"".join(values)
     others = b"".join(columns)
-    body = packed(data, level)
+    body = pack_bytes(data, level)
     if columns:
-        body += packed(others, level)
+        body += pack_bytes(others, level)
     cost = max(cost, _OF_BYTE * (len(data) + len(others)))
     if PER_BYTE * len(body) < cost + bound_cost(data):
         cost += sum(map(compute_cost, values))
@@ -109,10 +109,10 @@ def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[
     Raises:
         BadFile: the bytes are damaged, or would decompress to more than `most` bytes.
     """
-    values, rest = unpacked(body, most)
+    values, rest = unpack_bytes(body, most)
     columns = b""
     if has_columns:
-        columns, rest = unpacked(rest, most)
+        columns, rest = unpack_bytes(rest, most)
     if rest.strip(b"\0"):
         raise BadFile(f"{len(rest)} bytes are left over")
     return values, columns
@@ -130,7 +130,7 @@ def encode_array(array: Array) -> bytes:
     """Return the bytes of an array: the first byte of all items, then the second; integers as differences."""
     flat = np.ascontiguousarray(array).reshape(-1)
     if flat.dtype.kind in "iu":
-        flat = steps(flat)
+        flat = compute_differences(flat)
     flat = flat.astype(flat.dtype.newbyteorder("<"), copy=False)
     return flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T.tobytes()
 
@@ -272,7 +272,7 @@ def from_bytes(data: bytes) -> Plain:
     Raises:
         BadFile: the bytes are invalid.
     """
-    return Decoder(MemoryBudget(len(data), "A value")).value(data)
+    return Decoder(MemoryBudget(len(data), "A value")).decode(data)
 
 
 def compute_cost(data: bytes) -> int:
@@ -296,7 +296,7 @@ def _find_cost_within(data: bytes) -> int:
 
 def _find_cost_of_container(data: bytes) -> int:
     """Return the memory cost of a container, without nested containers."""
-    return _OF_CONTAINER + _OF_ITEM * _count_of(data) + len(data)
+    return _OF_CONTAINER + _OF_ITEM * _read_count(data) + len(data)
 
 
 def bound_cost(data: bytes) -> int:
@@ -321,7 +321,7 @@ class Decoder:
         self.keys = KeyBudget()
         self.most_bytes = allowance.total // _OF_BYTE
 
-    def value(self, data: bytes, *, is_new: bool = True) -> Plain:
+    def decode(self, data: bytes, *, is_new: bool = True) -> Plain:
         """Decode a value.
 
         Args:
@@ -376,7 +376,7 @@ def _make_flat_decoder() -> "MessagePackDecoder[list[Item]]":
     return Decoder(list[bool | int | float | str | Ext | None])
 
 
-def _count_of(data: bytes) -> int:
+def _read_count(data: bytes) -> int:
     """Return the stated number of items of a MessagePack array, limited by the number of bytes."""
     head = data[0] if data else 0
     count = int.from_bytes(data[1:5] if head == 0xDD else data[1:3], "big") if head >= 0xDC else head & 15

@@ -69,14 +69,14 @@ class Positions:
         block = self.block
         if block.flyers:
             block.locate()
-        return block.ids_of(block.node)
+        return block.get_ids(block.node)
 
     @property
     def previous_nodes(self) -> Sequence[int]:
         """The ids (agents,) of the nodes before their last moves."""
-        return self.block.ids_of(self.block.previous)
+        return self.block.get_ids(self.block.previous)
 
-    def noted_names(self) -> list[str]:
+    def get_names(self) -> list[str]:
         """Return the names as a list that is never changed, valid until agents change."""
         version = self.block.structure.version
         if self._noted_at != version:
@@ -84,14 +84,14 @@ class Positions:
             self._noted_at = version
         return self._noted
 
-    def noted(self) -> tuple[Sequence[str], Sequence[Any]]:
-        """Return the names and `places`, which may be stored; see `noted_names`."""
+    def get_noted(self) -> tuple[Sequence[str], Sequence[Any]]:
+        """Return the names and `places`, which may be stored; see `get_names`."""
         block = self.block
-        names = self._noted if self._noted_at == block.structure.version else self.noted_names()
+        names = self._noted if self._noted_at == block.structure.version else self.get_names()
         if block.flyers or block.travellers:
             return names, self.places
         # NOTE: inline, because it runs every turn (benchmarks: turns; teams).
-        node = block.ids_of(block.node)
+        node = block.get_ids(block.node)
         return names, copy_column(node) if block.has_teams else node.tolist()
 
     @property
@@ -100,7 +100,7 @@ class Positions:
 
         Node ids; for flying agents points (x, y, z), for agents on edges their `Progress`.
         """
-        places = self._add_flyers(self.block.ids_of(self.block.node), self.block.flights.position_of)
+        places = self._add_flyers(self.block.get_ids(self.block.node), self.block.flights.get_position)
         if self.block.travellers:
             for row, progress in self.on_edges.items():
                 places[row] = progress
@@ -109,7 +109,7 @@ class Positions:
     @property
     def previous_places(self) -> MutableSequence[Any]:
         """The positions before the last moves (agents,), in the same form: node ids and points."""
-        return self._add_flyers(self.block.ids_of(self.block.previous), self.block.flights.previous_of)
+        return self._add_flyers(self.block.get_ids(self.block.previous), self.block.flights.get_previous_position)
 
     def _add_flyers(self, nodes: "memoryview[int]", point_of: Callable[[int], Any]) -> MutableSequence[Any]:
         if not (self.block.flyers or self.block.travellers):
@@ -126,11 +126,11 @@ class Positions:
         self._catch_up()
         return self._node_ids
 
-    def node_ids_of(self, rows: Sequence[int] | IntArray) -> IntArray:
+    def find_node_ids(self, rows: Sequence[int] | IntArray) -> IntArray:
         """Return the node ids of some agents (rows,), at a cost independent of the number of other agents."""
         block = self.block
         block.locate()
-        found: IntArray = np.array(block.ids_of(np.asarray(block.node).take(rows).data), np.int64)
+        found: IntArray = np.array(block.get_ids(np.asarray(block.node).take(rows).data), np.int64)
         return found
 
     @property
@@ -150,9 +150,9 @@ class Positions:
         """The rows of agents that may be on an edge."""
         return self.block.travellers
 
-    def on_edge(self, row: int) -> Progress | None:
+    def get_edge_position(self, row: int) -> Progress | None:
         """Return the position of an agent on an edge; None on a node, or in the air."""
-        place: Progress | None = self.block.on_edge(row)
+        place: Progress | None = self.block.get_edge_position(row)
         return place
 
     def subscribe(self) -> ChangeLog:
@@ -163,7 +163,9 @@ class Positions:
     def on_edges(self) -> Mapping[int, Progress]:
         """Row -> position of the agents on edges."""
         block = self.block
-        return {row: progress for row in sorted(block.travellers) if (progress := block.on_edge(row)) is not None}
+        return {
+            row: progress for row in sorted(block.travellers) if (progress := block.get_edge_position(row)) is not None
+        }
 
     @property
     def inactive(self) -> Collection[int]:
@@ -177,14 +179,14 @@ class Positions:
         inactive = self.block.inactive
         return np.delete(rows, list(inactive)) if inactive else rows
 
-    def row_of(self, name: str) -> int:
+    def find_row(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
-        return self.block.rows.of(name)
+        return self.block.rows.find_row(name)
 
-    def found(self, rows: list[int]) -> dict[str, int]:
+    def name_rows(self, rows: list[int]) -> dict[str, int]:
         """Return name -> node id of agents given by rows of the last query."""
         names = self.block.names
-        node_of = self.block.node_of
+        node_of = self.block.get_node
         return {names[row]: node_of(row) for row in rows}
 
     def _catch_up(self) -> None:
@@ -193,6 +195,6 @@ class Positions:
         block = self.block
         if version != self._read_at:
             self._read_at = version
-            self._node_ids = _freeze_values(block.ids_of(block.node), np.int64)
+            self._node_ids = _freeze_values(block.get_ids(block.node), np.int64)
             self._flyers = _freeze_values(block.flyers, np.int64)
-            self._flyer_xyz = _freeze_values(np.reshape(block.games.row("position"), (-1, 3)), np.float64)
+            self._flyer_xyz = _freeze_values(np.reshape(block.games.get_row("position"), (-1, 3)), np.float64)

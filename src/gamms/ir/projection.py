@@ -18,7 +18,7 @@ import numpy as np
 
 from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.text import shown
 
 WGS84 = "EPSG:4326"
@@ -120,7 +120,7 @@ def project_back_and_forth(points: FloatArray, source: str, target: str) -> Floa
     errors_m = np.full(len(points), np.inf)  # metres
     sound = np.flatnonzero(np.isfinite(np.column_stack([there, lonlat, again])).all(axis=1))
     sound = sound[_is_in_zone(lonlat[sound], source) & _is_in_zone(lonlat[sound], target)]
-    errors_m[sound] = ellipsoid_lengths(lonlat[sound], again[sound])
+    errors_m[sound] = measure_on_ellipsoid(lonlat[sound], again[sound])
     lost = np.flatnonzero(errors_m > _CENTIMETRE)
     if len(lost):
         raise BadValue(
@@ -155,7 +155,7 @@ def turn_longitudes(lonlat: FloatArray, middle: float) -> FloatArray:
     return np.column_stack((lonlat[:, 0] + _TURN * turns, lonlat[:, 1])) if turns.any() else lonlat
 
 
-def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
+def measure_on_ellipsoid(start: FloatArray, end: FloatArray) -> FloatArray:
     """Return distances in metres along the WGS84 ellipsoid between positions (lines, 2) in degrees.
 
     Uses the inverse formula of Vincenty, accurate to 0.1 mm; for nearly antipodal points, where it does not
@@ -168,7 +168,7 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     step = np.zeros_like(apart)
     for _ in range(_TURNS):
         east, north = compute_sine_cosine(angle)
-        sine = length(c2 * east, c1 * s2 - s1 * c2 * north)
+        sine = compute_length(c2 * east, c1 * s2 - s1 * c2 * north)
         cosine = s1 * s2 + c1 * c2 * north
         arc = compute_polar_angle(sine, cosine)
         tilt = np.divide(c1 * c2 * east, sine, out=np.zeros_like(sine), where=sine > 0.0)
@@ -302,7 +302,7 @@ def compute_ground_scale(crs: str, xy: FloatArray) -> float:
         return 1.0
     if not np.isfinite(ends).all():
         return float("nan")
-    scales = ellipsoid_lengths(*ends) / _STEP_M
+    scales = measure_on_ellipsoid(*ends) / _STEP_M
     return float(scales[np.abs(scales - 1.0).argmax()])
 
 
@@ -406,7 +406,7 @@ def _project_to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
     sine, cosine = compute_sine_cosine(np.radians(lonlat[:, 1]))
     conformal = _compute_conformal(sine / cosine, _compute_eccentricity(zone.flattening))
     sine_east, cosine_east = compute_sine_cosine(east)
-    size = length(conformal, cosine_east)
+    size = compute_length(conformal, cosine_east)
     across = sine_east / size
     radius, forth, _ = _compute_series(zone.flattening)
     up, right = _sum_sine_series(forth, conformal / size, cosine_east / size, across)
@@ -424,12 +424,14 @@ def _project_from_zone(xy: FloatArray, zone: Zone) -> FloatArray:
     up, right = _sum_sine_series(back, *compute_sine_cosine(y), compute_hyperbolic_sine(x))
     across = compute_hyperbolic_sine(x - right)
     sine, cosine = compute_sine_cosine(y - up)
-    wanted = sine / length(across, cosine)
+    wanted = sine / compute_length(across, cosine)
     e = _compute_eccentricity(zone.flattening)
     tangent = wanted
     for _ in range(_ROUNDS):  # Karney 2011, equations 19 to 21
         found = _compute_conformal(tangent, e)
-        slope = (1.0 - e**2) * length(1.0, found) * length(1.0, tangent) / (1.0 + (1.0 - e**2) * tangent**2)
+        slope = (
+            (1.0 - e**2) * compute_length(1.0, found) * compute_length(1.0, tangent) / (1.0 + (1.0 - e**2) * tangent**2)
+        )
         tangent = tangent + (wanted - found) / slope
     longitude = zone.middle + np.degrees(compute_polar_angle(across, cosine))
     latitude = np.degrees(compute_polar_angle(tangent, np.ones_like(tangent)))
@@ -451,7 +453,7 @@ def _sum_sine_series(
     """
     sine_2 = 2.0 * sine * cosine
     cosine_2 = (cosine - sine) * (cosine + sine)
-    sinh_2 = 2.0 * hyperbolic * length(1.0, hyperbolic)
+    sinh_2 = 2.0 * hyperbolic * compute_length(1.0, hyperbolic)
     cosh_2 = 1.0 + 2.0 * hyperbolic**2
     turn = 2.0 * cosine_2 * cosh_2, -2.0 * sine_2 * sinh_2
     real = after_real = np.zeros_like(sine)
@@ -467,9 +469,9 @@ def _sum_sine_series(
 
 def _compute_conformal(tangent: FloatArray, e: float) -> FloatArray:
     """Convert tangents of latitudes to tangents of conformal latitudes (Karney 2011, equations 7 to 9)."""
-    secant = length(1.0, tangent)
+    secant = compute_length(1.0, tangent)
     sigma = compute_hyperbolic_sine(e * inverse_hyperbolic_tangent(e * tangent / secant))
-    return tangent * length(1.0, sigma) - sigma * secant
+    return tangent * compute_length(1.0, sigma) - sigma * secant
 
 
 def _compute_eccentricity(flattening: float) -> float:
@@ -510,7 +512,7 @@ def _make_transformer(source: object, target: object) -> Any:
 
 
 def _import_pyproj() -> Any:
-    with needing("Projecting coordinates to other than UTM zones", "osm"):
+    with require_extra("Projecting coordinates to other than UTM zones", "osm"):
         import pyproj
     return pyproj
 
@@ -555,7 +557,7 @@ def evaluate_polynomial(coefficients: Sequence[float], x: FloatArray) -> FloatAr
     return total
 
 
-def length(x: FloatArray | float, y: FloatArray) -> FloatArray:
+def compute_length(x: FloatArray | float, y: FloatArray) -> FloatArray:
     """Return the lengths of vectors."""
     return np.asarray(np.sqrt(x * x + y * y))
 

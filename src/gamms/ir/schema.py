@@ -101,7 +101,7 @@ class Column(NamedTuple):
             return self.audience
         return Audience.HOST if self.event is None else self.event.audience
 
-    def checked(self, value: object, name: str) -> Any:
+    def check_value(self, value: object, name: str) -> Any:
         """Return a checked value of the column as a plain number; `name` is its name in error messages.
 
         Raises:

@@ -68,7 +68,7 @@ class AgentLook(NamedTuple):
     is_plain: bool = False
     is_late: bool = False
 
-    def shows(self, team: Hashable) -> bool:
+    def is_showing(self, team: Hashable) -> bool:
         """Return whether it shows agents of a team."""
         return (self.teams is None or team in self.teams) and team not in self.others
 

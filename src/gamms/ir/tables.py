@@ -10,7 +10,7 @@ from gamms.errors import BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import WGS84, project_back_and_forth
 from gamms.limits import refuse_above
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,13 +67,13 @@ def add_latlon(table: Mapping[str, Column], streets: GraphColumns) -> dict[str, 
     return {**table, "lat": degrees[:, 1], "lon": degrees[:, 0]}
 
 
-def frame_of(columns: Mapping[str, "np.ndarray[Any, Any]"]) -> "pd.DataFrame":
+def make_frame(columns: Mapping[str, "np.ndarray[Any, Any]"]) -> "pd.DataFrame":
     """Return columns of equal length as a pandas data frame.
 
     Raises:
         MissingExtra (ImportError): pandas is not installed.
     """
-    with needing("A table for pandas", "notebook"):
+    with require_extra("A table for pandas", "notebook"):
         import pandas as pd
     return pd.DataFrame(dict(columns))
 

@@ -3,64 +3,64 @@
 Call them as `kernels.name(...)`. May import: numpy, `gamms.core`, `gamms.ir`.
 """
 
-from gamms.core.draws import below, bits_at, first_key, fraction, turn_key
-from gamms.core.routes import widened
+from gamms.core.draws import compute_bits, compute_first_key, compute_turn_key, convert_to_fraction, convert_to_integer
+from gamms.core.routes import widen_distance
 from gamms.kernels.cells import (
     CellIndex,
     build_cells,
-    candidate_rows,
-    candidates_of_each,
-    rows_around,
-    rows_between,
+    find_candidate_rows,
+    find_candidates_of_each,
+    find_rows_around,
+    find_rows_between,
 )
 from gamms.kernels.csr import (
-    buffer,
-    chosen_runs,
-    closed_rings,
-    equal_runs,
+    as_buffer,
     expand_ranges,
-    first_seen,
+    find_closed_rings,
+    find_equal_runs,
+    find_rows,
+    group_by_target,
     group_rows,
-    neighborhoods,
-    rows_of,
-    ways_to,
+    list_neighborhoods,
+    number_by_appearance,
+    select_runs,
 )
 from gamms.kernels.draws import (
-    below_many,
-    below_of_words,
-    bits_at_rows,
+    compute_bits_rows,
+    compute_first_key_rows,
+    compute_name_key,
+    compute_name_keys,
+    compute_purpose_key,
+    compute_purpose_keys,
+    compute_turn_key_rows,
+    convert_to_fractions,
+    convert_to_integers,
+    convert_to_normals,
+    convert_to_poisson,
     draw_bits,
     draw_bits_each,
     draw_bits_rows,
-    first_key_rows,
-    fraction_many,
-    name_key,
-    name_keys,
-    normals,
-    places_of_agents,
-    poisson,
-    purpose_key,
-    purpose_keys,
+    draw_from_many_words,
+    draw_places,
     stream,
     stream_key,
     stream_keys,
     stream_words,
-    turn_key_rows,
 )
 from gamms.kernels.fields_of_view import (
     Quaternion,
-    about_z,
-    cone,
-    in_cone,
-    in_view,
+    compute_cone,
+    compute_heading,
+    compute_squares,
+    find_in_cone,
+    find_in_view,
+    make_rotation,
     multiply_quaternions,
+    normalize_quaternion,
     quaternion_to_direction,
-    squares,
-    unit_quaternion,
-    yaw,
 )
-from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
-from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each
+from gamms.kernels.matrix_games import find_saddle_points, solve_matrix_games
+from gamms.kernels.occlusion import MARGIN, find_blocking, find_visible, find_visible_from_each
 from gamms.kernels.paths import (
     Arcs,
     ForbiddenPaths,
@@ -69,9 +69,9 @@ from gamms.kernels.paths import (
     SearchResult,
     ShortestPath,
     TurnStates,
-    least_matching,
+    compute_route_tables,
+    find_least_matching,
+    find_simple_paths,
     make_arcs,
-    route_tables,
-    simple_paths,
-    turn_states,
+    make_turn_states,
 )

@@ -47,7 +47,7 @@ def build_cells(xy: FloatArray) -> CellIndex:
     return CellIndex(origin, size, keys[order], order)
 
 
-def rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
+def find_rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
     """Return the rows of the points in the cell of (x, y) and in the cells around it."""
     keys = cells.keys.data
     found = list[int]()
@@ -59,12 +59,12 @@ def rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
     return found
 
 
-def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray | None:
+def find_candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray | None:
     """Return the rows of a superset of the points within `d` of (x, y); None if a scan of all points is cheaper."""
-    return rows_between(cells, (x - d, y - d), (x + d, y + d))
+    return find_rows_between(cells, (x - d, y - d), (x + d, y + d))
 
 
-def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, float]) -> IntArray | None:
+def find_rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, float]) -> IntArray | None:
     """Return the rows of a superset of the points in a closed rectangle; None if a scan of all points is cheaper."""
     # Rounding must not exclude a point on the border.
     rim = 1e-9 * max(map(abs, (*low, *high)))
@@ -82,7 +82,7 @@ def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, 
     return np.concatenate([cells.rows[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)])
 
 
-def candidates_of_each(
+def find_candidates_of_each(
     cells: CellIndex, x: FloatArray, y: FloatArray, d: float
 ) -> Iterator[tuple[int, int, IntArray, IntArray]] | None:
     """Find a superset of the points within `d` of each of several places, in chunks of places.
@@ -104,7 +104,7 @@ def candidates_of_each(
 
 
 def _expand_ranges(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple[int, int, IntArray, IntArray]]:
-    """Write out the ranges (places, ranges) of each place; see `candidates_of_each`."""
+    """Write out the ranges (places, ranges) of each place; see `find_candidates_of_each`."""
     ends = np.cumsum((last - first).sum(axis=1))
     begin = 0
     while begin < len(first):

@@ -22,7 +22,7 @@ def group_rows(keys: IntArray, groups: int) -> tuple[IntArray, IntArray]:
     return offsets, np.argsort(keys, kind="stable")
 
 
-def ways_to(sources: IntArray, targets: IntArray, weights: FloatArray, size: int) -> tuple[Any, Any, Any]:
+def group_by_target(sources: IntArray, targets: IntArray, weights: FloatArray, size: int) -> tuple[Any, Any, Any]:
     """Group weighted arcs by target row, in the order of their sources; see `gamms.core.belief.IncomingArcs`.
 
     Args:
@@ -37,15 +37,15 @@ def ways_to(sources: IntArray, targets: IntArray, weights: FloatArray, size: int
     """
     order = np.lexsort((sources, targets))
     first, _ = group_rows(targets, size)
-    return buffer(first.astype(np.int32)), buffer(sources[order].astype(np.int32)), buffer(weights[order])
+    return as_buffer(first.astype(np.int32)), as_buffer(sources[order].astype(np.int32)), as_buffer(weights[order])
 
 
-def buffer(values: "np.ndarray[Any, Any]") -> Any:  # NumPy types all its buffers as integers
+def as_buffer(values: "np.ndarray[Any, Any]") -> Any:  # NumPy types all its buffers as integers
     """Return an array as a contiguous buffer for `gamms.core`; copies it only if needed."""
     return np.ascontiguousarray(values).reshape(-1).data
 
 
-def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
+def select_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
     """Return the positions in the chosen runs, one run after the other, and the offsets between them.
 
     Args:
@@ -57,7 +57,7 @@ def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray
     return np.arange(ends[-1]) + np.repeat(offsets[chosen] - ends[:-1], counts), ends
 
 
-def rows_of(ids: IntArray, wanted: IntArray, order: IntArray | None = None) -> IntArray:
+def find_rows(ids: IntArray, wanted: IntArray, order: IntArray | None = None) -> IntArray:
     """Return the row of each wanted id, -1 for unknown ids.
 
     Args:
@@ -72,7 +72,7 @@ def rows_of(ids: IntArray, wanted: IntArray, order: IntArray | None = None) -> I
     return np.where(ids[rows] == wanted, rows, -1)
 
 
-def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
+def number_by_appearance(keys: IntArray) -> tuple[IntArray, IntArray]:
     """Number the distinct keys 0, 1, … in the order of first appearance.
 
     Returns:
@@ -85,7 +85,7 @@ def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
     return rank[inverse], firsts[order]
 
 
-def neighborhoods(sources: IntArray, targets: IntArray, nodes: int) -> tuple[IntArray, IntArray]:
+def list_neighborhoods(sources: IntArray, targets: IntArray, nodes: int) -> tuple[IntArray, IntArray]:
     """Return the node itself and its distinct out-neighbors in edge order, for each node.
 
     Args:
@@ -118,7 +118,7 @@ def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
     return groups, np.arange(len(groups)) + (first - ends + counts)[groups]
 
 
-def equal_runs(*columns: "np.ndarray[Any, np.dtype[Any]]") -> IntArray:
+def find_equal_runs(*columns: "np.ndarray[Any, np.dtype[Any]]") -> IntArray:
     """Return the offsets (runs + 1,) of consecutive rows that are equal in all columns, each (rows,)."""
     count = len(columns[0])
     is_first = np.ones(count, np.bool_)
@@ -129,7 +129,7 @@ def equal_runs(*columns: "np.ndarray[Any, np.dtype[Any]]") -> IntArray:
 _FEWEST = 3  # lines of a closed ring
 
 
-def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
+def find_closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
     """Return (first row, last row + 1), (rings, 2), of consecutive lines that end where they began.
 
     A line belongs to at most one ring; of rings that share lines, the one that closes first is used.

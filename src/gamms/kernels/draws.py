@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gamms.core import draws
-from gamms.core.draws import bits_at, first_key, fraction, turn_key
+from gamms.core.draws import compute_bits, compute_first_key, compute_turn_key, convert_to_fraction
 from gamms.ir.graph import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -22,13 +22,13 @@ _MOST_NAMES = 1 << 16  # whose hashes are kept
 
 
 @lru_cache(maxsize=1 << 12)
-def purpose_key(seed: int, *purpose: str | int) -> int:
+def compute_purpose_key(seed: int, *purpose: str | int) -> int:
     """Return the 64-bit hash of a seed and a purpose."""
     return _hash(repr((seed, *purpose)))
 
 
-def purpose_keys(seeds: Sequence[int], purposes: Sequence[tuple[str | int, ...]]) -> BitArray:
-    """Return the `purpose_key` of each seed and purpose, (seeds, purposes)."""
+def compute_purpose_keys(seeds: Sequence[int], purposes: Sequence[tuple[str | int, ...]]) -> BitArray:
+    """Return the `compute_purpose_key` of each seed and purpose, (seeds, purposes)."""
     from hashlib import blake2b
 
     ends = _encode_names(purposes)
@@ -43,17 +43,17 @@ def _encode_names(names: Sequence[tuple[str | int, ...]]) -> list[bytes]:
 
 
 @lru_cache(maxsize=_MOST_NAMES)
-def name_key(name: str) -> int:
+def compute_name_key(name: str) -> int:
     """Return the 64-bit hash of a name."""
     return _hash(name)
 
 
-def name_keys(names: Iterable[str]) -> BitArray:
+def compute_name_keys(names: Iterable[str]) -> BitArray:
     """Return the hashes of names, (names,)."""
     names = list(names)
     if len(names) <= _MOST_NAMES:
-        return np.array([name_key(name) for name in names], np.uint64)
-    # NOTE: a quarter of the time of `name_key`, whose cache would be too small (benchmarks: sizes).
+        return np.array([compute_name_key(name) for name in names], np.uint64)
+    # NOTE: a quarter of the time of `compute_name_key`, whose cache would be too small (benchmarks: sizes).
     return _hash_many(names)
 
 
@@ -61,31 +61,31 @@ def draw_bits(purpose: int, name: int, turn: int, k: int = 0) -> int:
     """Return 64 random bits.
 
     Args:
-        purpose: a `purpose_key`.
-        name: a `name_key`.
+        purpose: a `compute_purpose_key`.
+        name: a `compute_name_key`.
         turn: a 64-bit integer.
         k: index of the draw.
     """
-    return bits_at(turn_key(first_key(purpose, name), turn), k)
+    return compute_bits(compute_turn_key(compute_first_key(purpose, name), turn), k)
 
 
 def draw_bits_rows(purposes: BitArray | int, names: BitArray, turns: IntArray | int, k: IntArray | int = 0) -> BitArray:
     """Apply `draw_bits` to each row; the arguments are broadcast against each other."""
-    return bits_at_rows(turn_key_rows(first_key_rows(purposes, names), turns), k)
+    return compute_bits_rows(compute_turn_key_rows(compute_first_key_rows(purposes, names), turns), k)
 
 
-def first_key_rows(purposes: BitArray | int, names: BitArray) -> BitArray:
-    """Return the `first_key` of each row; the arguments are broadcast against each other."""
+def compute_first_key_rows(purposes: BitArray | int, names: BitArray) -> BitArray:
+    """Return the `compute_first_key` of each row; the arguments are broadcast against each other."""
     return _apply_row_loop(draws.fill_first_keys, np.asarray(purposes, np.uint64), names)
 
 
-def turn_key_rows(first: BitArray, turns: IntArray | int) -> BitArray:
-    """Return the `turn_key` of each row; the arguments are broadcast against each other."""
+def compute_turn_key_rows(first: BitArray, turns: IntArray | int) -> BitArray:
+    """Return the `compute_turn_key` of each row; the arguments are broadcast against each other."""
     return _apply_row_loop(draws.fill_turn_keys, first, np.asarray(turns, np.int64))
 
 
-def bits_at_rows(keys: BitArray, k: IntArray | int) -> BitArray:
-    """Return draw `k`, counted from 0, of each `turn_key`; the arguments are broadcast against each other."""
+def compute_bits_rows(keys: BitArray, k: IntArray | int) -> BitArray:
+    """Return draw `k`, counted from 0, of each `compute_turn_key`; the arguments are broadcast against each other."""
     return _apply_row_loop(draws.fill_bits, keys, np.asarray(k, np.int64))
 
 
@@ -106,22 +106,22 @@ def _flatten(values: BitArray | IntArray, shape: tuple[int, ...]) -> memoryview:
 
 def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:
     """Return 64 random bits for each name, (names,); for few names faster than arrays."""
-    return [draw_bits(purpose, name_key(name), turn) for name in names]
+    return [draw_bits(purpose, compute_name_key(name), turn) for name in names]
 
 
-def below_many(bits: BitArray, n: IntArray | int) -> IntArray:
+def convert_to_integers(bits: BitArray, n: IntArray | int) -> IntArray:
     """Apply `below` to each draw, (draws,); `n` is one number or one for each draw."""
     found = (bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64)
     found >>= np.uint64(32)
     return found.view(np.int64)
 
 
-def fraction_many(bits: BitArray) -> FloatArray:
-    """Apply `fraction` to each draw, (draws,)."""
+def convert_to_fractions(bits: BitArray) -> FloatArray:
+    """Apply `convert_to_fraction` to each draw, (draws,)."""
     return (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
-def normals(bits: Iterable[int]) -> FloatArray:
+def convert_to_normals(bits: Iterable[int]) -> FloatArray:
     """Map random bits to numbers (draws,) of the standard normal distribution, by inversion."""
     from statistics import NormalDist
 
@@ -129,9 +129,9 @@ def normals(bits: Iterable[int]) -> FloatArray:
     return np.array([inverse(((one >> 12) + 0.5) * 2.0**-52) for one in bits])
 
 
-def poisson(bits: int, mean: float) -> int:
+def convert_to_poisson(bits: int, mean: float) -> int:
     """Map random bits to a number of the Poisson distribution, by inversion; the mean is at most 100."""
-    drawn = fraction(bits)
+    drawn = convert_to_fraction(bits)
     count = 0
     chance = exp(-mean)
     total = chance
@@ -193,7 +193,7 @@ def stream_words(keys: BitArray) -> BitArray:
     return words
 
 
-def below_of_words(words: BitArray, n: IntArray) -> IntArray:
+def draw_from_many_words(words: BitArray, n: IntArray) -> IntArray:
     """Return the first `integers(n)` of the generators of streams, (streams,).
 
     Args:
@@ -205,7 +205,7 @@ def below_of_words(words: BitArray, n: IntArray) -> IntArray:
     return chosen
 
 
-def places_of_agents(keys: BitArray, rows: IntArray) -> IntArray:
+def draw_places(keys: BitArray, rows: IntArray) -> IntArray:
     """Return different rows drawn for the agents of games, (games, agents).
 
     Args:

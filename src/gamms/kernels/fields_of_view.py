@@ -31,7 +31,7 @@ def quaternion_to_direction(quat: Quaternion) -> tuple[float, float, float]:
     return (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y))
 
 
-def unit_quaternion(quat: Quaternion) -> Quaternion | None:
+def normalize_quaternion(quat: Quaternion) -> Quaternion | None:
     """Return the finite `quat` divided by its length; None if it is zero.
 
     A quaternion whose length is 1 to within 1e-9 is returned unchanged.
@@ -49,7 +49,7 @@ def unit_quaternion(quat: Quaternion) -> Quaternion | None:
     return w / length, x / length, y / length, z / length
 
 
-def yaw(quat: Quaternion) -> tuple[float, float]:
+def compute_heading(quat: Quaternion) -> tuple[float, float]:
     """Return the heading `(cos, sin)` of a rotation `(w, x, y, z)`; (0.0, 0.0) if it points straight up or down.
 
     The heading of the identity is east: the rotated x axis, seen from above.
@@ -62,20 +62,20 @@ def yaw(quat: Quaternion) -> tuple[float, float]:
     return (0.0, 0.0) if level < _VERTICAL else (east / level, north / level)
 
 
-def about_z(heading: tuple[float, float]) -> Quaternion:
+def make_rotation(heading: tuple[float, float]) -> Quaternion:
     """Return the rotation `(w, x, y, z)` about the vertical axis to a heading `(cos, sin)`."""
     half = atan2(heading[1], heading[0]) / 2.0
     return (cos(half), 0.0, 0.0, sin(half))
 
 
-def squares(dx: FloatArray, dy: FloatArray, dz: FloatArray) -> FloatArray:
+def compute_squares(dx: FloatArray, dy: FloatArray, dz: FloatArray) -> FloatArray:
     """Return the squared lengths of offsets in space, (points,), with the same bits on every machine."""
     with np.errstate(over="ignore"):  # an infinite distance is a valid result
         found: FloatArray = dx * dx + dy * dy + dz * dz
     return found
 
 
-def in_view(
+def find_in_view(
     offsets: Sequence[FloatArray], axis: Sequence[float | FloatArray], fov: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether each offset lies within `fov / 2` radians of the axis, the border included.
@@ -87,14 +87,14 @@ def in_view(
     """
     x, y, z = offsets
     a, b, c = axis
-    across = np.sqrt(squares(y * c - z * b, z * a - x * c, x * b - y * a))
+    across = np.sqrt(compute_squares(y * c - z * b, z * a - x * c, x * b - y * a))
     seen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
         np.arctan2(across, x * a + y * b + z * c) <= fov / 2.0 + _RIM
     )
     return seen
 
 
-def in_cone(
+def find_in_cone(
     dx: FloatArray, dy: FloatArray, heading: tuple[float | FloatArray, float | FloatArray], fov: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether each offset lies within `fov` radians around `heading`, the border included.
@@ -114,6 +114,6 @@ def in_cone(
     return seen
 
 
-def cone(heading: tuple[float, float], fov: float) -> tuple[float, float]:
+def compute_cone(heading: tuple[float, float], fov: float) -> tuple[float, float]:
     """Return the angle of a heading (cos, sin) and the half angle of the field of view `fov`; both in radians."""
     return atan2(heading[1], heading[0]), fov / 2.0 + _RIM

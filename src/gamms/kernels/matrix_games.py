@@ -14,7 +14,7 @@ _LEAST_PIVOT = 1e-10  # smallest pivot; smaller numbers may be rounding errors
 _REFRESH = 60  # pivots after which tableaus are recomputed from their bases, to remove rounding errors
 
 
-def saddle_points(payoffs: FloatArray) -> tuple[FloatArray, FloatArray]:
+def find_saddle_points(payoffs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return maximin and minimax values of pure strategies, (games,) each.
 
     If both are equal, they are the value of the game.
@@ -35,7 +35,7 @@ def solve_matrix_games(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     Args:
         payoffs: (games, rows, columns), the payoff from the column player to the row player.
     """
-    low, high = saddle_points(payoffs)
+    low, high = find_saddle_points(payoffs)
     values = low.copy()
     games = np.arange(len(payoffs))
     rows, columns = (np.zeros((*payoffs.shape[:1], n)) for n in payoffs.shape[1:])

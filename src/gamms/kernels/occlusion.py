@@ -38,7 +38,7 @@ _MOST = 1e90  # larger numbers may overflow when multiplied
 _SURE = 1e-4
 
 
-def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
+def find_blocking(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
     """Return whether each quadrangle blocks its own sight line.
 
     Args:
@@ -53,8 +53,8 @@ def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Boo
         return _find_blocked(_split_axes(np.atleast_2d(origins)), _split_axes(targets), _split_axes(corners))
 
 
-def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> BoolArray:
-    """Return whether no quadrangle blocks the line to each target: `blocks` for all pairs, but faster.
+def find_visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> BoolArray:
+    """Return whether no quadrangle blocks the line to each target: `find_blocking` for all pairs, but faster.
 
     Args:
         corners: (faces, 4, 3)
@@ -67,7 +67,7 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
     if len(targets) >= _MANY_TARGETS:
         walls = np.count_nonzero(_are_walls(corners, np.append(targets[:, 2], origin[2])))
         if 2 * walls > len(corners):
-            from_origin: BoolArray = visible_from_each(corners, origin[None], targets, seen[None])[0]
+            from_origin: BoolArray = find_visible_from_each(corners, origin[None], targets, seen[None])[0]
             return from_origin
     observer = _split_axes(origin[None])
     ends = _split_axes(targets)
@@ -93,8 +93,10 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
     return seen
 
 
-def visible_from_each(corners: FloatArray, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
-    """Return a mask of the requested lines that no quadrangle blocks: `blocks` for all of them, but faster.
+def find_visible_from_each(
+    corners: FloatArray, origins: FloatArray, targets: FloatArray, is_asked: BoolArray
+) -> BoolArray:
+    """Return a mask of the requested lines that no quadrangle blocks: `find_blocking` for all of them, but faster.
 
     Arrays of (observers, targets) and (observers, faces) are held in memory.
 
@@ -107,7 +109,7 @@ def visible_from_each(corners: FloatArray, origins: FloatArray, targets: FloatAr
     if not is_asked.any() or not len(corners):
         return is_asked
     if not max(np.abs(numbers).max() for numbers in (corners, origins, targets)) < _MOST:
-        found = [visible(corners, origin, targets) for origin in origins]
+        found = [find_visible(corners, origin, targets) for origin in origins]
         return np.asarray(is_asked & found)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         return _find_visible(_split_axes(corners), _split_axes(origins), _split_axes(targets), is_asked)
@@ -122,7 +124,7 @@ _WRAPPED = np.array([0, 1, 2, 0, 1])
 
 
 def _find_blocked(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
-    """Return `blocks`, with `_split_axes` of all arguments."""
+    """Return `find_blocking`, with `_split_axes` of all arguments."""
     line = (targets - origins)[:, None]
     to_observer = origins[:, None] - corners[:, 1:2]
     first = corners[:, 0:4:2] - corners[:, 1:2]  # (5, triangles, lines)
@@ -246,7 +248,7 @@ def _find_sectors(
 
 
 def _find_visible(quads: FloatArray, observers: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
-    """Return `visible_from_each`, with `_split_axes` of all arguments."""
+    """Return `find_visible_from_each`, with `_split_axes` of all arguments."""
     x, y = targets[:2, None] - observers[:2, :, None]  # (observers, targets) each
     parts = np.minimum(_convert_directions(x, y).astype(np.int64), _PARTS - 1)
     parts += _PARTS * np.arange(len(x))[:, None]

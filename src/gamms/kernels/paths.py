@@ -112,7 +112,7 @@ class Search:
         self._release(scratch)
         return found
 
-    def far(
+    def compute_distances(
         self, roots: IntArray, goals: IntArray, *, most: int = _MANY, within: float = inf, is_nearest: bool = False
     ) -> tuple[FloatArray, int]:
         """Return the distance of goals from the nearest of some roots, (goals,), and the number of visited nodes.
@@ -131,7 +131,7 @@ class Search:
         self._release(scratch)
         return found, visited
 
-    def path(self, row: int, root: int, most: int, within: float) -> ShortestPath:
+    def find_path(self, row: int, root: int, most: int, within: float) -> ShortestPath:
         """Return the shortest path between a node and a root; `visited` is -1 if it needs more than `most` nodes."""
         scratch = self._take_buffers()
         ends = np.array([root, row])
@@ -164,7 +164,7 @@ class ReachableNodes(NamedTuple):
     before: IntArray  # (entries,)  the previous row on the path; -1 at the start itself
 
 
-def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> ReachableNodes:
+def find_route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> ReachableNodes:
     """Return the nodes that can be reached from several starts, with shortest paths; see `Search`.
 
     On reversed arcs these are the distances to the roots, and the first arcs of the paths.
@@ -188,12 +188,14 @@ def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf)
     return ReachableNodes(lines, rows, np.concatenate(far), last, before)
 
 
-def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> tuple[FloatArray, IntArray]:
-    """Return `route_trees` as tables: distances (roots, nodes), infinite if there is no path, and rows.
+def compute_route_tables(
+    arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf
+) -> tuple[FloatArray, IntArray]:
+    """Return `find_route_trees` as tables: distances (roots, nodes), infinite if there is no path, and rows.
 
     The rows (roots, nodes) are the previous nodes on the paths, -1 for the roots and if there is no path.
     """
-    found = route_trees(arcs, roots, ids, cutoff)
+    found = find_route_trees(arcs, roots, ids, cutoff)
     shape = (len(roots), len(ids))
     distances: FloatArray = np.full(shape, inf)
     steps: IntArray = np.full(shape, -1, np.int32)  # half the memory
@@ -241,7 +243,7 @@ class TurnStates(NamedTuple):
     ends: IntArray  # (steps,)  states
 
 
-def turn_states(
+def make_turn_states(
     sources: IntArray,
     targets: IntArray,
     lengths: FloatArray,
@@ -293,7 +295,7 @@ def turn_states(
     )
 
 
-def least_matching(costs: FloatArray) -> list[int]:
+def find_least_matching(costs: FloatArray) -> list[int]:
     """Return a different column for each row, so that the sum of the costs is minimal.
 
     The Hungarian method by shortest augmenting paths (Jonker, Volgenant: A shortest augmenting path algorithm for dense
@@ -338,7 +340,7 @@ def least_matching(costs: FloatArray) -> list[int]:
     return [found[row] for row in range(rows)]
 
 
-def simple_paths(arcs: Arcs, rests: memoryview, first: list[int]) -> Iterator[list[int]]:
+def find_simple_paths(arcs: Arcs, rests: memoryview, first: list[int]) -> Iterator[list[int]]:
     """Return the simple paths between two nodes, the shortest first.
 
     Yen's algorithm (1971): each further path deviates from an earlier path at one node, from where the shortest rest is
@@ -351,7 +353,7 @@ def simple_paths(arcs: Arcs, rests: memoryview, first: list[int]) -> Iterator[li
         first: rows of the shortest path.
     """
     search = _DetourSearch(arcs, rests, first[-1])
-    waiting = [(search.length(first), len(first), first, 0)]
+    waiting = [(search.measure_path(first), len(first), first, 0)]
     given: list[list[int]] = []
     while waiting:
         _, _, path, begin = heappop(waiting)
@@ -359,10 +361,10 @@ def simple_paths(arcs: Arcs, rests: memoryview, first: list[int]) -> Iterator[li
         yield path
         for at in range(begin, len(path) - 1):
             taken = {other[at + 1] for other in given if other[: at + 1] == path[: at + 1]}
-            detour = search.detour(path[at], set(path[:at]), taken)
+            detour = search.find_detour(path[at], set(path[:at]), taken)
             if detour is not None:
                 whole = path[:at] + detour
-                heappush(waiting, (search.length(whole), len(whole), whole, at))
+                heappush(waiting, (search.measure_path(whole), len(whole), whole, at))
 
 
 class _DetourSearch:
@@ -373,14 +375,14 @@ class _DetourSearch:
         self._rests = rests
         self._end = end
 
-    def length(self, path: list[int]) -> float:
+    def measure_path(self, path: list[int]) -> float:
         """Return the sum of the weights on a path, added from its end."""
         total = 0.0
         for start, end in zip(path[-2::-1], path[:0:-1], strict=True):
             total += next(weight for row, weight in self._list_leaving(start) if row == end)
         return total
 
-    def detour(self, start: int, closed: set[int], taken: set[int]) -> list[int] | None:
+    def find_detour(self, start: int, closed: set[int], taken: set[int]) -> list[int] | None:
         """Return the shortest path to the end that avoids the rows `closed` and whose first step is not in `taken`."""
         far = {start: 0.0}
         before = {start: start}

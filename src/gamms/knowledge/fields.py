@@ -46,7 +46,7 @@ class SensorField(NamedTuple):
     radius: float
     hidden: bytes
 
-    def nodes(self, graph: IGraph) -> IntArray:
+    def list_nodes(self, graph: IGraph) -> IntArray:
         """Return the ids of its nodes, ascending.
 
         Raises:
@@ -77,7 +77,9 @@ def find_field(
     """
     return find_node_rows(
         map_now,
-        _find_covered_nodes(sensor, agent, on_edges.get(agent.name)) if field is None else field.nodes(map_now.graph),
+        _find_covered_nodes(sensor, agent, on_edges.get(agent.name))
+        if field is None
+        else field.list_nodes(map_now.graph),
     )
 
 
@@ -104,7 +106,7 @@ def find_node_rows(map_now: IGraphEngine, ids: "Sequence[int] | IntArray") -> In
     if not len(ids):
         return _NONE
     columns = map_now.columns()
-    return kernels.rows_of(columns.node_ids, np.asarray(ids, np.int64), columns.node_order)
+    return kernels.find_rows(columns.node_ids, np.asarray(ids, np.int64), columns.node_order)
 
 
 def find_edge_rows(map_now: IGraphEngine, ids: "Sequence[int] | IntArray") -> IntArray:
@@ -112,7 +114,7 @@ def find_edge_rows(map_now: IGraphEngine, ids: "Sequence[int] | IntArray") -> In
     if not len(ids):
         return _NONE
     columns = map_now.columns()
-    return kernels.rows_of(columns.edge_ids, np.asarray(ids, np.int64), columns.edge_order)
+    return kernels.find_rows(columns.edge_ids, np.asarray(ids, np.int64), columns.edge_order)
 
 
 def find_pose(sensor: ISensor, agent: IAgent) -> tuple[Place, Any]:
@@ -266,7 +268,7 @@ class FieldTable:
         column = np.array(numbers, np.min_scalar_type(max(numbers)))
         return dict(zip(_COLUMNS, (column, first, new), strict=True))
 
-    def rewritten(self, data: dict[str, Any], source: "FieldTable", turn: int) -> dict[str, Any]:
+    def rewrite_event(self, data: dict[str, Any], source: "FieldTable", turn: int) -> dict[str, Any]:
         """Return an event of another recording with the numbers of this one.
 
         Args:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.core.sight import scale_of
+from gamms.core.sight import compute_scale
 from gamms.deciding import get_phase
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -131,10 +131,10 @@ def take_observed_looks(
         states: the state of each of them.
         numbers: agent -> number.
         is_early: whether agents may have moved since.
-        has_discs: whether looks at all agents around an agent are discs, which only `columns_of` takes.
+        has_discs: whether looks at all agents around an agent are discs, which only `make_columns` takes.
     """
     columns = ctx.agent.block
-    nodes = dict(zip(columns.names, columns.ids_of(columns.node), strict=True))
+    nodes = dict(zip(columns.names, columns.get_ids(columns.node), strict=True))
     finder.note_places()
     found = []
     for agent, state in zip(agents, states, strict=True):
@@ -160,7 +160,7 @@ def find_disc(sensor: ISensor | None, owner: str) -> AgentLook | None:
     look: AgentLook | None = None if of_agents is None else of_agents.in_arrays()
     if look is None or not look.is_plain or "sense" in vars(of_agents) or find_owner(of_agents) != owner:
         return None
-    return look if not isfinite(look.radius) or scale_of(look.radius) == 1.0 else None
+    return look if not isfinite(look.radius) or compute_scale(look.radius) == 1.0 else None
 
 
 def make_disc(sensor: str, kind: str, look: AgentLook) -> Look:
@@ -182,7 +182,7 @@ class AgentsOnMap(NamedTuple):
     teams: Sequence[Any]
 
 
-def columns_of(
+def make_columns(
     observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, turn: int, living: AgentsOnMap | None = None
 ) -> dict[str, Any]:
     """Return the data of an event.
@@ -243,7 +243,7 @@ def _describe_discs(discs: Sequence[AgentLook | None], living: AgentsOnMap, list
     shown = np.zeros((len(discs), listed), np.bool_)
     for row, disc in enumerate(discs):
         if disc is not None:
-            shown[row, : len(living.teams)] = [disc.shows(team) for team in living.teams]
+            shown[row, : len(living.teams)] = [disc.is_showing(team) for team in living.teams]
     return {"radii": np.array([0.0 if disc is None else disc.radius for disc in discs]), "shown": shown}
 
 
@@ -338,7 +338,7 @@ def decode_looks(
         get_map: returns the map of discs, the first one of the recording; None: no look is a disc.
 
     Raises:
-        KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
+        KeyError, ValueError, TypeError, IndexError: not a result of `make_columns`.
     """
     columns = _read_columns(data)
     owners = columns.owners
@@ -460,11 +460,11 @@ def _read_discs(
         raise ValueError("a radius is negative or not a number")
     if len(np.unique(numbers)) < len(numbers):
         raise ValueError("it lists an agent twice")
-    middles = kernels.rows_of(numbers, columns.owners, np.argsort(numbers))
+    middles = kernels.find_rows(numbers, columns.owners, np.argsort(numbers))
     if (middles[is_disc] < 0).any():
         raise ValueError("an agent in the middle of a disc is not listed")
     known = get_map()
-    rows = kernels.rows_of(known.node_ids, nodes, known.node_order)
+    rows = kernels.find_rows(known.node_ids, nodes, known.node_order)
     is_needed = np.logical_or.reduce(is_shown, axis=0)
     is_needed[middles[is_disc]] = True
     if (rows[is_needed] < 0).any():
@@ -491,12 +491,12 @@ def renumber_looks(
     """Return encoded looks with other numbers of agents.
 
     Args:
-        data: result of `columns_of`.
+        data: result of `make_columns`.
         number_of: number of a seen agent -> new number of the same agent.
         observer_of: the same for the agents that looked; None: `number_of`.
 
     Raises:
-        KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
+        KeyError, ValueError, TypeError, IndexError: not a result of `make_columns`.
     """
     columns = _read_columns(data)
     ids = data["ids"].astype(np.int64)
@@ -632,7 +632,7 @@ class LiveReports:
 
     def _find_moment(self) -> _Moment:
         game = self._ctx.current_game
-        names, places = self._ctx.agent.positions.noted()
+        names, places = self._ctx.agent.positions.get_noted()
         return 0 if game is None else game.turn, (list(names), list(places))
 
 
@@ -676,7 +676,7 @@ def make_nearest(columns: Callable[[], GraphColumns]) -> Nearest:
     return nearest
 
 
-def sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sighting]]:
+def list_sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sighting]]:
     """Yield the agents in a look, by number or name, with their positions; false alarms are included by name.
 
     Args:
@@ -838,7 +838,7 @@ class ReportWriter:
 
     def rewrite(self, data: dict[str, Any], turn: int) -> dict[str, Any]:
         """Return an event of a replayed recording with the numbers of fields of this one; see `FieldTable`."""
-        return self._fields.rewritten(data, self._replayed_fields, turn)
+        return self._fields.rewrite_event(data, self._replayed_fields, turn)
 
     def write(
         self, agents: Sequence[IAgent], states: Sequence[Mapping[str, Any]], numbers: Sequence[int], turn: int
@@ -855,7 +855,7 @@ class ReportWriter:
         living = self._list_living()
         has_discs = len(living) > 0
         looks = take_observed_looks(self._ctx, self._finder, agents, states, number_of, has_discs=has_discs)
-        return columns_of(looks, self._fields, turn, self._describe_agents(looks, living, numbers))
+        return make_columns(looks, self._fields, turn, self._describe_agents(looks, living, numbers))
 
     def write_without_states(self, agents: Sequence[IAgent], numbers: Sequence[int]) -> dict[str, Any] | None:
         """Return the data of an event with the reports that depend only on where agents stand; None if others do not.
@@ -895,7 +895,7 @@ class ReportWriter:
     def _find_nodes(self) -> IntArray:
         """Return the ids of the nodes of all agents, by row."""
         block = self._ctx.agent.block
-        return np.asarray(block.ids_of(block.node), np.int64)
+        return np.asarray(block.get_ids(block.node), np.int64)
 
     def _describe_agents(
         self, looks: Sequence[tuple[int, list[Look]]], living: Sequence[int], numbers: Sequence[int]
@@ -928,7 +928,7 @@ class ReportWriter:
                 count += 1
             looks.append((numbers[row], planned))
         self._shared = [SharedLooks(one, np.array(some), np.array(rows)) for one, some, rows in shared.values()]
-        return columns_of(looks, self._fields, 0, self._describe_agents(looks, self._living, numbers))
+        return make_columns(looks, self._fields, 0, self._describe_agents(looks, self._living, numbers))
 
     def _plan_look(self, name: str, sensor: ISensor, owner: str) -> Look | None:
         """Return a look of a sensor without what it shows; None if that depends not only on where agents stand."""
@@ -955,5 +955,5 @@ class ReportWriter:
         ends = np.concatenate(([0], np.cumsum(sizes)))
         ids = np.empty(ends[-1], np.int64)
         for places, which, one in parts:
-            ids[kernels.chosen_runs(ends, places)[0]] = one.values[kernels.chosen_runs(one.offsets, which)[0]]
+            ids[kernels.select_runs(ends, places)[0]] = one.values[kernels.select_runs(one.offsets, which)[0]]
         return {"sizes": _narrow(sizes), "ids": _narrow(ids)}

@@ -27,8 +27,8 @@ from gamms.knowledge.looks import (
     as_reported,
     find_nodes_below,
     list_parts,
+    list_sightings,
     make_nearest,
-    sightings,
 )
 from gamms.plain import Plain
 from gamms.text import as_text
@@ -148,7 +148,7 @@ def as_side_look(
     if is_early:
         return SideLook(agent, seen.nodes[:0], np.concatenate([seen.nodes, field]), reports_all=False, agents=())
     found = [name for name, row in seen.agents if row < 0 or not has_errors(sensor)]
-    return SideLook(agent, seen.nodes, field, reports_all(sensor), found)
+    return SideLook(agent, seen.nodes, field, is_reporting_all(sensor), found)
 
 
 def has_errors(sensor: ISensor | None) -> bool:
@@ -156,7 +156,7 @@ def has_errors(sensor: ISensor | None) -> bool:
     return bool(getattr(sensor, "has_errors", False))
 
 
-def reports_all(sensor: ISensor | None) -> bool:
+def is_reporting_all(sensor: ISensor | None) -> bool:
     """Return whether a sensor reports every agent that stands in its field, where it is and at once."""
     return bool(getattr(sensor, "reports_all", False))
 
@@ -218,7 +218,7 @@ def find_sighted(reports: Iterable[Report], others: Container[str], nearest: Nea
     """
     found = {}
     for look, names, _ in reports:
-        for agent, sighting in sightings(look, nearest):
+        for agent, sighting in list_sightings(look, nearest):
             name = names.get(agent) if isinstance(agent, int) else agent
             if name is not None and name in others:
                 found[name] = sighting
@@ -335,7 +335,7 @@ def is_witnessed(kind: int, data: Mapping[str, Any], agents: KnownAgents) -> boo
     if data.get("kind") in DECISIONS and "agent" in data:
         return data["agent"] in agents.own
     actors = [data[key] for key, field in EVENTS[kind].fields.items() if field.role is Role.AGENT]
-    named = actors or [text for text in _texts_in(data) if text in agents.names]
+    named = actors or [text for text in _list_texts(data) if text in agents.names]
     return not named or any(map(agents.is_in_view, named))
 
 
@@ -382,15 +382,15 @@ def select_own(entries: Iterable[Mapping[str, Any]], names: Container[str]) -> I
     return (dict(entry) for entry in entries if entry.get("agent") in names)
 
 
-def _texts_in(value: object) -> Iterator[str]:
+def _list_texts(value: object) -> Iterator[str]:
     """Yield all texts in a plain value, including lists and dicts."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):
-        yield from _texts_in([*value.keys(), *value.values()])
+        yield from _list_texts([*value.keys(), *value.values()])
     elif isinstance(value, (list, tuple, set, frozenset)):
         for one in value:
-            yield from _texts_in(one)
+            yield from _list_texts(one)
 
 
 # -- heard ----------------------------------------------------------------------------------------------------------

@@ -48,14 +48,14 @@ class ModelQuery:
         self.spent = TokenUsage()
         self._end = 0.0
 
-    async def outcome(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
+    async def ask(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
         """Ask the server and return "answer", or the reason why no answer counts."""
         loop = asyncio.get_running_loop()
         settings = self._settings
         deadline = None if self._ctx is None else self._ctx.game.deadline_s
         last = None if deadline is None else loop.time() + _find_time_to_ask(deadline)
         with suppress(TimeoutError):
-            async with asyncio.timeout_at(last), self._account.gate(settings.at_once):
+            async with asyncio.timeout_at(last), self._account.get_gate(settings.at_once):
                 self._end = min(loop.time() + settings.seconds, last or float("inf"))
                 async with asyncio.timeout_at(self._end):
                     return await self._ask_repeatedly(request, question, state)

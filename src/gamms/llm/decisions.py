@@ -61,7 +61,7 @@ class Decision:
     log: list[dict[str, Plain]] = field(default_factory=list, compare=False)
 
     @classmethod
-    def of(cls, plain: object) -> "Self":
+    def from_plain(cls, plain: object) -> "Self":
         """Return the decision that a dict of plain values describes; check it, as it may come from any file.
 
         Raises:
@@ -169,7 +169,7 @@ class DecisionFile:
                     if number == 1 and not is_header:
                         raise BadFile(f"the header with the format {_FORMAT!r} is missing")
                     if not is_header:  # two programs that create the file at the same time both write a header
-                        yield Decision.of(plain)
+                        yield Decision.from_plain(plain)
                 whole += len(line)
 
     def _read_recording(self) -> Iterator[Decision]:
@@ -177,7 +177,7 @@ class DecisionFile:
             for event in recording.events():
                 if event["kind"] == EVENT:
                     with _add_place_to_errors(self._path, f"turn {event['turn']}"):
-                        yield Decision.of(event)
+                        yield Decision.from_plain(event)
 
 
 @contextmanager

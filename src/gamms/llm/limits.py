@@ -70,7 +70,7 @@ class Settings:
     request: Mapping[str, Plain] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, **given: Unpack[Options]) -> "Settings":
+    def from_options(cls, **given: Unpack[Options]) -> "Settings":
         """Check options and return the settings.
 
         Raises:
@@ -89,7 +89,7 @@ class Settings:
             raise BadValue("max_cost needs price_in and price_out: the prices of a million tokens.")
         return settings
 
-    def cost(self, input_tokens: int, output_tokens: int) -> float:
+    def compute_cost(self, input_tokens: int, output_tokens: int) -> float:
         """Return the cost of these tokens."""
         return (input_tokens * self.price_in + output_tokens * self.price_out) / _TOKENS_PER_PRICE
 
@@ -201,7 +201,7 @@ class UsageAccount:
         already = _count(self._find_totals(ctx), "fallbacks")
         totals = {
             **before.__dict__,
-            "cost": self._settings.cost(before.input_tokens, before.output_tokens),
+            "cost": self._settings.compute_cost(before.input_tokens, before.output_tokens),
             "fallbacks": already + len(fallbacks),
         }
         if fallbacks and not already:
@@ -214,7 +214,7 @@ class UsageAccount:
         self._pending = []
         self._spent = TokenUsage()
 
-    def gate(self, at_once: int) -> asyncio.Semaphore:
+    def get_gate(self, at_once: int) -> asyncio.Semaphore:
         """Return the semaphore of the running event loop that bounds the number of requests at the same time."""
         loop = asyncio.get_running_loop()
         if self._gate is None or self._gate[0] is not loop:
@@ -230,7 +230,7 @@ class UsageAccount:
         wanted = {
             "max_calls": total.calls,
             "max_tokens": total.input_tokens + total.output_tokens,
-            "max_cost": settings.cost(total.input_tokens, total.output_tokens),
+            "max_cost": settings.compute_cost(total.input_tokens, total.output_tokens),
         }
         for name, amount in wanted.items():
             limit = getattr(settings, name)

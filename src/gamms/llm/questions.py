@@ -145,7 +145,7 @@ def as_template(value: "str | Describe | None") -> "Template | Describe":
     return function
 
 
-def question_of(
+def make_question(
     state: "State | AerialState", ctx: Context | None, template: "Template | Describe", *, notes: bool = False
 ) -> Question:
     """Return the question of an agent; `notes`: with fields for a reason and for a note.
@@ -434,7 +434,7 @@ def answer_in(
     errors = []
     for given, fields in answers:
         try:
-            return Answer(given, choice_of(fields, question, state, ctx))
+            return Answer(given, read_choice(fields, question, state, ctx))
         except WrongAnswer as error:
             errors.append(error)
     raise errors[0]
@@ -586,7 +586,7 @@ _ON = {
 # -- the content of an object -----------------------------------------------------------------------------------
 
 
-def choice_of(
+def read_choice(
     answer: Mapping[str, Plain], question: Question, state: "State | AerialState", ctx: Context | None
 ) -> Choice:
     """Return the choice in an answer, if all of it is legal; ignore fields that the question does not have.

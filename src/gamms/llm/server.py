@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 from gamms.arguments import as_text
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.plain import Plain
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.text import make_printable_line, shown
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def _hide_secrets_of(client: "AsyncOpenAI") -> None:
 
 
 def _import_library() -> Any:
-    with needing("Asking a language model", "llm"):
+    with require_extra("Asking a language model", "llm"):
         import openai
     return openai
 

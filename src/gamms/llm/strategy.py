@@ -9,7 +9,7 @@ from gamms.arguments import as_function_of, as_name, as_text
 from gamms.context import Context
 from gamms.deciding import get_phase
 from gamms.errors import BadType, BadValue, GammsError
-from gamms.game.snapshots import own
+from gamms.game.snapshots import get_counterpart
 from gamms.llm import server
 from gamms.llm.asking import ModelQuery
 from gamms.llm.decisions import ANSWERED, Decision, DecisionFile, digest
@@ -23,8 +23,8 @@ from gamms.llm.questions import (
     WrongAnswer,
     answer_in,
     as_template,
+    make_question,
     parse_recorded,
-    question_of,
     remember,
 )
 from gamms.plain import Plain
@@ -91,7 +91,7 @@ class Strategy(ShallowCopyMixin):
         self._model = as_name(model, "a model")
         self._instructions = as_text(instructions, "instructions")
         self._template = as_template(template)
-        self._settings = Settings.of(**options)
+        self._settings = Settings.from_options(**options)
         self._fallback = as_function_of(fallback, "fallback", "the state")
         self._client = _find_client(client, options.get("key_variable"))
         if client is None and calls is None:
@@ -111,7 +111,7 @@ class Strategy(ShallowCopyMixin):
         """Return a strategy for a copy of the game, with the same client and file."""
         twin = object.__new__(Strategy)
         twin.__dict__.update(self.__dict__)
-        twin._fallback = own(self._fallback, memo)
+        twin._fallback = get_counterpart(self._fallback, memo)
         twin._ctx = None
         twin._account = UsageAccount(self._account.name, self._settings)
         return twin
@@ -140,7 +140,7 @@ class Strategy(ShallowCopyMixin):
         """
         if "curr_pos" not in state:
             raise BadType("A gamms.llm.Strategy decides for one agent: register it for each agent, not as a plan.")
-        question = question_of(state, self._ctx, self._template, notes=self._settings.notes)
+        question = make_question(state, self._ctx, self._template, notes=self._settings.notes)
         request = self._request(question)
         key = digest([self._get_seed(), state.get("turn", 0), state.get("name", ""), request])
         known = self._file.get(key)
@@ -174,7 +174,7 @@ class Strategy(ShallowCopyMixin):
         """Return the seed of the game, which strategies otherwise may not read."""
         if self._ctx is None:
             return None
-        with get_phase(self._ctx).suspended(changes_world=False):
+        with get_phase(self._ctx).suspend(changes_world=False):
             return self._ctx.seed
 
     # -- the request --------------------------------------------------------------------------------------------
@@ -214,9 +214,9 @@ class Strategy(ShallowCopyMixin):
     ) -> tuple[Choice | None, Decision]:
         """Ask the server, and return the choice and the decision."""
         asking = ModelQuery(client, self._settings, self._account, self._ctx)
-        outcome = await asking.outcome(request, question, state)
+        outcome = await asking.ask(request, question, state)
         spent = asking.spent
-        cost = self._settings.cost(spent.input_tokens, spent.output_tokens)
+        cost = self._settings.compute_cost(spent.input_tokens, spent.output_tokens)
         turn = state.get("turn", 0) + 1
         agent = state.get("name", "")
         counts = spent.calls, spent.input_tokens, spent.output_tokens

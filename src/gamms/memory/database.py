@@ -35,7 +35,7 @@ class Database:
         self._errors = (sqlite3.Error, OSError, UnicodeError)
         self._steps = 0
         self._is_file = path != ":memory:"
-        with self.naming_the_file():
+        with self.name_errors():
             if self._is_file:
                 Path(path).parent.mkdir(parents=True, exist_ok=True)
             # A context may be terminated by another thread than the one that created it.
@@ -50,7 +50,7 @@ class Database:
     def read(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         """Return all rows of a query, with a limit on work in proportion to the file."""
         self._steps = 0
-        with self.naming_the_file():
+        with self.name_errors():
             self.connection.set_progress_handler(self._is_too_much if self._is_file else None, _STEP)
             try:
                 return self.connection.execute(sql, values).fetchall()
@@ -76,15 +76,15 @@ class Database:
     def write(self, sql: str, values: Sequence[Any] = ()) -> int:
         """Run a statement in the current transaction, and return the number of affected rows."""
         self.begin()
-        with self.naming_the_file():
+        with self.name_errors():
             return self.connection.execute(sql, values).rowcount
 
     @contextmanager
-    def all_or_nothing(self) -> Iterator[None]:
+    def write_atomically(self) -> Iterator[None]:
         """Undo the writes of the block if it raises, but nothing before it."""
         self.write("SAVEPOINT gamms")
         try:
-            with self.naming_the_file():
+            with self.name_errors():
                 yield
         except BaseException:
             self.write("ROLLBACK TO gamms")
@@ -94,23 +94,23 @@ class Database:
 
     def begin(self) -> None:
         """Start a transaction unless one is running; it locks out writers of other programs."""
-        with self.naming_the_file():
+        with self.name_errors():
             if not self.connection.in_transaction:
                 self.connection.execute("BEGIN IMMEDIATE")
 
     def commit(self) -> None:
         """Make the running transaction permanent."""
-        with self.naming_the_file():
+        with self.name_errors():
             self.connection.commit()
 
     def undo(self) -> None:
         """Discard the current transaction."""
-        with self.naming_the_file():
+        with self.name_errors():
             self.connection.rollback()
 
     def abandon(self) -> None:
         """Close the connection; uncommitted changes are lost."""
-        with self.naming_the_file():
+        with self.name_errors():
             self.connection.close()
 
     def check_table(self, table: str, made_by: str) -> None:
@@ -133,7 +133,7 @@ class Database:
                 )
 
     @contextmanager
-    def naming_the_file(self) -> Iterator[None]:
+    def name_errors(self) -> Iterator[None]:
         """Turn errors of SQLite in the block into a `BadFile` with the path."""
         try:
             yield

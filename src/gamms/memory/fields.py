@@ -51,7 +51,7 @@ class Field:
         # for messages and files; never turned back into a type
         self.type_name = type_name if module == "builtins" else f"{module}.{type_name}"
 
-    def cell(self, value: object) -> Plain:
+    def encode(self, value: object) -> Plain:
         """Return the stored form of a value.
 
         Raises:
@@ -66,10 +66,10 @@ class Field:
             raise _make_refusal(value, self.place, f"a {self.type_name}")
         cell = packing.to_bytes(value, self.place)
         if type(value) is not self.python_type:
-            self.value(cell)  # test the conversion
+            self.decode(cell)  # test the conversion
         return cell
 
-    def value(self, cell: Plain) -> Plain:
+    def decode(self, cell: Plain) -> Plain:
         """Return a new value from a cell.
 
         Raises:
@@ -79,7 +79,7 @@ class Field:
             return None
         if self._simple is not None:
             given = bool(cell) if self.python_type is bool and cell in (0, 1) else cell
-            return unpack("<d", given)[0] if self.python_type is float and type(given) is bytes else self.cell(given)
+            return unpack("<d", given)[0] if self.python_type is float and type(given) is bytes else self.encode(given)
         plain = packing.from_bytes(cell)
         if type(plain) is self.python_type:
             return plain
@@ -93,9 +93,9 @@ class Field:
                 f"{self.place} must hold what {self.type_name}(…) accepts, not {shown(plain)}: {error}."
             ) from error
 
-    def key(self, value: object) -> Plain:
+    def encode_key(self, value: object) -> Plain:
         """Return the cell of a primary key: never None, always equal to itself; raises like `cell`."""
-        key = self.cell(value)
+        key = self.encode(value)
         if key is None:
             raise BadValue(f"{self.place} is the primary key and must not be None. Give every row a key.")
         if self.python_type is not float:
@@ -121,7 +121,7 @@ class Schema:
         self.key = self.fields[primary_key]
         self.type_names = {field.name: field.type_name for field in self.fields.values()}
 
-    def row(self, struct: Mapping[str, Any]) -> dict[str, Any]:
+    def encode_row(self, struct: Mapping[str, Any]) -> dict[str, Any]:
         """Return the cells of a whole row, in field order."""
         self._check_names(struct)
         missing = [name for name in self.fields if name not in struct]
@@ -144,17 +144,17 @@ class Schema:
             UnknownName: no row can have this key, for example because of its type.
         """
         try:
-            return self.key.key(key)
+            return self.key.encode_key(key)
         except (BadType, BadValue):
-            raise self.unknown_key(key) from None
+            raise self.make_unknown_key_error(key) from None
 
-    def unknown_key(self, key: object) -> UnknownName:
+    def make_unknown_key_error(self, key: object) -> UnknownName:
         """Return the error for a key that has no row."""
         return UnknownName(f"key ({self.key.type_name}) of map {self.map_name!r}:", key)
 
     def _make_cells(self, struct: Mapping[str, Any]) -> dict[str, Any]:
         given = (field for field in self.fields.values() if field.name in struct)
-        return {one.name: (one.key if one is self.key else one.cell)(struct[one.name]) for one in given}
+        return {one.name: (one.encode_key if one is self.key else one.encode)(struct[one.name]) for one in given}
 
     def _check_names(self, struct: Mapping[str, Any]) -> None:
         for name in as_mapping(struct, f"A row of map {self.map_name!r}"):

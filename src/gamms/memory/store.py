@@ -113,33 +113,33 @@ class Store(IStore):
     def insert_data(self, map_name: str, struct: Mapping[str, Any]) -> None:
         """Add a row; the caller's dict is neither changed nor kept."""
         found = self._map(map_name)
-        found.append(found.schema.row(struct))
+        found.append(found.schema.encode_row(struct))
 
     def get_data(self, map_name: str, key: object) -> Mapping[str, Any]:
         """Return a row by key, as a fresh dict."""
         found = self._map(map_name)
-        row = found.row(found.schema.lookup(key))
+        row = found.get_row(found.schema.lookup(key))
         if row is None:
-            raise found.schema.unknown_key(key)
-        return {field.name: found.value(field, cell) for field, cell in zip(found.fields, row, strict=True)}
+            raise found.schema.make_unknown_key_error(key)
+        return {field.name: found.decode_value(field, cell) for field, cell in zip(found.fields, row, strict=True)}
 
     def update_data(self, map_name: str, struct: Mapping[str, Any]) -> None:
         """Change the given fields of the row whose key is in `struct`, all or none."""
         found = self._map(map_name)
         key, cells = found.schema.change(struct)
         if not found.change(key, cells):
-            raise found.schema.unknown_key(key)
+            raise found.schema.make_unknown_key_error(key)
 
     def delete_data(self, map_name: str, key: object) -> None:
         """Remove a row."""
         found = self._map(map_name)
         if not found.remove(found.schema.lookup(key)):
-            raise found.schema.unknown_key(key)
+            raise found.schema.make_unknown_key_error(key)
 
     def query_keys(self, map_name: str) -> Iterator[Any]:
         """Return all current keys, in insertion order; the map may change during the iteration."""
         found = self._map(map_name)
-        return iter([found.value(found.schema.key, key) for key in found.all_keys()])
+        return iter([found.decode_value(found.schema.key, key) for key in found.list_keys()])
 
     def close(self) -> None:
         """Release the store; it is unusable afterwards. Closing it again does nothing."""
@@ -233,14 +233,14 @@ class SqliteStore(Store, NotPickled):
     def _open_rows(self, schema: Schema) -> "_MapRows":
         place = self._places.get(schema.map_name)
         if place is None:
-            with self._database.all_or_nothing():
+            with self._database.write_atomically():
                 self._places = _read_map_tables(self._database)  # another program may have added it since
                 place = self._places.get(schema.map_name) or _add_map_table(self._database, schema)
                 self._places[schema.map_name] = place
         return _SqlMapRows(self._database, schema, place)
 
     def _drop(self, map_name: str) -> None:
-        with self._database.all_or_nothing():
+        with self._database.write_atomically():
             self._database.write(f"DROP TABLE {quote(self._places[map_name].table)}")
             self._database.write(f"DELETE FROM {_LIST} WHERE name = ?", (map_name,))  # noqa: S608 - a constant
         del self._places[map_name]
@@ -268,7 +268,7 @@ class _MapRows:
             raise DuplicateKey(self.schema.map_name, key)
         self._rows[key] = row
 
-    def row(self, key: Plain) -> Sequence[Any] | None:
+    def get_row(self, key: Plain) -> Sequence[Any] | None:
         row = self._rows.get(key)
         return None if row is None else [*row.values()]
 
@@ -281,11 +281,11 @@ class _MapRows:
     def remove(self, key: Plain) -> bool:
         return self._rows.pop(key, None) is not None
 
-    def all_keys(self) -> list[Any]:
+    def list_keys(self) -> list[Any]:
         return list(self._rows)
 
-    def value(self, field: Field, cell: Plain) -> Plain:
-        return field.value(cell)
+    def decode_value(self, field: Field, cell: Plain) -> Plain:
+        return field.decode(cell)
 
 
 class _SqlMapRows(_MapRows):
@@ -299,7 +299,7 @@ class _SqlMapRows(_MapRows):
                 f"Map {schema.map_name!r} of {database.path!r} has the schema {place.types} with key {place.key!r}, "
                 f"not {schema.type_names} with key {schema.key.name!r}. Use that schema, another name or another file."
             )
-        database.check_table(place.table, place.sql())
+        database.check_table(place.table, place.write_sql())
         self._columns = {name: quote(place.columns[name]) for name in schema.fields}
         self._table = quote(place.table)
         self._key = self._columns[schema.key.name]
@@ -316,7 +316,7 @@ class _SqlMapRows(_MapRows):
                 raise
             raise DuplicateKey(self.schema.map_name, row[self.schema.key.name]) from None
 
-    def row(self, key: Plain) -> Sequence[Any] | None:
+    def get_row(self, key: Plain) -> Sequence[Any] | None:
         names = ", ".join(self._columns.values())
         found = self._database.read(f"SELECT {names} FROM {self._table} {self._where}", (key,))  # noqa: S608 - quoted
         return found[0] if found else None
@@ -329,13 +329,13 @@ class _SqlMapRows(_MapRows):
     def remove(self, key: Plain) -> bool:
         return self._database.write(f"DELETE FROM {self._table} {self._where}", (key,)) > 0  # noqa: S608 - quoted names
 
-    def all_keys(self) -> list[Any]:
+    def list_keys(self) -> list[Any]:
         return [key for (key,) in self._database.read_table(self._table, [self._key], f"ORDER BY {_ORDER}")]
 
-    def value(self, field: Field, cell: Plain) -> Plain:
+    def decode_value(self, field: Field, cell: Plain) -> Plain:
         """Return the value of a cell in the file; raise a `BadFile` if it is damaged."""
         try:
-            return field.value(cell)
+            return field.decode(cell)
         except TooLarge:
             raise
         except (GammsError, TypeError, ValueError, struct.error):
@@ -357,7 +357,7 @@ class _MapTable:
     types: dict[str, str]
     columns: dict[str, str]  # field name to column name
 
-    def sql(self) -> str:
+    def write_sql(self) -> str:
         """Return the statement that creates the table, as SQLite stores it."""
         definitions = [f"{_ORDER} INTEGER PRIMARY KEY"]
         for name, type_name in self.types.items():
@@ -401,7 +401,7 @@ def _add_map_table(database: Database, schema: Schema) -> _MapTable:
         types=schema.type_names,
         columns={name: _find_free_name(name, columns) for name in schema.fields},
     )
-    database.write(place.sql())
+    database.write(place.write_sql())
     values = (schema.map_name, json.dumps(vars(place)))
     database.write(f"INSERT INTO {_LIST} VALUES (?, ?)", values)  # noqa: S608 - a constant
     return place

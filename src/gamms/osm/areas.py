@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.projection import ellipsoid_lengths
-from gamms.osm.footprints import find_layer, leads_across, make_footprints, make_outlines_of_ways, repair
+from gamms.ir.projection import measure_on_ellipsoid
+from gamms.osm.footprints import find_crossing, find_layer, make_footprints, make_outlines_of_ways, repair
 from gamms.osm.network import OsmRoads, Rule
 
 Squares = Mapping[int, tuple[dict[str, Any], list[int]]]
@@ -68,7 +68,7 @@ def add_ways_across(ways: OsmRoads) -> OsmRoads:
             continue
         rim, apart = _measure_along_rim(ways, rows, junctions)
         pairs = _find_near_pairs(rim, ways, junctions)
-        pairs = pairs[leads_across(shape, *ways.lonlat[rim[pairs.T]])]
+        pairs = pairs[find_crossing(shape, *ways.lonlat[rim[pairs.T]])]
         if ways.buildings is not None and len(pairs) and not _is_below_ground(ways.tags[rows[0]]):
             start, end = ways.lonlat[rim[pairs.T]]
             pairs = pairs[~ways.buildings.lie_between(start, end, around=shape)]
@@ -94,7 +94,7 @@ def measure_across(ways: OsmRoads) -> float:
     """Return the total length of the lines across areas, meters."""
     rows = [row for row, tags in enumerate(ways.tags) if ACROSS in tags]
     first = ways.offsets[rows]
-    return float(ellipsoid_lengths(ways.lonlat[first], ways.lonlat[first + 1]).sum())
+    return float(measure_on_ellipsoid(ways.lonlat[first], ways.lonlat[first + 1]).sum())
 
 
 def _find_stretches(ways: OsmRoads) -> IntArray:

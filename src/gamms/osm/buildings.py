@@ -218,7 +218,7 @@ def _read_records(
     for shape, given in features:
         tags = {key: text for key, text in given.items() if isinstance(text, str)}
         is_line = getattr(shape, "geom_type", None) == "LineString"
-        wall = rules.barrier_of(tags) if is_line else rules.wall_of(tags)
+        wall = rules.find_barrier(tags) if is_line else rules.find_wall(tags)
         if wall is not None:
             walls.append((shape, wall))
         elif is_line and "highway" in tags:

@@ -19,7 +19,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, parse_crs, project
-from gamms.osm.network import RoadNetwork, components
+from gamms.osm.network import RoadNetwork, find_components
 from gamms.osm.networkx_bridge import compute_grades
 from gamms.osm.objects import split_words
 from gamms.text import shown
@@ -151,7 +151,7 @@ def _find_nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatA
 # -- roads on the ground --------------------------------------------------------------------------------------------
 
 
-def on_ground(network: RoadNetwork, elevation: Elevation, *, are_walked: tuple[bool, ...]) -> RoadNetwork:
+def add_heights(network: RoadNetwork, elevation: Elevation, *, are_walked: tuple[bool, ...]) -> RoadNetwork:
     """Return a network whose nodes have heights; `are_walked` tells whether slopes affect the times of each mode.
 
     Raises: as `Elevation.heights`.
@@ -219,7 +219,7 @@ def _span_bridges(z: FloatArray, ends: IntArray, lengths: FloatArray, raised: Bo
     a, b = rows.reshape(-1, 2).T
     count = len(met)
     inner = np.bincount(ends[~raised].ravel(), minlength=len(z))[met] == 0
-    label = components(a, b, count)
+    label = find_components(a, b, count)
     inner &= np.isin(label, label[~inner])  # parts that lead nowhere have no other height
     pull = 1.0 / np.maximum(lengths[raised], 1e-3)
 

@@ -18,7 +18,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import are_inside, find_lines_near, find_nearest_lines, measure_distances
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import ellipsoid_lengths, turn_longitudes
+from gamms.ir.projection import measure_on_ellipsoid, turn_longitudes
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import (
     Clip,
@@ -27,20 +27,19 @@ from gamms.osm.load import (
     make_network_in_metres,
     make_recipe,
     make_selection,
-    part_of,
     read_network,
+    select_part,
 )
-from gamms.osm.modes import WayFilter, as_travel, filter_of_words, find_tolerance, make_paced_rule, modes, name_of
+from gamms.osm.modes import WayFilter, as_travel, filter_of_words, find_tolerance, get_mode_name, make_paced_rule, modes
 from gamms.osm.network import (
     OsmRoads,
     OSMType,
     RoadNetwork,
     Rule,
-    along,
-    components,
     compute_offsets,
-    connected,
+    connect_polylines,
     cut_segments,
+    find_components,
     find_segment_starts,
     find_ways_back,
     list_classic_ignored_values,
@@ -49,16 +48,17 @@ from gamms.osm.network import (
     make_network_of_columns,
     make_network_of_lines,
     make_two_way,
+    measure_along,
     select_roads,
 )
 from gamms.osm.networkx_bridge import find_waiting_columns, make_network_of_graph
 from gamms.osm.objects import normalize_tags, parse_number
 from gamms.osm.osmium_reader import MapFile, as_file
 from gamms.osm.reader import read_ways
-from gamms.osm.speeds import speed_kph
+from gamms.osm.speeds import compute_speed_kph
 from gamms.osm.topology import consolidate, count_road_ends, find_chains, simplify
 from gamms.osm.turns import RestrictionCounts, count_restrictions
-from gamms.progress import progress
+from gamms.progress import show_progress
 from gamms.text import make_printable_line, shown
 from gamms.typing import IGraphEngine
 
@@ -269,14 +269,14 @@ def report(
         FileNotFoundError, BadFile, MissingExtra: see `graph_from_file`.
     """
     edges, about = _make_edges(graph)
-    edges = connected(edges)
+    edges = connect_polylines(edges)
     length = as_float(resolution if resolution is not None else about.get("resolution", np.nan), "resolution")
     if not length > 0.0:
         raise BadValue("The graph does not state its resolution. Give it: report(…, resolution=10.0).")
     if tolerance is not None:
         about["tolerance"] = as_range(tolerance, "tolerance")
     everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all
-    selection = part_of(
+    selection = select_part(
         _make_selection(about, everything, osm_type),
         filter_of_words(about.get("filter", "")) if filter is None else filter,
         json.loads(about.get("clip") or "null") if clip is None else clip,
@@ -346,7 +346,7 @@ def _compare_networks(edges: RoadNetwork, source: RoadNetwork, about: dict[str, 
         surplus_max=off_map,
         nodes_merged=merged.merged.nodes,
         dead_ends=int((count_road_ends(roads) == 1).sum()),
-        components=len(np.unique(components(roads.sources, roads.targets, len(roads.xy)))),
+        components=len(np.unique(find_components(roads.sources, roads.targets, len(roads.xy)))),
         parallel_roads=_count_parallel_roads(roads),
         one_way_share=float(roads.lengths[one_way].sum() / after) if after else 0.0,
         roads_uncut=len(uncut),
@@ -400,7 +400,7 @@ def _make_selection(
     )
     if osm_type is not None:
         travel = as_travel(osm_type)
-        return make_selection(recipe._replace(mode=name_of(travel)), travel)
+        return make_selection(recipe._replace(mode=get_mode_name(travel)), travel)
     names = name.split(",") if name else []
     if custom := next((one for one in names if one not in modes()), None):
         raise BadValue(f"The graph was made for the custom mode {custom!r}. Give it again: report(…, osm_type=…).")
@@ -432,7 +432,7 @@ def _make_source_network(source: Source, selection: RoadSelection) -> RoadNetwor
         return make_network_of_columns(source)
     if not isinstance(source, (str, os.PathLike)):
         return make_network_in_metres(source)
-    with progress() as show:
+    with show_progress() as show:
         file = as_file(source)
         return read_network(file, show, selection, is_geojson=is_geojson(file))
 
@@ -461,7 +461,7 @@ def _count_ways(source: Source, selection: RoadSelection) -> dict[str, Any]:
             why = closed[0]["why"]
         return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional, "ignored": ignored}, False
 
-    with progress() as show:
+    with show_progress() as show:
         map_file = MapFile(as_file(source))
         ways = read_ways(map_file, show, rule, areas=selection.areas, keys=selection.keys)
         is_open = set[tuple[int, int, int]]()
@@ -470,7 +470,7 @@ def _count_ways(source: Source, selection: RoadSelection) -> dict[str, Any]:
             is_open |= {*_list_pieces(open_ways)}
         signs = max(count_restrictions(ways.signs, one.vehicles) for one in parts)
     pieces = cut_segments(ways)
-    metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
+    metres = measure_on_ellipsoid(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
     known = np.ones(len(pieces.lonlat), np.bool_)
     if selection.clip is not None:
         known = are_inside(selection.clip, turn_longitudes(pieces.lonlat, 0.0))
@@ -625,7 +625,7 @@ def _count_untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwor
     keys, firsts = np.unique(pairs[len(ours) :], return_index=True)
     if not len(keys) or not len(ours):
         return 0
-    at = kernels.rows_of(keys, wanted)
+    at = kernels.find_rows(keys, wanted)
     there = at >= 0
     true = (source.lengths[source_line] * source_share)[firsts][at]
     expected = np.bincount(line, weights=np.where(there, true, 0.0), minlength=len(rows))
@@ -740,7 +740,9 @@ def _count_speeds_below(edges: RoadNetwork, speeds: FloatArray, source: RoadNetw
         name: the attribute with the speed, `speed_kph` or a mode of travel.
     """
     below = _find_roads_below(edges, source)
-    of_ways = [speed_kph(of_way) if name == "speed_kph" else parse_number(of_way.get(name)) for of_way in source.tags]
+    of_ways = [
+        compute_speed_kph(of_way) if name == "speed_kph" else parse_number(of_way.get(name)) for of_way in source.tags
+    ]
     of_tags = np.array(of_ways, np.float64)
     rows = np.where(below.are_along, source.ways[below.roads], find_ways_back(source)[below.roads])
     are_equal = np.isclose(of_tags[rows], speeds[below.edges], rtol=_SAME_SPEED, atol=0.0)
@@ -827,7 +829,7 @@ def _list_segments(network: RoadNetwork) -> tuple[_Places, FloatArray, IntArray]
     """Return the ends (segments, 2) of every straight piece, sorted, its share of its road, and the road."""
     start = find_segment_starts(network.offsets)
     line = _find_lines_of_pieces(network)
-    position = along(network.offsets, network.points)
+    position = measure_along(network.offsets, network.points)
     total = position[network.offsets[1:] - 1][line]
     share = (position[start + 1] - position[start]) / np.where(total > 0.0, total, 1.0)
     places = _make_complex(network.points)

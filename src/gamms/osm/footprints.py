@@ -83,7 +83,7 @@ class WallRules:
         self.keys = sorted({key for key, _ in self._estimates})
         self.has_barriers = bool(self._barriers)
 
-    def wall_of(self, tags: Mapping[str, str]) -> WallProfile | None:
+    def find_wall(self, tags: Mapping[str, str]) -> WallProfile | None:
         """Return the walls around an area with these tags, or None."""
         if _is_off_the_ground(tags) or not (self._tags is None or is_asked_for(tags, self._tags)):
             return None
@@ -93,7 +93,7 @@ class WallRules:
         estimate, type = self._estimates[row]
         return _make_wall(tags, estimate, type, row[0])
 
-    def barrier_of(self, tags: Mapping[str, str]) -> WallProfile | None:
+    def find_barrier(self, tags: Mapping[str, str]) -> WallProfile | None:
         """Return the wall along a line with these tags, or None."""
         estimate = self._barriers.get(tags.get("barrier", ""))
         if estimate is None or _is_off_the_ground(tags):
@@ -252,7 +252,7 @@ def make_outlines_of_ways(
     is_whole = (np.diff(known[offsets]) == sizes) & (sizes > 1)
     rows = [[row for row in of_one if is_whole[row]] for of_one in rows_of]
     owners = np.repeat(np.arange(len(rows)), np.array([len(of_one) for of_one in rows], np.int64))
-    positions, offsets = kernels.chosen_runs(offsets, np.array(list(chain.from_iterable(rows)), np.int64))
+    positions, offsets = kernels.select_runs(offsets, np.array(list(chain.from_iterable(rows)), np.int64))
     return Outlines(offsets, lonlat[positions], owners, about)
 
 
@@ -275,7 +275,7 @@ def split_known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any
     first = np.flatnonzero(begins)
     sizes = np.diff(np.append(first, len(known)))
     rows = np.flatnonzero(sizes > 1)
-    positions, pieces = kernels.chosen_runs(np.append(first, len(known)), rows)
+    positions, pieces = kernels.select_runs(np.append(first, len(known)), rows)
     return Outlines(pieces, lonlat[known[positions]], line[known[first[rows]]], about)
 
 
@@ -353,7 +353,7 @@ def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:
     return inside
 
 
-def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
+def find_intersecting(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
     """Return a mask of the shapes that intersect an area."""
     import shapely
 
@@ -362,7 +362,7 @@ def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
     return met
 
 
-def leads_across(area: "BaseGeometry", start: FloatArray, end: FloatArray) -> BoolArray:
+def find_crossing(area: "BaseGeometry", start: FloatArray, end: FloatArray) -> BoolArray:
     """Return a mask of the straight lines (lines, 2) that run inside an area, and not along its outline."""
     import shapely
 
@@ -406,12 +406,12 @@ class BuildingIndex:
         """
         import shapely
 
-        line, row, _ = self.crossings(start, end)
+        line, row, _ = self.find_crossings(start, end)
         around = shapely.transform(around, lambda lonlat: turn_longitudes(lonlat, self._middle))
         covered = shapely.area(shapely.intersection(self._tree.geometries[row], around))
         return np.isin(np.arange(len(start)), line[covered < around.area / 2.0])
 
-    def crossings(self, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    def find_crossings(self, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         """Return crossings of straight lines (lines, 2) with buildings: rows of lines, of buildings, lengths inside.
 
         Points and lengths are in degrees. A building does not block a line that begins and ends inside it without

@@ -17,7 +17,7 @@ from gamms.ir.geometry import NearLines, find_nearest_point
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, find_utm_crs, project
 from gamms.limits import refuse_above
-from gamms.osm.network import OsmRoads, Rule, add_signs, components, compute_offsets
+from gamms.osm.network import OsmRoads, Rule, add_signs, compute_offsets, find_components
 from gamms.osm.objects import LEAST_NODES, is_against, is_one_way, normalize_tags, read_edge_values
 from gamms.osm.osmium_reader import as_file
 from gamms.plain import describe_flaw
@@ -192,7 +192,7 @@ def snap_ends(ways: OsmRoads, metres: float) -> OsmRoads:
         else:
             inserted.setdefault(line, []).append((find_nearest_point(points, (xy[at, 0], xy[at, 1]))[0], at))
     pairs = np.array(joined, np.int64).reshape(-1, 2)
-    label = components(pairs[:, 0], pairs[:, 1], len(counts))
+    label = find_components(pairs[:, 0], pairs[:, 1], len(counts))
     order = _insert_places(xy, lines, inserted)
     refs = label[ways.refs][order]
     lonlat = ways.lonlat[np.unique(ways.refs, return_index=True)[1]][refs]
@@ -210,7 +210,7 @@ def _find_nearest_lines(
     total = 0
     for first in range(0, len(ends), _AT_ONCE):
         part = ends[first : first + _AT_ONCE]
-        rows, near, off = tree.within(xy[[at for _, at in part]], metres)
+        rows, near, off = tree.find_within(xy[[at for _, at in part]], metres)
         others = numbers[near]
         total += len(rows)
         if total > _FEW_NEAR + _MOST_NEAR * (first + len(part)):

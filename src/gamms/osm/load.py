@@ -28,7 +28,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import check_metres, parse_crs, scale_fault
 from gamms.osm import topology
 from gamms.osm.areas import add_ways_across, measure_across
-from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
+from gamms.osm.elevation import Elevation, ElevationPath, add_heights, as_elevation
 from gamms.osm.geojson import read_lines
 from gamms.osm.mode_union import ModeRoads, choose_modes, open_both_ways, unite
 from gamms.osm.modes import (
@@ -43,12 +43,12 @@ from gamms.osm.modes import (
     find_stops,
     find_tolerance,
     find_vehicles,
+    get_mode_name,
     honour_traffic,
     keep_more_tags,
     list_mode_keys,
     make_closed_rule,
     make_rule,
-    name_of,
 )
 from gamms.osm.network import (
     ROADS,
@@ -58,11 +58,10 @@ from gamms.osm.network import (
     Rule,
     Stops,
     add_stated_times,
-    along,
-    components,
-    connected,
+    connect_polylines,
     cut_segments,
     describe_read_ways,
+    find_components,
     join_directions,
     list_classic_ignored_values,
     make_classic_closed_rule,
@@ -71,6 +70,7 @@ from gamms.osm.network import (
     make_network_of_part,
     make_network_of_segments,
     make_two_way,
+    measure_along,
     project_network,
     project_to_metres,
     project_to_true_metres,
@@ -82,7 +82,7 @@ from gamms.osm.osmium_reader import MapFile, as_file
 from gamms.osm.reader import read_ways
 from gamms.osm.topology import resample
 from gamms.osm.turns import parse_restrictions
-from gamms.progress import Show, progress
+from gamms.progress import Show, show_progress
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
 
@@ -269,13 +269,13 @@ def graph_from_file(
     recipe = make_recipe(resolution, tolerance, bidirectional, retain_all, simplify)
     recipe = adapt_recipe(recipe, mode, bidirectional, strong)
     recipe = recipe._replace(around_buildings=as_bool(more.get("around_buildings", True), "around_buildings"))
-    selection = part_of(make_selection(recipe, mode, tags), more.get("filter"), more.get("clip"))
+    selection = select_part(make_selection(recipe, mode, tags), more.get("filter"), more.get("clip"))
     area = "" if selection.clip is None else json.dumps(selection.clip.__geo_interface__)
     recipe = recipe._replace(clip=area, filter=filter_in_words(more.get("filter")))
     return _make_graph(filepath, recipe, selection, as_ground(more.get("elevation"), mode))
 
 
-def part_of(selection: RoadSelection, given: "WayFilter | None", clip: object) -> RoadSelection:
+def select_part(selection: RoadSelection, given: "WayFilter | None", clip: object) -> RoadSelection:
     """Return the selection restricted by the caller's filter and area.
 
     Raises:
@@ -292,7 +292,7 @@ def adapt_recipe(
     """Return the recipe for a mode of travel: its directions, and only strongly connected roads."""
     if mode is not None:
         both = None if bidirectional is None else recipe.bidirectional
-        recipe = recipe._replace(bidirectional=both, osm_type=name_of(mode).upper(), mode=name_of(mode))
+        recipe = recipe._replace(bidirectional=both, osm_type=get_mode_name(mode).upper(), mode=get_mode_name(mode))
     strong = mode is not None if strong is None else as_bool(strong, "strong")
     return recipe._replace(strong=strong and not recipe.retain_all)
 
@@ -300,7 +300,7 @@ def adapt_recipe(
 def make_selection(recipe: GraphRecipe, mode: Travel | None, tags: tuple[str, ...] = ()) -> RoadSelection:
     """Return the selection of roads for a recipe; `mode` may be None if the recipe names none."""
     if isinstance(mode, ModeCombination):
-        of_modes = [make_selection(recipe._replace(mode=name_of(one)), one, tags) for one in mode.modes]
+        of_modes = [make_selection(recipe._replace(mode=get_mode_name(one)), one, tags) for one in mode.modes]
         return of_modes[0]._replace(
             mode=recipe.mode,
             both_ways=bool(recipe.bidirectional),
@@ -402,7 +402,7 @@ def process_osm_graph(
         MissingExtra: the graph has a CRS that is not a UTM zone and pyproj is not installed.
     """
     recipe = make_recipe(resolution, 0.0, bidirectional)
-    with progress() as show:
+    with show_progress() as show:
         show("Reading the graph")
         network = make_network_in_metres(osmg)
         if bidirectional is None and not network.two_way.all():
@@ -431,7 +431,7 @@ def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int
     Raises: as `process_osm_graph`.
     """
     tolerance = _check_tolerance(tolerance)
-    with progress() as show:
+    with show_progress() as show:
         show("Joining roads")
         network = topology.consolidate(make_network_in_metres(osmg), tolerance)
         return to_multidigraph(network)
@@ -447,10 +447,10 @@ def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectio
         BadType, BadValue: the resolution is impossible, or an edge has an impossible direction, speed or time.
     """
     recipe = make_recipe(resolution, 0.0, bidirectional)
-    with progress() as show:
+    with show_progress() as show:
         network = make_network_of_columns(columns)
         if scale_fault(columns.crs, columns.xy):
-            network = connected(project_to_true_metres(network, parse_crs(columns.crs)[0]))
+            network = connect_polylines(project_to_true_metres(network, parse_crs(columns.crs)[0]))
         network = join_directions(network) if network.turns else network
         return cut(network, recipe, show)
 
@@ -484,7 +484,7 @@ def _make_graph(
 ) -> "nx.DiGraph[int]":
     file = as_file(filepath)
     # osmium reports nothing while it reads its first nodes; if that takes a second, show the progress before.
-    with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
+    with show_progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
         network = read_network(file, show, selection, is_geojson=is_geojson)
         show(f"Joining {len(network.sources)} roads")
         network = topology.simplify(network) if recipe.simplify else network
@@ -501,7 +501,7 @@ def cut(
     if pieces.refs is not None:
         pieces = replace(pieces, tunnels=topology.number_tunnels(pieces))
     if ground is not None:
-        pieces = on_ground(pieces, ground.elevation, are_walked=ground.are_walked)
+        pieces = add_heights(pieces, ground.elevation, are_walked=ground.are_walked)
     show(f"Making a graph of {len(pieces.sources)} pieces")
     return to_digraph(pieces, _make_entries(recipe, network))
 
@@ -517,14 +517,14 @@ def make_network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
     network = make_network_of_graph(osmg)
     crs = osmg.graph.get("crs")
     if crs is None:
-        drawn = along(network.offsets, network.points)[network.offsets[1:] - 1]
+        drawn = measure_along(network.offsets, network.points)[network.offsets[1:] - 1]
         check_metres(network.xy, drawn, "The graph has no CRS (osmg.graph['crs'])")
     name, in_degrees = (None, False) if crs is None else parse_crs(crs)
     if name is not None and not in_degrees:
         network = project_to_true_metres(network, name)
     elif name is not None and len(network.xy) and (np.abs(network.xy) <= (180.0, 90.0)).all():
         network = project_network(network, name)  # otherwise the CRS is out of date: these cannot be degrees
-    network = connected(network)
+    network = connect_polylines(network)
     return join_directions(network) if osmg.is_directed() else make_two_way(network)
 
 
@@ -584,7 +584,7 @@ def read_network(file: Path, show: Show, selection: RoadSelection, *, is_geojson
         raise BadFile(f"{str(file)!r} {_explain_no_way_back('')}")
     if ways.nodes is None and network.left_out.other_parts_m:
         lost = network.left_out.other_parts_m / (network.left_out.other_parts_m + float(network.lengths.sum()))
-        parts = len(np.unique(components(segments.sources, segments.targets, len(segments.lonlat))))
+        parts = len(np.unique(find_components(segments.sources, segments.targets, len(segments.lonlat))))
         logging.getLogger("gamms").warning(
             f"{file.name} has {len(ways.tags)} lines in {parts} parts; {lost:.1%} of their length is not joined to the "
             "largest one and left out. snap= joins ends that are near, retain_all=True keeps all parts."
@@ -692,7 +692,9 @@ def helsinki(
     if travel is not None:
         _check_modes_of_helsinki(travel, bidirectional)
         both_ways = recipe.bidirectional if bidirectional else None
-        recipe = recipe._replace(bidirectional=both_ways, osm_type=name_of(travel).upper(), mode=name_of(travel))
+        recipe = recipe._replace(
+            bidirectional=both_ways, osm_type=get_mode_name(travel).upper(), mode=get_mode_name(travel)
+        )
     is_list = isinstance(travel, ModeCombination)
     pieces, columns = _cut_helsinki(
         recipe.resolution, recipe.mode, is_list=is_list, bidirectional=bool(recipe.bidirectional)
@@ -708,7 +710,7 @@ def helsinki(
 
 
 def _check_modes_of_helsinki(travel: Travel, bidirectional: bool | None) -> None:
-    names = name_of(travel).split(",")
+    names = get_mode_name(travel).split(",")
     if other := next((name for name in names if name not in _MODES_OF_HELSINKI), None):
         raise BadValue(
             f"The map of Helsinki has the modes {', '.join(_MODES_OF_HELSINKI)}, not {other!r}. "

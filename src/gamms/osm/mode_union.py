@@ -20,7 +20,7 @@ from gamms.osm.network import (
     OsmRoads,
     RoadNetwork,
     RoadSegments,
-    components,
+    find_components,
     find_nodes_in_largest,
     find_one_way_segments,
     find_strong_components,
@@ -50,14 +50,14 @@ class ModeRoads(NamedTuple):
         inside = find_nodes_in_largest(self.segments, one_way)
         return np.asarray(inside[self.segments.sources] & inside[self.segments.targets])
 
-    def refs(self) -> IntArray:
+    def get_refs(self) -> IntArray:
         """Return the ids (segments, 2) of the nodes at both ends of each segment, in the direction of traffic."""
         refs = self.segments.refs
         if refs is None:
             raise ValueError("Roads of several modes need the ids of their nodes.")
-        return refs[self.ends()]
+        return refs[self.get_ends()]
 
-    def ends(self) -> IntArray:
+    def get_ends(self) -> IntArray:
         """Return the rows (segments, 2) of the nodes at both ends of each segment."""
         return np.column_stack((self.segments.sources, self.segments.targets))
 
@@ -84,12 +84,12 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
         both_ways: let all modes go against one-way traffic.
     """
     keys = np.concatenate([_make_keys(part) for part in parts])
-    roads, firsts = kernels.first_seen(np.unique(keys, axis=0, return_inverse=True)[1].ravel())
+    roads, firsts = kernels.number_by_appearance(np.unique(keys, axis=0, return_inverse=True)[1].ravel())
     bounds = np.cumsum([len(part.segments.ways) for part in parts])
     of_modes = tuple(np.split(roads, bounds[:-1]))
-    refs = np.concatenate([part.refs() for part in parts])[firsts]
-    lonlat = np.concatenate([part.segments.lonlat[part.ends()] for part in parts])[firsts]
-    nodes, seen = kernels.first_seen(_make_node_keys(refs, keys[firsts]))
+    refs = np.concatenate([part.get_refs() for part in parts])[firsts]
+    lonlat = np.concatenate([part.segments.lonlat[part.get_ends()] for part in parts])[firsts]
+    nodes, seen = kernels.number_by_appearance(_make_node_keys(refs, keys[firsts]))
     uses = [_find_uses(part, of_mode, refs) for part, of_mode in zip(parts, of_modes, strict=True)]
     speeds = np.stack([use.speeds for use in uses], axis=2)
     two_way = np.asarray((speeds[:, 1] > 0.0).any(axis=1))
@@ -129,7 +129,7 @@ def _join_turns(parts: Sequence[ModeRoads], of_modes: Sequence[IntArray], refs: 
     """Return the forbidden turns of all modes on the roads with nodes of these ids (roads, 2)."""
     found: dict[str, Paths] = {}
     for part, roads in zip(parts, of_modes, strict=True):
-        is_turned = part.refs()[:, 0] != refs[roads, 0]
+        is_turned = part.get_refs()[:, 0] != refs[roads, 0]
         numbers = np.column_stack((2 * roads + is_turned, 2 * roads + ~is_turned)).ravel()
         found.update(renumber(part.segments.turns, numbers))
     return found
@@ -149,7 +149,7 @@ def _make_keys(part: ModeRoads) -> IntArray:
     """
     ids = np.full(len(part.ways.tags), _ACROSS_ID)
     ids[: len(part.ways.ids)] = part.ways.ids
-    refs = np.sort(part.refs(), axis=1)
+    refs = np.sort(part.get_refs(), axis=1)
     is_barrier = np.isin(refs, np.array([*part.ways.barriers], np.int64))
     keys = np.column_stack((ids[part.segments.ways], refs, is_barrier))
     group = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
@@ -173,7 +173,7 @@ def _make_node_keys(refs: IntArray, keys: IntArray) -> IntArray:
     return numbers
 
 
-class _Uses(NamedTuple):
+class _RoadUses(NamedTuple):
     """The use of roads by one mode: along the roads, and back."""
 
     speeds: FloatArray  # (roads, 2)  km/h; 0: closed
@@ -181,17 +181,17 @@ class _Uses(NamedTuple):
     tags: Sequence[Mapping[str, Any]]
 
 
-def _find_uses(part: ModeRoads, roads: IntArray, refs: IntArray) -> _Uses:
+def _find_uses(part: ModeRoads, roads: IntArray, refs: IntArray) -> _RoadUses:
     """Return the use of all roads by a mode; `roads` are those of its segments, `refs` (roads, 2) the nodes of all."""
     tags, back = split_directions(part.ways.tags)
     ways = part.segments.ways
     rows = np.column_stack((ways, ways if back is None else back[ways]))
     speeds = np.array([of_way["speed_kph"] for of_way in tags], np.float64)[rows]
     speeds[find_one_way_segments(part.segments, part.ways.tags), 1] = 0.0
-    is_turned = part.refs()[:, 0] != refs[roads, 0]
+    is_turned = part.get_refs()[:, 0] != refs[roads, 0]
     speeds[is_turned] = speeds[is_turned, ::-1]
     rows[is_turned] = rows[is_turned, ::-1]
-    every = _Uses(np.zeros((len(refs), 2)), np.zeros((len(refs), 2), np.int64), tags)
+    every = _RoadUses(np.zeros((len(refs), 2)), np.zeros((len(refs), 2), np.int64), tags)
     every.speeds[roads] = speeds
     every.rows[roads] = rows
     return every
@@ -287,7 +287,7 @@ def keep_uses(network: RoadNetwork, kept: BoolArray) -> RoadNetwork:
         back_ways=np.where(turned, rows[:, 0], rows[:, 1]),
     )
     is_left = np.asarray(is_open.any(axis=1))
-    label = components(network.sources, network.targets, len(network.xy))
+    label = find_components(network.sources, network.targets, len(network.xy))
     near = np.isin(label[network.sources], label[network.sources[is_left]])
     gaps = network.left_out._replace(
         other_parts_m=network.left_out.other_parts_m + float(network.lengths[~is_left & ~near].sum()),
@@ -310,7 +310,7 @@ def find_uses_in_largest_parts(network: RoadNetwork, *, strong: bool) -> BoolArr
         there, back = is_open[:, :, mode].T
         sources = np.concatenate((network.sources[there], network.targets[back]))
         targets = np.concatenate((network.targets[there], network.sources[back]))
-        label = find_strong_components(sources, targets, count) if strong else components(sources, targets, count)
+        label = find_strong_components(sources, targets, count) if strong else find_components(sources, targets, count)
         inside = label == np.bincount(label).argmax()
         kept[:, mode] = (there | back) & inside[network.sources] & inside[network.targets]
     return kept

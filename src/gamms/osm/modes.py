@@ -44,13 +44,13 @@ from gamms.osm.objects import (
     split_words,
 )
 from gamms.osm.speeds import (
+    compute_speed_kph,
     find_network_speed_kph,
+    find_signs,
     list_unread_signs,
     parse_duration_s,
     sign_in_force,
     sign_keys,
-    sign_of,
-    speed_kph,
 )
 from gamms.text import shown
 
@@ -174,8 +174,8 @@ class Mode:
         highway = self._find_class(plain)
         listed = self.highways.get(highway, self.by_permission.get(highway))
         roads = [kph for name, kph in self.highways.items() if "=" not in name]
-        usual = min(speed_kph(plain), max(roads, default=_FASTEST_KPH)) if listed is None else listed
-        sign = None if self.maxspeed == "ignored" else sign_of(plain, self.vehicles, direction)
+        usual = min(compute_speed_kph(plain), max(roads, default=_FASTEST_KPH)) if listed is None else listed
+        sign = None if self.maxspeed == "ignored" else find_signs(plain, self.vehicles, direction)
         if sign is None:
             return usual
         return min(usual, sign.kph) if self.maxspeed == "limit" else sign.kph
@@ -393,7 +393,7 @@ class ModeCombination:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the modes, which are attributes of edges."""
-        return tuple(name_of(mode) for mode in self.modes)
+        return tuple(get_mode_name(mode) for mode in self.modes)
 
 
 Travel = ModeFunction | ModeCombination
@@ -528,7 +528,7 @@ def as_mode(value: object) -> ModeFunction:
     return mode
 
 
-def name_of(mode: Travel) -> str:
+def get_mode_name(mode: Travel) -> str:
     """Return the name of a mode for a graph, such as "drive", or that of the function; of several, "walk,drive"."""
     if isinstance(mode, ModeCombination):
         return ",".join(mode.names)
@@ -571,7 +571,7 @@ def make_closed_rule(mode: ModeFunction) -> Rule:
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         if rule(osmid, tags) is not None:
             return None
-        why = mode.why_closed(tags) if isinstance(mode, Mode) else name_of(mode)
+        why = mode.why_closed(tags) if isinstance(mode, Mode) else get_mode_name(mode)
         return {"osmid": osmid, "why": why, "oneway": False}, False
 
     return closed
@@ -586,17 +586,17 @@ def make_rule(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
         try:
             access, signs = decide(tags)
         except Exception as error:
-            raise BadValue(f"{name_of(mode)} failed for way {osmid}: {type(error).__name__}: {error}.") from error
+            raise BadValue(f"{get_mode_name(mode)} failed for way {osmid}: {type(error).__name__}: {error}.") from error
         if access is None:
             return None
         if not isinstance(access, Access):
-            raise BadType(f"{name_of(mode)} must return an Access or None, not {shown(access)}.")
+            raise BadType(f"{get_mode_name(mode)} must return an Access or None, not {shown(access)}.")
         speed, forward, backward = access
         back = speed if access.backward_kph is None else access.backward_kph
         for kph in (speed, back):
             if not 0.0 < parse_number(kph) < math.inf:
                 raise BadValue(
-                    f"{name_of(mode)} gives way {osmid} the speed {shown(kph)}: it must be more than 0 km/h."
+                    f"{get_mode_name(mode)} gives way {osmid} the speed {shown(kph)}: it must be more than 0 km/h."
                 )
         if not forward and not backward:
             return None

@@ -12,7 +12,7 @@ from gamms.arguments import as_member
 from gamms.errors import BadType
 from gamms.ir.graph import FORBIDDEN_TURNS, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import WGS84, compute_ground_scale, ellipsoid_lengths, find_utm_crs, is_true, project
+from gamms.ir.projection import WGS84, compute_ground_scale, find_utm_crs, is_true, measure_on_ellipsoid, project
 from gamms.osm.footprints import BuildingIndex
 from gamms.osm.objects import (
     DIRECTIONS,
@@ -286,7 +286,7 @@ def add_stated_times(ways: OsmRoads) -> OsmRoads:
         own = {name: value for name, value in of_way.items() if name != STATED_SECONDS}
         if STATED_SECONDS in of_way:
             line = ways.lonlat[start:end]
-            kph = 3.6 * float(ellipsoid_lengths(line[:-1], line[1:]).sum()) / of_way[STATED_SECONDS]
+            kph = 3.6 * float(measure_on_ellipsoid(line[:-1], line[1:]).sum()) / of_way[STATED_SECONDS]
             own.update({"speed_kph": kph} if 0.0 < kph <= _FASTEST_FERRY_KPH else {})
         tags.append(own)
     return replace(ways, tags=tags)
@@ -312,11 +312,11 @@ def cut_segments(ways: OsmRoads) -> RoadSegments:
     way = way[first]
     positions[ways.against[way]] = positions[ways.against[way], ::-1]
     ends = ways.refs[positions].ravel()
-    rows, firsts = kernels.first_seen(ends)
+    rows, firsts = kernels.number_by_appearance(ends)
     if ways.barriers:
         shut = np.isin(ends, [*ways.barriers])
         rows[shut] = len(ends) + np.arange(shut.sum())
-        rows, firsts = kernels.first_seen(rows)
+        rows, firsts = kernels.number_by_appearance(rows)
     sources = rows[0::2]
     targets = rows[1::2]
     firsts = positions.ravel()[firsts]
@@ -327,12 +327,12 @@ def cut_segments(ways: OsmRoads) -> RoadSegments:
 
 def _add_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
     """Return the segments of ways with the paths that turn restrictions forbid."""
-    named = {id for held in ways.restrictions.values() for one in held for id in one.ways()}
+    named = {id for held in ways.restrictions.values() for one in held for id in one.list_ways()}
     rows = [row for row, id in enumerate(ways.ids) if id in named]
     of_way: dict[int, list[int]] = {}
     for segment in np.flatnonzero(np.isin(segments.ways, rows)).tolist():
         of_way.setdefault(ways.ids[segments.ways[segment]], []).append(segment)
-    vias = {id for held in ways.restrictions.values() for one in held for id in one.nodes()}
+    vias = {id for held in ways.restrictions.values() for one in held for id in one.list_nodes()}
     places: dict[int, list[int]] = {}
     refs = np.zeros(0, np.int64) if segments.refs is None else segments.refs
     for node in np.flatnonzero(np.isin(refs, [*vias])).tolist():
@@ -340,7 +340,7 @@ def _add_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in ways.tags), np.bool_, len(ways.tags))
     ends = (segments.sources, segments.targets)
     pieces = RoadPieces(*ends, len(segments.lonlat), of_way, places, one_way[segments.ways])
-    found = {mode: pieces.forbidden(held) for mode, held in ways.restrictions.items()}
+    found = {mode: pieces.find_forbidden(held) for mode, held in ways.restrictions.items()}
     return replace(
         segments,
         turns={mode: paths for mode, (paths, _) in found.items()},
@@ -365,7 +365,7 @@ def find_nodes_in_largest(segments: RoadSegments, one_way: BoolArray | None) -> 
     sources = segments.sources
     targets = segments.targets
     if one_way is None:
-        label = components(sources, targets, count)
+        label = find_components(sources, targets, count)
     else:
         back = ~one_way
         ends = np.concatenate((sources, targets[back])), np.concatenate((targets, sources[back]))
@@ -387,7 +387,7 @@ def _select_segments(segments: RoadSegments, inside: BoolArray) -> RoadSegments:
     )
 
 
-def components(a: IntArray, b: IntArray, count: int) -> IntArray:
+def find_components(a: IntArray, b: IntArray, count: int) -> IntArray:
     """Return the smallest row connected with each of `count` rows by the pairs `(a[i], b[i])`.
 
     Union by minimum with pointer jumping: the number of rounds grows with the logarithm of the longest chain.
@@ -468,7 +468,7 @@ def find_segment_starts(offsets: IntArray) -> IntArray:
     return np.delete(np.arange(offsets[-1]), offsets[1:] - 1)
 
 
-def along(offsets: IntArray, points: FloatArray) -> FloatArray:
+def measure_along(offsets: IntArray, points: FloatArray) -> FloatArray:
     """Return the distance of each point along its line."""
     if not len(points):
         return np.zeros(0)
@@ -592,8 +592,8 @@ def make_network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any
     out = ~(inside[segments.sources] & inside[segments.targets])
     sources = segments.sources[out]
     targets = segments.targets[out]
-    metres = ellipsoid_lengths(segments.lonlat[sources], segments.lonlat[targets])
-    joined = components(segments.sources, segments.targets, len(segments.lonlat))
+    metres = measure_on_ellipsoid(segments.lonlat[sources], segments.lonlat[targets])
+    joined = find_components(segments.sources, segments.targets, len(segments.lonlat))
     near = joined[sources] == joined[inside.argmax()]
     left_out = CoverageGaps(float(metres[~near].sum()), float(metres[near].sum()))
     return replace(make_network_of_segments(_select_segments(segments, inside), tags), left_out=left_out)
@@ -627,7 +627,7 @@ def make_network_in_degrees(
         tags: the attributes of directions of ways.
         back_ways: (segments,) rows of `tags` for the way back; None: as the ways.
     """
-    lengths = ellipsoid_lengths(segments.lonlat[segments.sources], segments.lonlat[segments.targets])
+    lengths = measure_on_ellipsoid(segments.lonlat[segments.sources], segments.lonlat[segments.targets])
     roads = make_network_of_lines(segments.lonlat, (segments.sources, segments.targets), {}, lengths, tags, None)
     roads = replace(roads, two_way=two_way, ways=segments.ways, back_ways=back_ways, refs=segments.refs)
     return replace(roads, turns=segments.turns, turn_restrictions=segments.turn_restrictions)
@@ -671,7 +671,7 @@ def project_network(network: RoadNetwork, source: str) -> RoadNetwork:
     """Project a network in degrees to UTM; measure unknown lengths on the ellipsoid."""
     crs = find_utm_crs(network.xy)
     start = find_segment_starts(network.offsets)
-    steps = ellipsoid_lengths(network.points[start], network.points[start + 1])
+    steps = measure_on_ellipsoid(network.points[start], network.points[start + 1])
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
     measured = np.bincount(line, weights=steps, minlength=len(network.sources))
     return replace(
@@ -701,19 +701,19 @@ def project_to_true_metres(network: RoadNetwork, crs: str) -> RoadNetwork:
     return project_network(lonlat, WGS84)
 
 
-def connected(network: RoadNetwork) -> RoadNetwork:
+def connect_polylines(network: RoadNetwork) -> RoadNetwork:
     """Extend every polyline to its nodes, and set each unknown length to the length of the polyline."""
     start = network.xy[network.sources]
     end = network.xy[network.targets]
     offsets, points, _ = extend_to_ends(network.offsets, network.points, start, end)
-    on_map = along(offsets, points)[offsets[1:] - 1]
+    on_map = measure_along(offsets, points)[offsets[1:] - 1]
     lengths = np.where(np.isnan(network.lengths), on_map, network.lengths)
     return replace(network, offsets=offsets, points=points, lengths=lengths)
 
 
 def select_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
     """Return the network with only these roads, in the order of `roads`, and all nodes."""
-    taken, offsets = kernels.chosen_runs(network.offsets, roads)
+    taken, offsets = kernels.select_runs(network.offsets, roads)
     return replace(
         network,
         sources=network.sources[roads],
@@ -754,7 +754,7 @@ def make_network_of_columns(columns: GraphColumns) -> RoadNetwork:
     ends = (columns.sources, columns.targets)
     roads = make_network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
     two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
-    return connected(replace(roads, two_way=two_way, turns=turns))
+    return connect_polylines(replace(roads, two_way=two_way, turns=turns))
 
 
 def join_directions(network: RoadNetwork) -> RoadNetwork:

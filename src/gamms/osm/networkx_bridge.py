@@ -26,7 +26,7 @@ from gamms.ir.projection import format_crs
 from gamms.limits import GarbagePause, refuse_above
 from gamms.osm.network import RoadNetwork, is_upright, make_network_of_lines
 from gamms.osm.objects import DIRECTIONS, is_missing, parse_number, parse_truth, read_edge_values
-from gamms.osm.speeds import CARS, has_special_signs, sign_in_force, speed_kph
+from gamms.osm.speeds import CARS, compute_speed_kph, has_special_signs, sign_in_force
 from gamms.osm.turns import read_turns_of_edges, renumber
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
@@ -253,7 +253,7 @@ def find_waiting_columns(graph: object, names: Collection[str]) -> tuple[GraphCo
     network = roads.network
     known: dict[tuple[Any, ...], int] = {}  # few, while there are as many ways as roads
     names = ("speed_kph", *(name for name in names if name != "speed_kph"))
-    values = ((speed_kph(of_way), *(of_way.get(name) for name in names[1:])) for of_way in network.tags)
+    values = ((compute_speed_kph(of_way), *(of_way.get(name) for name in names[1:])) for of_way in network.tags)
     rows = [known.setdefault(of_way, len(known)) for of_way in values]
     tags = [dict(zip(names, of_way, strict=True)) for of_way in known]
     codes = np.array(rows, np.int64)
@@ -435,10 +435,10 @@ def _list_speeds(network: RoadNetwork) -> list[float]:
     for of_way in network.tags:
         key = of_way.get("speed_kph"), of_way.get("maxspeed"), of_way.get("highway")
         if not _TEXTS.issuperset(map(type, key)):
-            speeds.append(speed_kph(of_way))
+            speeds.append(compute_speed_kph(of_way))
             continue
         if key not in known:
-            known[key] = speed_kph(of_way)
+            known[key] = compute_speed_kph(of_way)
         speeds.append(known[key])
     return speeds
 
@@ -478,7 +478,7 @@ def _number_nodes(network: RoadNetwork) -> tuple[IntArray, IntArray]:
     """Return the rows of nodes in first-seen order, and the number of each row; nodes without roads come last."""
     ends = np.column_stack((network.sources, network.targets)).ravel()
     rows = np.concatenate((ends, np.arange(len(network.xy))))
-    firsts = rows[kernels.first_seen(rows)[1]]
+    firsts = rows[kernels.number_by_appearance(rows)[1]]
     numbers = np.empty(len(firsts), np.int64)
     numbers[firsts] = np.arange(len(firsts))
     return firsts, numbers

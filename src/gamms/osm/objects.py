@@ -100,14 +100,14 @@ class ObjectVersions:
         counting = np.where(deleted[rows], _NO_VERSION, versions[rows])
         self._counting = dict(zip(ids[rows].tolist(), counting.tolist(), strict=True))
 
-    def counts(self, id: int, version: int) -> bool:
+    def is_counted(self, id: int, version: int) -> bool:
         """Return whether an object with this id and version counts."""
         counting: int = self._counting.get(id, version)
         return counting == version
 
     def are_counting(self, ids: IntArray, versions: IntArray) -> BoolArray:
         """Return a mask of the objects that count."""
-        found = map(self.counts, ids.tolist(), versions.tolist())
+        found = map(self.is_counted, ids.tolist(), versions.tolist())
         return np.fromiter(found, np.bool_, len(ids))
 
 

@@ -34,7 +34,7 @@ from gamms.osm.objects import (
     Wanted,
     find_nodes_at_two_places,
 )
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -152,14 +152,14 @@ class MapFile:
     """
 
     def __init__(self, file: Path) -> None:
-        with needing("Reading OpenStreetMap files", "osm"):
+        with require_extra("Reading OpenStreetMap files", "osm"):
             import osmium
         self.name = file.name
         self._file = file
         format = find_file_format(file)
         self._opened: io.File | io.FileBuffer = osmium.io.File(str(file), format)
         if format == "pbf":
-            self._has_repeats = pbf_has_repeats(file)
+            self._has_repeats = has_pbf_repeats(file)
         else:
             found = survey_xml(_unpack_text(file, format))
             self._has_repeats = found.has_repeats
@@ -168,15 +168,15 @@ class MapFile:
         self._versions: dict[str, ObjectVersions] = {}
         self.unclear = frozenset[int]()
         if self._has_repeats:
-            with self.reading():
+            with self.convert_errors():
                 self._compare()
 
-    def budget(self) -> MemoryBudget:
+    def get_budget(self) -> MemoryBudget:
         """Return the memory that reading may take; it is released before the next processing step."""
         return find_allowance(self._file)
 
     @contextmanager
-    def reading(self) -> Iterator[None]:
+    def convert_errors(self) -> Iterator[None]:
         """Turn osmium's errors into a `BadFile` with the name of the file and advice."""
         from osmium import InvalidLocationError
 
@@ -187,7 +187,7 @@ class MapFile:
         except (RuntimeError, ValueError, MemoryError, OverflowError, InvalidLocationError) as error:
             raise BadFile(f"{str(self._file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
 
-    def elements(
+    def read_elements(
         self,
         keys: Mapping[str, Collection[str]],
         ids: Collection[int] = (),
@@ -219,7 +219,7 @@ class MapFile:
             if (not ids or one.id in ids) and (wanted is None or wanted(one.type_str(), tags)):
                 yield _as_element(one, tags, has_places=has_places)
 
-    def nodes(self) -> Iterator[tuple[int, int, int]]:
+    def read_nodes(self) -> Iterator[tuple[int, int, int]]:
         """Yield all nodes; see `MapSource`."""
         from osmium import FileProcessor, osm
 
@@ -230,7 +230,7 @@ class MapFile:
     def _list_current_objects(self, objects: "FileProcessor") -> "Iterator[_MapObject]":
         """Yield the objects that are not deleted, in the version that counts."""
         for one in cast("Iterator[_MapObject]", iter(objects)):
-            is_last = not self._versions or self._versions[one.type_str()].counts(one.id, one.version)
+            is_last = not self._versions or self._versions[one.type_str()].is_counted(one.id, one.version)
             if is_last and not one.deleted:
                 yield one
 
@@ -380,7 +380,7 @@ def rewrite_xml(chunks: Iterable[bytes], charge: Callable[[int], None]) -> bytes
     for chunk in chunks:
         rewriter.parser.Parse(chunk, False)
     rewriter.parser.Parse(b"", True)
-    return rewriter.text()
+    return rewriter.get_text()
 
 
 class _Rewriter:
@@ -403,7 +403,7 @@ class _Rewriter:
         self.parser.CharacterDataHandler = self._read_text
         self.parser.EntityDeclHandler = _refuse_entity
 
-    def text(self) -> bytes:
+    def get_text(self) -> bytes:
         """Return the whole map."""
         for ref, (lat, lon) in self._placed.items():
             if ref not in self._nodes:
@@ -529,7 +529,7 @@ def measure_pbf(file: Path) -> int:
     return sum(_read_number(blob.content, _RAW_SIZE) for blob in _read_blobs(file))
 
 
-def pbf_has_repeats(file: Path) -> bool:
+def has_pbf_repeats(file: Path) -> bool:
     """Return whether an object is there several times; also True if this cannot be known."""
     ids = ObjectIds()
     try:

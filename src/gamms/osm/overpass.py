@@ -27,12 +27,12 @@ from gamms.osm.modes import (
     Travel,
     find_stops,
     find_vehicles,
+    get_mode_name,
     honour_traffic,
     list_mode_keys,
     make_paced_rule,
     make_rule,
     modes,
-    name_of,
 )
 from gamms.osm.network import (
     CLOSED_TO,
@@ -65,10 +65,10 @@ from gamms.osm.objects import (
 )
 from gamms.osm.reader import read_buildings, read_footprints, read_lines, read_ways
 from gamms.osm.servers import Json, MapServers
-from gamms.osm.settings import setting
+from gamms.osm.settings import get_setting
 from gamms.osm.topology import remove_unused_nodes, simplify
 from gamms.osm.turns import choose, parse_restrictions
-from gamms.progress import Show, progress
+from gamms.progress import Show, show_progress
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def download_features_of_place(
     if not wanted:
         raise BadValue("tags must name what to look for, such as {'building': True}, not be empty.")
     name = shown(location)
-    with progress(1.0 if offline else 0.0) as show:
+    with show_progress(1.0 if offline else 0.0) as show:
         servers = MapServers(name, show, offline=offline)
         boundary = _find_boundary(servers, location)
         show(f"Downloading the features of {name}")
@@ -158,7 +158,7 @@ def download_features_of_place(
         found = _download(servers, boundary, [(kinds, "(._;>;);out;")], read_areas)
         areas = read_footprints(found, _WantedAreas(wanted))
         shapes = footprints.repair(footprints.make_footprints(areas))
-        rows = np.flatnonzero(footprints.meets(boundary, shapes)).tolist()
+        rows = np.flatnonzero(footprints.find_intersecting(boundary, shapes)).tolist()
         features = [(shapes[row], areas.about[row]) for row in rows if shapes[row].geom_type in _RINGS]
         if not features:
             raise PlaceError(f"There is nothing tagged {', '.join(tags)} in {name}. Try a larger area, or other tags.")
@@ -175,7 +175,7 @@ class _WantedAreas:
         self.keys = [*wanted]
         self._wanted = wanted
 
-    def wall_of(self, tags: Mapping[str, str]) -> Mapping[str, str] | None:
+    def find_wall(self, tags: Mapping[str, str]) -> Mapping[str, str] | None:
         """Return the tags of an area that is asked for, else None."""
         return tags if is_asked_for(tags, self._wanted) else None
 
@@ -210,7 +210,7 @@ def _find_streets(
     show(f"Downloading the streets of {name}")
     surroundings = footprints.widen(polygon, _MARGIN_M)
     if options.custom_filter or options.mode is None:
-        filters = options.custom_filter or _filter_of(options.osm_type)
+        filters = options.custom_filter or _make_filter(options.osm_type)
         queries = [([f"way{one}"], "(._;>;);out;") for one in ([filters] if isinstance(filters, str) else filters)]
     else:
         wanted = [f"way{one}" for one in _list_filters(options.mode)]
@@ -230,7 +230,7 @@ def _find_streets(
         if len(there.sources):
             servers.save_rest()
             return there
-    kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
+    kind = options.custom_filter or (get_mode_name(options.mode) if options.mode else options.osm_type.name.lower())
     keys = ROADS if options.mode is None else _list_keys(options.mode)
     only = (
         ""
@@ -263,7 +263,7 @@ def _make_network(
         segments = _select_segments(cut_segments(ways), area, options)
         if not len(segments.sources):
             return None
-        parts.append(ModeRoads("" if mode is None else name_of(mode), ways, segments))
+        parts.append(ModeRoads("" if mode is None else get_mode_name(mode), ways, segments))
     if isinstance(options.mode, ModeCombination):
         return project_to_metres(unite(parts, both_ways=bool(options.bidirectional)).network)
     name, ways, segments = parts[0]
@@ -311,13 +311,15 @@ def _read_ways(found: "_Answers", mode: ModeFunction | None, options: StreetOpti
         stops=find_stops(mode),
         keys=keys,
     )
-    vehicles = {} if mode is None or not find_vehicles(mode) else {name_of(mode): find_vehicles(mode)}
+    vehicles = {} if mode is None or not find_vehicles(mode) else {get_mode_name(mode): find_vehicles(mode)}
     return replace(ways, restrictions=parse_restrictions(ways.signs, vehicles))
 
 
 def _make_rule(mode: ModeFunction | None, options: StreetOptions) -> Rule:
     """Return the rule for the ways of answers; without a mode, walkers have no one-way streets."""
-    useful = [*dict.fromkeys(str(name) for name in (*setting("useful_tags_way"), *options.tags) if name != "oneway")]
+    useful = [
+        *dict.fromkeys(str(name) for name in (*get_setting("useful_tags_way"), *options.tags) if name != "oneway")
+    ]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
     of_mode = None if mode is None else make_rule(mode, names)
     if of_mode is not None and not options.custom_filter:
@@ -342,7 +344,7 @@ def _download(
 ) -> "_Answers":
     """Run each query for the whole area."""
     found: list[_Element] = []
-    for outline in footprints.outline_area(area, float(setting("max_query_area_size"))):
+    for outline in footprints.outline_area(area, float(get_setting("max_query_area_size"))):
         corners = " ".join(f"{lat:.6f} {lon:.6f}" for lon, lat in outline.tolist())
         for kinds, output in queries:
             union = "".join(f"{kind}(poly:'{corners}');" for kind in kinds)
@@ -365,12 +367,12 @@ class _Answers:
         self._places = np.rint(lonlat * _PER_DEGREE).astype(np.int64)
         self.unclear = find_nodes_at_two_places(self._ids, lonlat)
 
-    def budget(self) -> MemoryBudget:
+    def get_budget(self) -> MemoryBudget:
         """Return as much memory as elements can take: their number was limited when they were downloaded."""
         return MemoryBudget(max_memory(), self.name, is_streamed=True)
 
     @contextmanager
-    def reading(self) -> Iterator[None]:
+    def convert_errors(self) -> Iterator[None]:
         """Turn contradictions into a `NetworkError`."""
         try:
             yield
@@ -379,7 +381,7 @@ class _Answers:
         except ValueError as error:
             raise NetworkError(f"The answers of the server contradict each other: {error}. Try again later.") from None
 
-    def elements(
+    def read_elements(
         self,
         keys: Mapping[str, Collection[str]],
         ids: Collection[int] = (),
@@ -397,7 +399,7 @@ class _Answers:
                 if is_there and (wanted is None or wanted(kind, one.tags)):
                     yield one.as_element()
 
-    def nodes(self) -> Iterator[tuple[int, int, int]]:
+    def read_nodes(self) -> Iterator[tuple[int, int, int]]:
         """Yield all nodes; see `MapSource`."""
         for id, (x, y) in zip(self._ids.tolist(), self._places.tolist(), strict=True):
             yield id, x, y
@@ -431,7 +433,7 @@ def _list_filters(travel: Travel) -> list[str]:
     return [*found]
 
 
-def _filter_of(osm_type: OSMType) -> str:
+def _make_filter(osm_type: OSMType) -> str:
     """Return the rule for reading files of this type, as an Overpass filter."""
     closed = CLOSED_TO[osm_type].items()
     return '["highway"]' + "".join(f'["{name}"!~"^({"|".join(sorted(values))})$"]' for name, values in closed)

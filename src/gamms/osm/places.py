@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_bool, as_float, refuse_keywords, spell_out_options
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import check_box
-from gamms.ir.geometry import polygon as polygon_of
+from gamms.ir.geometry import make_polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, find_utm_crs, project
 from gamms.osm.load import (
@@ -30,7 +30,7 @@ from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.objects import as_tags
 from gamms.osm.overpass import Location, StreetOptions, download_streets_of_place, download_streets_of_polygon
 from gamms.osm.topology import consolidate
-from gamms.progress import progress
+from gamms.progress import show_progress
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def graph_from_bbox(
     """
     box = check_box((left, bottom, right, top), ("left", "bottom", "right", "top"))
     name = f"the box {(left, bottom, right, top)}"
-    return _make_graph_of_area(download_streets_of_polygon, box.region(), name, options)
+    return _make_graph_of_area(download_streets_of_polygon, box.make_region(), name, options)
 
 
 @for_a_graph
@@ -219,7 +219,7 @@ def _make_graph(
 ) -> "nx.DiGraph[int]":
     _check_filter(options.custom_filter)
     # Servers take their time before they answer: show the request at once.
-    with progress(1.0 if options.offline else 0.0) as show:
+    with show_progress(1.0 if options.offline else 0.0) as show:
         network = streets_of(place, name, options, show)
         show(f"Joining {len(network.sources)} streets")
         joined = consolidate(network, recipe.tolerance)

@@ -68,13 +68,13 @@ class MapSource(Protocol):
     name: str
     unclear: frozenset[int]
 
-    def budget(self) -> MemoryBudget:
+    def get_budget(self) -> MemoryBudget:
         """Return the memory that one reading may take."""
 
-    def reading(self) -> AbstractContextManager[None]:
+    def convert_errors(self) -> AbstractContextManager[None]:
         """Return a context in which errors of the map name their source."""
 
-    def elements(
+    def read_elements(
         self,
         keys: Mapping[str, Collection[str]],
         ids: Collection[int] = (),
@@ -91,7 +91,7 @@ class MapSource(Protocol):
             wanted: only elements that it accepts; None: all of them.
         """
 
-    def nodes(self) -> Iterator[tuple[int, int, int]]:
+    def read_nodes(self) -> Iterator[tuple[int, int, int]]:
         """Yield the id and the place of all nodes, in units of 1e-7 degrees."""
 
 
@@ -105,7 +105,7 @@ class _WayVertices:
 
     def __init__(self, source: MapSource, bytes_per_point: int | None = None) -> None:
         self.source = source
-        self.budget = source.budget()
+        self.budget = source.get_budget()
         self.bytes_per_point = bytes_per_point or _BYTES_PER_POINT
         self.offsets = array("q", (0,))
         self.refs = array("q")
@@ -150,12 +150,12 @@ class _WayVertices:
         if not missing:
             return
         report(len(missing))
-        places = {id: (x, y) for id, x, y in self.source.nodes() if id in missing}
+        places = {id: (x, y) for id, x, y in self.source.read_nodes() if id in missing}
         for position, (ref, x) in enumerate(zip(self.refs, self.x, strict=True)):
             if x == _NOWHERE and ref in places:
                 self.x[position], self.y[position] = places[ref]
 
-    def lonlat(self) -> FloatArray:
+    def get_lonlat(self) -> FloatArray:
         """Return the vertices in degrees (positions, 2), NaN where the file lacks the node.
 
         On a map across 180 degrees, longitudes in the west are above 180.
@@ -185,7 +185,7 @@ class _ClippedNodes:
         boxes = [tuple(round(one * _DEGREE) for one in part) for part in find_bounds_by_side(region)]
         ids = array("q")
         places = array("q")
-        for id, x, y in source.nodes():
+        for id, x, y in source.read_nodes():
             if any(west <= x <= east and south <= y <= north for west, south, east, north in boxes):
                 ids.append(id)
                 places.extend((x, y))
@@ -238,11 +238,11 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
     barriers = set[int]()
     relations = _Relations()
     show(f"Reading {source.name}")
-    with source.reading():
+    with source.convert_errors():
         part = None if clip is None else _ClippedNodes(source, clip)
         node_names = find_node_keys(tags if stops is None else [*tags, "barrier"])
         of_kinds = {NODE: node_names, WAY: keys, RELATION: ("type",)}
-        for count, one in enumerate(source.elements(of_kinds, has_places=part is None, wanted=_is_for_roads), 1):
+        for count, one in enumerate(source.read_elements(of_kinds, has_places=part is None, wanted=_is_for_roads), 1):
             if part is not None and not part.has_part_of(one):
                 continue
             given = one.tags
@@ -261,7 +261,7 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
                     kept.append((_share_texts(found[0], texts), found[1]))
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {source.name}: {count} roads")
-        squares = open_squares(relations.with_rings(), rule) if areas else {}
+        squares = open_squares(relations.list_rings(), rule) if areas else {}
         rims = find_rims(squares)
         missing = rims.keys() - lines.rows_of.keys()
         around = _read_ids(source, missing, part)
@@ -274,7 +274,7 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
     ways = OsmRoads(
         offsets,
         refs,
-        lines.lonlat(),
+        lines.get_lonlat(),
         against,
         [of_way for of_way, _ in kept],
         nodes=select_node_tags(marked, set(lines.refs), tags),
@@ -282,7 +282,7 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
         buildings=read_buildings(source, part) if around_buildings else None,
         ids=lines.ids.tolist(),
         without_nodes=lines.rules.without_nodes,
-        signs=relations.restrictions(),
+        signs=relations.list_restrictions(),
     )
     return add_areas(ways, lines.rows_of, squares) if areas else ways
 
@@ -308,11 +308,11 @@ class _Relations:
         check_members(relation.id, relation.members, members)
         self._tags.setdefault(relation.id, relation.tags)
 
-    def restrictions(self) -> list[TurnRelation]:
+    def list_restrictions(self) -> list[TurnRelation]:
         """Return the tags and members of the turn restrictions."""
         return [(tags, self._members[id]) for id, tags in self._tags.items() if is_restriction(tags)]
 
-    def with_rings(self) -> Iterator[tuple[int, dict[str, str], list[int]]]:
+    def list_rings(self) -> Iterator[tuple[int, dict[str, str], list[int]]]:
         """Yield the ids and tags of relations, and the ids of the ways around them."""
         for id, tags in self._tags.items():
             rings = [ref for kind, ref, role in self._members[id] if kind == WAY and role in RING_ROLES]
@@ -336,7 +336,7 @@ class AreaRules(Protocol):
 
     keys: list[str]
 
-    def wall_of(self, tags: Mapping[str, str]) -> object | None:
+    def find_wall(self, tags: Mapping[str, str]) -> object | None:
         """Return the object for an area with these tags; None: ignore the area."""
 
 
@@ -347,18 +347,18 @@ def read_footprints(source: MapSource, rules: AreaRules) -> Outlines:
         BadFile, NetworkError: the map contradicts itself, is damaged, or too large.
     """
     found = _FootprintReader(rules, _WayVertices(source))
-    with source.reading():
+    with source.convert_errors():
         if rules.keys:
             found.read()
-    return found.outlines()
+    return found.get_outlines()
 
 
 def read_barriers(source: MapSource, rules: WallRules) -> Outlines:
     """Read the lines of a map that `rules` turn into walls, in their order; raises like `read_footprints`."""
 
     def wall_of(way: MapElement) -> object | None:
-        is_other = _is_area(way) and rules.wall_of(way.tags)
-        return None if is_other else rules.barrier_of(way.tags)
+        is_other = _is_area(way) and rules.find_wall(way.tags)
+        return None if is_other else rules.find_barrier(way.tags)
 
     lines, walls = _read_lines(source, ("barrier",) if rules.has_barriers else (), wall_of)
     return _make_outlines(lines, walls)
@@ -381,12 +381,12 @@ def read_lines(source: MapSource, keys: Collection[str], about_of: _AboutOf) -> 
 def read_line_parts(source: MapSource, keys: Collection[str], about_of: _AboutOf) -> Outlines:
     """Read the lines of a map as `read_lines`, without the parts whose nodes it lacks."""
     lines, about = _read_lines(source, keys, lambda way: about_of(way.tags))
-    return split_known_parts(np.array(lines.offsets, np.int64), lines.lonlat(), about)
+    return split_known_parts(np.array(lines.offsets, np.int64), lines.get_lonlat(), about)
 
 
 def _make_outlines(lines: "_WayVertices", about: list[object]) -> Outlines:
     rows = [[row] for row in range(len(about))]
-    return make_outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), rows, about)
+    return make_outlines_of_ways(np.array(lines.offsets, np.int64), lines.get_lonlat(), rows, about)
 
 
 def _read_lines(
@@ -394,8 +394,8 @@ def _read_lines(
 ) -> tuple["_WayVertices", list[object]]:
     lines = _WayVertices(source)
     about: list[object] = []
-    with source.reading():
-        for way in source.elements({WAY: keys}, has_places=True) if keys else ():
+    with source.convert_errors():
+        for way in source.read_elements({WAY: keys}, has_places=True) if keys else ():
             found = about_of(way)
             if found is not None and lines.add(way, way.tags):
                 about.append(found)
@@ -410,7 +410,7 @@ def _is_area(way: MapElement) -> bool:
 
 def _read_ids(source: MapSource, ids: Collection[int], part: "_ClippedNodes | None") -> Iterator[MapElement]:
     """Read the ways with these ids in an area."""
-    for way in source.elements({}, ids, has_places=part is None) if ids else ():
+    for way in source.read_elements({}, ids, has_places=part is None) if ids else ():
         if part is None or part.has_part_of(way):
             yield way
 
@@ -428,12 +428,14 @@ class _FootprintReader:
     def read(self) -> None:
         source = self.lines.source
         relations = _Relations()
-        for relation in source.elements({RELATION: self.rules.keys}, wanted=lambda _, tags: tags.get("type") in _AREAS):
+        for relation in source.read_elements(
+            {RELATION: self.rules.keys}, wanted=lambda _, tags: tags.get("type") in _AREAS
+        ):
             relations.add(relation)
         ways_of = self._add_multipolygons(relations)
         own = list[int]()
-        for way in source.elements({WAY: self.rules.keys}, has_places=self.part is None):
-            wall = self.rules.wall_of(way.tags) if _is_area(way) else None
+        for way in source.read_elements({WAY: self.rules.keys}, has_places=self.part is None):
+            wall = self.rules.find_wall(way.tags) if _is_area(way) else None
             is_there = wall is not None and (self.part is None or self.part.has_part_of(way))
             if is_there and self.lines.add(way, way.tags, self.part):
                 self.walls.append(wall)
@@ -448,19 +450,19 @@ class _FootprintReader:
     def _add_multipolygons(self, relations: _Relations) -> list[list[int]]:
         """Add the walls of relations, and return the ids of the ways around each."""
         ways_of: list[list[int]] = []
-        for _, tags, rings in relations.with_rings():
-            wall = self.rules.wall_of(tags)
+        for _, tags, rings in relations.list_rings():
+            wall = self.rules.find_wall(tags)
             if wall is not None:
                 self.walls.append(wall)
                 ways_of.append(rings)
         return ways_of
 
-    def outlines(self) -> Outlines:
+    def get_outlines(self) -> Outlines:
         offsets = np.array(self.lines.offsets, np.int64)
         # Several relations may share a way.
         points = sum(int(offsets[row + 1] - offsets[row]) for row in chain.from_iterable(self.rows_of))
         self.lines.budget.charge(self.lines.bytes_per_point * points)
-        return make_outlines_of_ways(offsets, self.lines.lonlat(), self.rows_of, self.walls)
+        return make_outlines_of_ways(offsets, self.lines.get_lonlat(), self.rows_of, self.walls)
 
 
 def read_buildings(source: MapSource, part: "_ClippedNodes | None" = None) -> BuildingIndex:
@@ -471,9 +473,9 @@ def read_buildings(source: MapSource, part: "_ClippedNodes | None" = None) -> Bu
 def _read_shapes(source: MapSource, part: "_ClippedNodes | None") -> Shapes:
     """Read the buildings that block roads, in degrees and in any order."""
     found = _FootprintReader(_BuildingRules(), _WayVertices(source, _BYTES_PER_CORNER), part)
-    with source.reading():
+    with source.convert_errors():
         found.read()
-    return make_footprints(found.outlines())
+    return make_footprints(found.get_outlines())
 
 
 class _BuildingRules:
@@ -482,6 +484,6 @@ class _BuildingRules:
     def __init__(self) -> None:
         self.keys = ["building"]
 
-    def wall_of(self, tags: Mapping[str, str]) -> object | None:
+    def find_wall(self, tags: Mapping[str, str]) -> object | None:
         """Return True for an area that blocks ways, else None."""
         return is_in_the_way(tags) or None

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.arguments import as_context
 from gamms.errors import BadValue
-from gamms.ir.geometry import list_rings, seam_rings
+from gamms.ir.geometry import join_rings, list_rings
 from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.projection import WGS84, parse_crs, project
@@ -114,7 +114,7 @@ def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = Tru
         wanted["building"] = True
     found = download_features_of_place(location, wanted, _LINE_KEYS, offline=offline)
     about = [
-        rules.wall_of(tags) if shape.geom_type in ("Polygon", "MultiPolygon") else _find_line_kind(tags)
+        rules.find_wall(tags) if shape.geom_type in ("Polygon", "MultiPolygon") else _find_line_kind(tags)
         for shape, tags in found
     ]
     return _limit_buildings(
@@ -133,9 +133,9 @@ class _SceneryRules:
         self._walls = WallRules({"building": True}, wall_estimates()) if buildings else None
         self.keys = sorted({key for key, _ in _AREAS} | ({"building"} if buildings else set()))
 
-    def wall_of(self, tags: Tags) -> "WallProfile | SceneryKind | None":
+    def find_wall(self, tags: Tags) -> "WallProfile | SceneryKind | None":
         """Return the walls around an area with these tags, or the kind of an area without walls, or None."""
-        wall = None if self._walls is None else self._walls.wall_of(tags)
+        wall = None if self._walls is None else self._walls.find_wall(tags)
         return wall or _find_kind(tags, _AREAS)
 
 
@@ -233,7 +233,7 @@ def _list_outlines(shapes: Shapes, more: "list[BaseGeometry]", box: "BaseGeometr
     union = shapely.union_all([*shapely.intersection(footprints.repair(shapes), box), *more])
     for part in shapely.get_parts(shapely.simplify(union, _AREA_M)):
         if shapely.get_type_id(part) == _POLYGON and part.area >= _LEAST_M2:
-            yield seam_rings(list_rings(part))
+            yield join_rings(list_rings(part))
 
 
 def _list_drawn_lines(shapes: Shapes, box: "BaseGeometry") -> Iterator[FloatArray]:

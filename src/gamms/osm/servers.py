@@ -23,8 +23,8 @@ from gamms.arguments import as_positive
 from gamms.errors import BadValue, NetworkError, PlaceError, TooLarge
 from gamms.folders import cache_folder, write_whole
 from gamms.limits import max_memory
-from gamms.osm.settings import setting
-from gamms.plugins import needing
+from gamms.osm.settings import get_setting
+from gamms.plugins import require_extra
 from gamms.progress import Show
 from gamms.text import shown
 from gamms.workers import SIGNALS_S
@@ -75,14 +75,14 @@ class MapServers:
 
     def __init__(self, name: str, show: Show, *, offline: bool) -> None:
         if not offline:
-            with needing("Loading places by name", "osm-online"):
+            with require_extra("Loading places by name", "osm-online"):
                 import requests  # noqa: F401 - whether it is there
-        timeout = as_positive(setting("requests_timeout"), "gamms.osm.settings.requests_timeout", hint=" seconds.")
+        timeout = as_positive(get_setting("requests_timeout"), "gamms.osm.settings.requests_timeout", hint=" seconds.")
         self._name = name
         self._show = show
         self._offline = offline
         self._timeout_s = timeout
-        self._folder = Path(setting("cache_folder") or cache_folder("places"))
+        self._folder = Path(get_setting("cache_folder") or cache_folder("places"))
         self._nominatim = _find_address("nominatim_url")
         self._overpass = _find_address("overpass_url")
         self._paused_s = 0.0
@@ -99,14 +99,14 @@ class MapServers:
         """
         asked = {"format": "json", "polygon_geojson": "1", "dedupe": "0", "limit": "50"}
         asked |= {"q": query} if isinstance(query, str) else dict(sorted(query.items()))
-        if setting("nominatim_key") is not None:
-            asked["key"] = setting("nominatim_key")
+        if get_setting("nominatim_key") is not None:
+            asked["key"] = get_setting("nominatim_key")
         self._show(f"Asking {self._nominatim} where {self._name} is")
         return self._get_cached(f"{self._nominatim}/search", asked, read, self._search)
 
     def query(self, query: str, read: Read[T]) -> T:
         """Send Overpass a query in its own language, without its settings; raises like `search`."""
-        memory = setting("overpass_memory")
+        memory = get_setting("overpass_memory")
         size = "" if memory is None else f"[maxsize:{memory}]"
         asked = {"data": f"[out:json][timeout:{math.ceil(self._timeout_s)}]{size};{query}"}
         return self._get_cached(f"{self._overpass}/interpreter", asked, read, self._interpret)
@@ -123,7 +123,7 @@ class MapServers:
         key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
         path = self._folder / f"{key}.json"
         damage = ""
-        if (setting("use_cache") or self._offline) and path.is_file():
+        if (get_setting("use_cache") or self._offline) and path.is_file():
             try:
                 return read(_parse_json(path.read_bytes()))
             except (OSError, ValueError, RecursionError) as error:
@@ -145,7 +145,7 @@ class MapServers:
         return found
 
     def _save(self, path: Path, content: bytes) -> None:
-        if not setting("use_cache"):
+        if not get_setting("use_cache"):
             return
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -164,7 +164,7 @@ class MapServers:
         return self._request_with_retries("GET", url, min(self._timeout_s, _SEARCH_S), params=asked)
 
     def _interpret(self, url: str, asked: dict[str, str]) -> _HttpAnswer:
-        while setting("overpass_rate_limit"):
+        while get_setting("overpass_rate_limit"):
             status = _request("GET", f"{self._overpass}/status", self._timeout_s, self._show).text
             pause_s = _parse_seconds_to_slot(status)
             if not pause_s:
@@ -237,9 +237,9 @@ def _read(
     import requests
 
     named = {"User-Agent": "http_user_agent", "Referer": "http_referer", "Accept-Language": "http_accept_language"}
-    headers = {header: value for header, name in named.items() if (value := setting(name))}
+    headers = {header: value for header, name in named.items() if (value := get_setting(name))}
     timeout = (min(_CONNECT_S, patience_s), patience_s)
-    options = {"headers": headers, **setting("requests_kwargs"), **options, "stream": True, "timeout": timeout}
+    options = {"headers": headers, **get_setting("requests_kwargs"), **options, "stream": True, "timeout": timeout}
     deadline = time.monotonic() + _ANSWER_FACTOR * patience_s
     content = bytearray()
     try:
@@ -328,7 +328,7 @@ def _find_host(url: str) -> str:
 
 
 def _find_address(name: str) -> str:
-    url = str(setting(name))
+    url = str(get_setting(name))
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:
         raise BadValue(

@@ -29,7 +29,7 @@ _OSMNX = "OSMnx Python package (https://github.com/gboeing/osmnx)"
 _DEFAULTS_OF_OSMNX = {"cache_folder": "./cache", "http_user_agent": _OSMNX, "http_referer": _OSMNX}
 
 
-def setting(name: str) -> Any:
+def get_setting(name: str) -> Any:
     """Return the value of a setting: changed here, changed in OSMnx, or the default."""
     own = globals()[name]
     if own != _DEFAULTS[name] or "osmnx" not in sys.modules:

@@ -86,7 +86,7 @@ _SIGN = re.compile(rf"({_NUMBER})(?:\s*[-\u2013]\s*({_NUMBER}))?\s*([a-z][a-z/ ]
 _BETWEEN = re.compile(r"[|]|,(?!\d(?!\d))")  # a comma before a single digit is that of a decimal number
 
 
-def speed_kph(tags: Mapping[str, Any]) -> float:
+def compute_speed_kph(tags: Mapping[str, Any]) -> float:
     """Return the speed on a road in km/h: given as `speed_kph`, signed as `maxspeed`, or usual for its `highway`.
 
     Several signs (a list, or text with semicolons) give their mean; texts that are not speeds are ignored.
@@ -94,7 +94,7 @@ def speed_kph(tags: Mapping[str, Any]) -> float:
     given = parse_number(tags.get("speed_kph"))
     if 0.0 < given < math.inf:
         return given
-    sign = sign_of(tags)
+    sign = find_signs(tags)
     if sign is not None:
         return sign.kph
     known = (SPEED_OF_HIGHWAY_KPH[name] for name in split_words(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
@@ -137,7 +137,7 @@ class Sign(NamedTuple):
     kph: float  # of several signs the mean
 
 
-def sign_of(tags: Mapping[str, Any], vehicles: Sequence[str] = (), direction: str = "") -> Sign | None:
+def find_signs(tags: Mapping[str, Any], vehicles: Sequence[str] = (), direction: str = "") -> Sign | None:
     """Return the most specific signs of a road that give a speed; None without such signs.
 
     Args:
@@ -157,7 +157,7 @@ def sign_of(tags: Mapping[str, Any], vehicles: Sequence[str] = (), direction: st
 
 def sign_in_force(tags: Mapping[str, Any], vehicles: Sequence[str], direction: str) -> dict[str, Any]:
     """Return the signs that hold for a vehicle in one direction as the tag `maxspeed`; empty if `maxspeed` has them."""
-    sign = sign_of(tags, vehicles, direction)
+    sign = find_signs(tags, vehicles, direction)
     return {} if sign is None or sign.key == "maxspeed" else {"maxspeed": tags[sign.key]}
 
 

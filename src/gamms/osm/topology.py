@@ -16,12 +16,12 @@ from gamms.limits import refuse_above
 from gamms.osm import turns
 from gamms.osm.network import (
     RoadNetwork,
-    along,
-    components,
     compute_offsets,
+    find_components,
     find_segment_starts,
     find_ways_back,
     is_upright,
+    measure_along,
     move_ends,
     reverse_points,
     select_roads,
@@ -83,9 +83,9 @@ def number_tunnels(network: RoadNetwork) -> IntArray:
     inside[ends[is_under]] = True
     inside[ends[~is_under]] = False
     a, b = ends[is_under & inside[ends].all(axis=1)].T
-    label = components(a, b, len(network.xy))
+    label = find_components(a, b, len(network.xy))
     numbers = np.zeros(len(network.xy), np.int64)
-    numbers[inside] = kernels.first_seen(label[inside])[0] + 1
+    numbers[inside] = kernels.number_by_appearance(label[inside])[0] + 1
     return numbers
 
 
@@ -276,7 +276,7 @@ def _find_crossings(network: RoadNetwork, start: FloatArray, end: FloatArray) ->
     """Return for straight lines (lines, 2) their crossings with buildings: rows of lines, of buildings, and lengths."""
     if network.buildings is None or network.crs is None or not len(start):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    return network.buildings.crossings(*(project(xy, network.crs, WGS84) for xy in (start, end)))
+    return network.buildings.find_crossings(*(project(xy, network.crs, WGS84) for xy in (start, end)))
 
 
 def find_chains(network: RoadNetwork, joints: BoolArray | None = None) -> RoadChains:
@@ -291,7 +291,7 @@ def find_chains(network: RoadNetwork, joints: BoolArray | None = None) -> RoadCh
     offsets, ends = kernels.group_rows(nodes, len(network.xy))
     through = (np.diff(offsets) == 2) & (True if joints is None else joints)
     joint = offsets[:-1][through]
-    first = components(ends[joint] >> 1, ends[joint + 1] >> 1, count)
+    first = find_components(ends[joint] >> 1, ends[joint + 1] >> 1, count)
     names, of_road = np.unique(first, return_inverse=True)
     outer = np.flatnonzero(~through[nodes])
     outer = outer[np.argsort(of_road[outer >> 1], kind="stable")]
@@ -312,10 +312,10 @@ def _remove_empty_roads(network: RoadNetwork) -> RoadNetwork:
     empty = same & (network.sources != network.targets) & (network.lengths <= 0.0)
     if not empty.any():
         return network
-    label = components(network.sources[empty], network.targets[empty], len(network.xy))
+    label = find_components(network.sources[empty], network.targets[empty], len(network.xy))
     if network.modes:
         empty &= ~_is_closed_to_some(network, label, empty)
-        label = components(network.sources[empty], network.targets[empty], len(network.xy))
+        label = find_components(network.sources[empty], network.targets[empty], len(network.xy))
     return _contract(network, label, empty, np.ones(len(network.xy), np.bool_))
 
 
@@ -544,7 +544,7 @@ def cut_polylines(offsets: IntArray, points: FloatArray, counts: IntArray) -> tu
         The cut points (sum of counts - 1, 2); offsets and points of the pieces, which keep the vertices inside them.
     """
     lines = np.repeat(np.arange(len(counts)), np.diff(offsets))
-    position = along(offsets, points)
+    position = measure_along(offsets, points)
     total = position[offsets[1:] - 1]
     cuts = _cut_points(offsets, points, position, counts)
     # The piece of each vertex: `place` counts pieces from the start of its own line.

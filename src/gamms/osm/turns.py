@@ -52,11 +52,11 @@ class TurnRestriction(NamedTuple):
     through: tuple[tuple[str, int], ...]
     ends: tuple[int, ...]
 
-    def ways(self) -> list[int]:
+    def list_ways(self) -> list[int]:
         """Return the ids of all ways."""
         return [*self.starts, *(id for kind, id in self.through if kind == "w"), *self.ends]
 
-    def nodes(self) -> list[int]:
+    def list_nodes(self) -> list[int]:
         """Return the ids of the nodes between."""
         return [id for kind, id in self.through if kind == "n"]
 
@@ -165,7 +165,7 @@ class RoadPieces:
         self._places = places
         self._is_one_way = is_one_way
 
-    def forbidden(self, restrictions: Iterable[TurnRestriction]) -> tuple[Paths, int]:
+    def find_forbidden(self, restrictions: Iterable[TurnRestriction]) -> tuple[Paths, int]:
         """Return the paths that restrictions forbid, and the number of restrictions whose roads are on the map.
 
         Raises:

@@ -49,7 +49,7 @@ class SimplifyTolerance(NamedTuple):
     metres: float = 0.5
     relative: float = 0.01  # of the length, at most `_MOST_RELATIVE_M`; the greater of both counts
 
-    def of(self, lines: Shapes) -> FloatArray:
+    def compute_tolerance(self, lines: Shapes) -> FloatArray:
         """Return the tolerance of each line."""
         import shapely
 
@@ -80,7 +80,7 @@ def make_faces(
     shapes, walls = _subtract_parts(shapes, walls)
     shapes = _cut_openings(shapes, roads)
     lines, owner = _find_boundaries(shapes)
-    lines = _simplify(lines, tolerance.of(lines), roads)
+    lines = _simplify(lines, tolerance.compute_tolerance(lines), roads)
     points, line = shapely.get_coordinates(lines, return_index=True)
     start = np.flatnonzero((line[:-1] == line[1:]) & (points[:-1] != points[1:]).any(axis=1))
     of_wall = owner[line[start]]

@@ -9,7 +9,7 @@ import numpy as np
 from gamms import belief, kernels
 from gamms.belief.ground import get_belief_map, map_moves
 from gamms.context import Context
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.travel import get_mode_graph
 from gamms.ir.graph import FloatArray, split_mode
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import State
@@ -62,9 +62,9 @@ class HiddenPositions:
         """
         ctx = self._ctx
         places = dict[str, int]()
-        key = kernels.purpose_key(ctx.seed, "hidden places")
+        key = kernels.compute_purpose_key(ctx.seed, "hidden places")
         for enemy, chances in zip(self._enemies, self._chances, strict=True):
-            chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(enemy.name), 0))
+            chance = kernels.convert_to_fraction(kernels.draw_bits(key, kernels.compute_name_key(enemy.name), 0))
             places[enemy.name] = int(self._node_ids[_draw_index(chances, chance)])
         for mate in self._mates:
             places[mate.name] = self._walk_randomly(mate, key)
@@ -81,29 +81,29 @@ class HiddenPositions:
     def _walk_randomly(self, mate: IAgent, key: int) -> int:
         """Return the node of a teammate after a random walk from its last known node; if unknown, any node."""
         seen = self._last_seen.get(mate.name)
-        name = kernels.name_key(mate.name)
+        name = kernels.compute_name_key(mate.name)
         if seen is None or not self._ctx.graph.graph.has_node(seen.node):
-            return int(self._node_ids[kernels.below(kernels.draw_bits(key, name, 0), len(self._node_ids))])
+            return int(self._node_ids[kernels.convert_to_integer(kernels.draw_bits(key, name, 0), len(self._node_ids))])
         steps = min(self._turn - seen.turn, _MOST_STEPS)
         draws = (kernels.draw_bits(key, name, 0, step) for step in range(steps))
         mode = getattr(mate, "mode", None)
         if mode is not None and split_mode(mode)[1]:
             return self._walk_with_turns(seen.node, split_mode(mode)[0], draws)
         node = seen.node
-        near = graph_of(self._ctx, mode).neighborhoods
+        near = get_mode_graph(self._ctx, mode).neighborhoods
         for bits in draws:
             ways: Sequence[int] = near[node]
-            node = ways[kernels.below(bits, len(ways))]
+            node = ways[kernels.convert_to_integer(bits, len(ways))]
         return int(node)
 
     def _walk_with_turns(self, node: int, mode: str, draws: Iterable[int]) -> int:
         """Return the node after a random walk that begins on a node and obeys the turn restrictions of a mode."""
         ground = get_belief_map(self._ctx.graph.columns())
         moves = map_moves(ground, mode)
-        place = moves.begin_on(ground.row(node))
+        place = moves.begin_on(ground.find_row(node))
         for bits in draws:
             ways = [place, *moves.list_ends(place)]
-            place = ways[kernels.below(bits, len(ways))]
+            place = ways[kernels.convert_to_integer(bits, len(ways))]
         return int(self._node_ids[moves.nodes[place]])
 
     def _observe(self) -> None:

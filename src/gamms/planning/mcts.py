@@ -9,7 +9,7 @@ from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range, show_as_call
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.snapshots import own
+from gamms.game.snapshots import get_counterpart
 from gamms.ir.schema import Memo
 from gamms.limits import GarbagePause
 from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, check_options, list_states
@@ -229,8 +229,8 @@ def _warm_up(ctx: Context, first: IAgent, settings: _SearchSettings, pace: Searc
 def _bind_policies(policies: Policy | Mapping[Any, Policy], copies: Memo) -> Policy | Mapping[Any, Policy]:
     """Return policies that use the context of a fork instead of the one that they were made for."""
     if isinstance(policies, Mapping):
-        return {team: own(policy, copies) for team, policy in policies.items()}
-    return cast("Policy", own(policies, copies))
+        return {team: get_counterpart(policy, copies) for team, policy in policies.items()}
+    return cast("Policy", get_counterpart(policies, copies))
 
 
 def _list_legal_actions(state: State) -> Sequence[Action]:
@@ -279,7 +279,7 @@ class _TreeNode:
         self.counts = [0] * len(actions)
         self.totals, self.weights = ([0.0] * len(actions) for _ in range(2))
 
-    def by_uct(self, known: _GainRange, draw: Draws) -> int:
+    def choose_by_uct(self, known: _GainRange, draw: Draws) -> int:
         """Return the action with the highest upper bound, ties at random, among the first sqrt(n) after n visits."""
         tries = sum(self.counts)
         among = range(min(len(self.counts), max(1, isqrt(tries))))
@@ -293,7 +293,7 @@ class _TreeNode:
         highest = max(bounds)
         return draw.choice([action for action, bound in enumerate(bounds) if bound == highest])
 
-    def chances(self) -> list[float]:
+    def compute_chances(self) -> list[float]:
         """Return the probabilities with which Exp3 chooses each action."""
         highest = max(self.weights)
         number = len(self.weights)
@@ -337,7 +337,7 @@ class _PairedTrials:
         self._totals[action] += gain
         self._squares += gain * gain
 
-    def next(self) -> int:
+    def choose_next(self) -> int:
         """Return the action other than the first with the highest upper bound; untried actions come first."""
         rest = range(1, len(self.counts))
         untried = [action for action in rest if not self.counts[action]]
@@ -348,7 +348,7 @@ class _PairedTrials:
         explore = _EXPLORATION * sqrt(log(tries))
         return max(rest, key=lambda one: self._compute_mean(one) + spread * explore / sqrt(self.counts[one]))
 
-    def best(self, confidence: float) -> int:
+    def choose_best(self, confidence: float) -> int:
         """Return the action with the highest lower bound of its mean, or the first if no other is clearly better.
 
         Args:
@@ -414,9 +414,9 @@ class _TreeWalker:
         if self._action is None and self._first is not None:
             action = self._first
         elif settings.is_uct:
-            action = node.by_uct(self._search.known, state["draw"])
+            action = node.choose_by_uct(self._search.known, state["draw"])
         else:
-            chances = node.chances()
+            chances = node.compute_chances()
             action = _draw_index(chances, state["draw"].random())
             chance = chances[action]
         self.visits.append((self._search.turn, node, action, chance))
@@ -501,7 +501,7 @@ class _Search:
             root = _TreeNode()
             self._own[name][()] = root
             root.offer(self._actions[name])
-        if not pace.knows(states := self._model.states):
+        if not pace.has_policies(states := self._model.states):
             pace.follow(next(iter(states.values()))["fork"], self._model.policies)
         agents = self._model.ctx.agent.agents.items()
         others = [(name, one.team) for name, one in agents if name not in self._own]
@@ -523,8 +523,8 @@ class _Search:
                 break
         found = {}
         for name, state in self._model.states.items():
-            key = kernels.purpose_key(self.settings.seed, "mcts", state["turn"])
-            chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(name), 0))
+            key = kernels.compute_purpose_key(self.settings.seed, "mcts", state["turn"])
+            chance = kernels.convert_to_fraction(kernels.draw_bits(key, kernels.compute_name_key(name), 0))
             root = self._own[name][()]
             found[name] = root.draw_by_trials(chance) if any(root.counts) else 0
             if len(root.counts) > 1:
@@ -560,14 +560,14 @@ class _Search:
                     break
                 base = gain(world, found)
                 for _ in range(_TRIED):
-                    action = trials.next()
+                    action = trials.choose_next()
                     other = gain(world, {**found, name: action})
                     if base is None or other is None:
                         break
                     trials.note(action, other - base)
                 if base is None or other is None:
                     break
-            found[name] = trials.best(self.settings.confidence)
+            found[name] = trials.choose_best(self.settings.confidence)
             self._has_searched[name] = any(trials.counts)
         return found
 
@@ -581,7 +581,7 @@ class _Search:
         model = self._model
         rewards = list[float]()
         timer = self._timer
-        if not timer.fits("world"):
+        if not timer.has_time("world"):
             return None
         model.sample(number)
         policies = model.policies
@@ -596,7 +596,7 @@ class _Search:
         lead = model.lead()
         for turn in range(self.settings.depth):
             self.turn = turn
-            if not timer.fits("turn", then="value"):
+            if not timer.has_time("turn", then="value"):
                 return None
             model.play(1, walkers)
             before = lead
@@ -604,7 +604,7 @@ class _Search:
             rewards.append(lead - before)
             if model.is_over:
                 break
-        if not timer.fits("value"):
+        if not timer.has_time("value"):
             return None
         value = self.settings.value
         gains = [0.0 if value is None or model.is_over else as_float(value(model), "The result of value(model)")]

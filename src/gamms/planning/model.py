@@ -9,7 +9,7 @@ from typing import Any, Literal, TypedDict, Unpack, cast
 from gamms import belief, kernels
 from gamms.arguments import as_choice, as_count, as_int, as_known
 from gamms.context import Context
-from gamms.core.copies import copied
+from gamms.core.copies import copy_deep
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
@@ -132,7 +132,7 @@ class Model:
         which = as_count(number, "number of a world", 0)
         game.restore(self._now)
         names = ",".join(self.names)
-        self.ctx.reseed(kernels.purpose_key(self._seed, "model", names, self._turn, which) >> 1)
+        self.ctx.reseed(kernels.compute_purpose_key(self._seed, "model", names, self._turn, which) >> 1)
         if self._hidden is not None:
             game.internals.state.began.update(self._hidden.place())
         if self._sample is not None:
@@ -169,7 +169,7 @@ class Model:
             self.game.restore(self._now)
             for name, state in self.states.items():
                 memories[name].clear()
-                memories[name].update(copied(state["memory"]))
+                memories[name].update(copy_deep(state["memory"]))
             self._now = self.game.snapshot()
             self.sample(0)
         return {name: state.get("action") for name, state in self.states.items()}

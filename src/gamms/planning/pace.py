@@ -32,7 +32,7 @@ class StepTime:
         self._deviation += (abs(error) - self._deviation) / 4.0
         self.least = min(self.least, seconds)
 
-    def most(self) -> float:
+    def estimate_most(self) -> float:
         """Return an upper estimate of the next step's duration; 0 before the first one."""
         return self.mean + _MARGIN * self._deviation
 
@@ -59,7 +59,7 @@ class SearchPace:
         self._game = game
         self._policies = policies
 
-    def knows(self, states: Mapping[str, State]) -> bool:
+    def has_policies(self, states: Mapping[str, State]) -> bool:
         """Return whether it has policies for these agents of this game."""
         fork: Any = next(iter(states.values()))["fork"]
         return (fork is self._game or fork.is_of(self._game)) and states.keys() <= self._policies.keys()
@@ -67,7 +67,7 @@ class SearchPace:
     def has_followed(self, states: Mapping[str, State], limit: float) -> bool:
         """If there is no time for a model, call the agents' policies and return True."""
         cost = self.costs["model"]
-        if _RESERVE * cost.most() <= limit or not self.knows(states):
+        if _RESERVE * cost.estimate_most() <= limit or not self.has_policies(states):
             return False
         cost.note(cost.least)  # otherwise one slow model would be the last
         for name, state in states.items():
@@ -94,7 +94,7 @@ class SearchTimer:
         self._kind: str | None = "model"
         self._is_first = True
 
-    def fits(self, kind: str, *, then: str | None = None) -> bool:
+    def has_time(self, kind: str, *, then: str | None = None) -> bool:
         """End the current step, and return whether there is time for a step of another kind and its follower.
 
         Args:
@@ -102,7 +102,7 @@ class SearchTimer:
             then: the kind of a step that has to follow.
         """
         now = self.end()
-        needed = self._costs[kind].most() + (0.0 if then is None else self._costs[then].most())
+        needed = self._costs[kind].estimate_most() + (0.0 if then is None else self._costs[then].estimate_most())
         if kind == "world":
             self._iteration = now
             # An iteration that does not fit is lost. The first one is always tried: it may be shorter than others.

@@ -42,12 +42,12 @@ class PlainCopy:
         self._marks = {key: _mark(value) for key, value in now.items()}
 
     def copy(self) -> "PlainCopy":
-        """Return a copy that later calls of `changes` leave as it is."""
+        """Return a copy that later calls of `find_changes` leave as it is."""
         twin = copy(self)
         twin.values = {**self.values}
         return twin
 
-    def changes(self, now: Mapping[Any, Any]) -> Changes | None:
+    def find_changes(self, now: Mapping[Any, Any]) -> Changes | None:
         """Return the changes since the last call; None if there are none."""
         # NOTE: marks are compared first, at a fifth of the cost, because this runs for every memory in every
         # turn.
@@ -111,7 +111,7 @@ class _Detector:
     def __init__(self, value: Any) -> None:
         self.known = self._make_plain(value)
 
-    def accept(self, value: Any, data: Plain) -> None:  # noqa: ARG002 - named as in `_ItemsOfEach`
+    def accept(self, value: Any, data: Plain) -> None:  # noqa: ARG002 - named as in `_EachItemDetector`
         """Accept the change of a replayed event as known."""
         self.known = self._make_plain(value)
 
@@ -134,7 +134,7 @@ class _Detector:
         return to_plain(value)
 
 
-class _Value(_Detector):
+class _ValueDetector(_Detector):
     """Detects a new value of a whole field of the game.
 
     Args:
@@ -156,7 +156,7 @@ class _Value(_Detector):
         return to_plain(value) if captured is None else captured(value)
 
 
-class _NewEntries(_Detector):
+class _EntryDetector(_Detector):
     """Detects entries appended to a list."""
 
     def detect(self, value: list[Any]) -> list[Any]:
@@ -168,11 +168,11 @@ class _NewEntries(_Detector):
         return len(value)
 
 
-class _Items(_Detector):
+class _ItemDetector(_Detector):
     """Detects changed items of a dict."""
 
     def detect(self, value: Mapping[Any, Any]) -> list[Any]:
-        found = self.known.changes(value)
+        found = self.known.find_changes(value)
         return [] if found is None else [found]
 
     def _copy_known(self) -> "PlainCopy":
@@ -183,7 +183,7 @@ class _Items(_Detector):
         return PlainCopy(value)
 
 
-class _Facts(_Detector):
+class _FactDetector(_Detector):
     """Detects facts that were published or withdrawn."""
 
     def detect(self, value: Mapping[str, Any]) -> list[Any]:
@@ -204,7 +204,7 @@ class _Facts(_Detector):
         return dict(value)
 
 
-class _ItemsOfEach(_Detector):
+class _EachItemDetector(_Detector):
     """Detects changed items of dicts by key: of the memories of agents or teams, or of the reports of sensors.
 
     Args:
@@ -231,7 +231,7 @@ class _ItemsOfEach(_Detector):
             return []
         for key in sorted(value) if all(type(key) is str for key in value) else value:
             if value[key] or key in known:
-                changes = known.setdefault(key, PlainCopy({})).changes(value[key])
+                changes = known.setdefault(key, PlainCopy({})).find_changes(value[key])
                 if changes is not None:
                     found[key] = changes
         for key in [key for key in known if key not in value]:
@@ -245,26 +245,26 @@ class _ItemsOfEach(_Detector):
         return {name: PlainCopy(memory) for name, memory in value.items() if memory}
 
 
-_of_agents = partial(_ItemsOfEach, lambda found: {"agents": found, "teams": []}, lambda data: list(data["agents"]))
+_of_agents = partial(_EachItemDetector, lambda found: {"agents": found, "teams": []}, lambda data: list(data["agents"]))
 _of_teams = partial(
-    _ItemsOfEach,
+    _EachItemDetector,
     lambda found: {"agents": {}, "teams": [(to_plain(team), one) for team, one in found.items()]},
     lambda data: dict(data["teams"]),
 )
 _of_sensors = partial(
-    _ItemsOfEach,
+    _EachItemDetector,
     lambda found: {"looks": [[*key, one] for key, one in found.items()]},
     lambda data: [(sensor, owner) for sensor, owner, _ in data["looks"]],
 )
 
 DETECTED: dict[str, tuple[int, Callable[[Any], _Detector]]] = {
-    "events": (kinds.GAME_EVENT, _NewEntries),
-    "deeds": (kinds.GAME_DEED, _NewEntries),
-    "messages": (kinds.GAME_MESSAGE, _NewEntries),
-    **{name: (event.code, partial(_Value, name)) for name, event in FIELD_EVENTS.items()},
-    "data": (kinds.GAME_DATA, _Items),
+    "events": (kinds.GAME_EVENT, _EntryDetector),
+    "deeds": (kinds.GAME_DEED, _EntryDetector),
+    "messages": (kinds.GAME_MESSAGE, _EntryDetector),
+    **{name: (event.code, partial(_ValueDetector, name)) for name, event in FIELD_EVENTS.items()},
+    "data": (kinds.GAME_DATA, _ItemDetector),
     "over": (kinds.GAME_OVER, _Detector),
-    "facts": (kinds.GAME_FACTS, _Facts),
+    "facts": (kinds.GAME_FACTS, _FactDetector),
     "agent_facts": (kinds.GAME_PRIVATE_FACTS, _of_agents),
     "team_facts": (kinds.GAME_PRIVATE_FACTS, _of_teams),
     "memories": (kinds.GAME_MEMORY, _of_agents),
@@ -365,7 +365,7 @@ class StrategyChanges:
         ]
 
     def _read_strategies(self) -> list[Any]:
-        return list_deciders(self._ctx, self._ctx.agent.storage.strategies())
+        return list_deciders(self._ctx, self._ctx.agent.storage.list_strategies())
 
 
 class SensorChanges:
@@ -411,7 +411,7 @@ class SensorChanges:
         return [(kinds.SENSORS, {"sensor_kinds": group_sensors(changed), **({"removed": removed} if removed else {})})]
 
     def _describe_sensors(self) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = self._ctx.sensor.storage.described()
+        found: list[dict[str, Any]] = self._ctx.sensor.storage.describe_sensors()
         self._count = self._phase.sensor_changes
         self._size = len(found)
         return found
@@ -460,7 +460,7 @@ class DrawingChanges:
         self._artists = getattr(visual, "artists", None)  # a custom engine may have no artists
         self._with_custom = with_custom
         self._known: dict[str, Any] = {}
-        self.first = [data for _, data in self.changes()]
+        self.first = [data for _, data in self.list_changes()]
 
     @property
     def edits(self) -> int:
@@ -472,19 +472,19 @@ class DrawingChanges:
         """The last recorded drawings of the artists."""
         return list(self._known.values())
 
-    def specs(self) -> dict[str, Any]:
-        """Return descriptions of all artists as plain values; see `Artists.specs`."""
+    def describe_artists(self) -> dict[str, Any]:
+        """Return descriptions of all artists as plain values; see `Artists.describe_artists`."""
         if self._artists is None:
             return {"artists": [], "is_declared": False}
-        return select_plain(self._artists.specs(with_drawings=self._with_custom))
+        return select_plain(self._artists.describe_artists(with_drawings=self._with_custom))
 
-    def changes(self) -> Log:
+    def list_changes(self) -> Log:
         """Return events for the drawings that have changed."""
         artists = self._artists
         if artists is None or not (self._with_custom or self._known or artists.drawings.commands):
             return []
         known = self._known
-        self._known = artists.recorded_drawings(with_custom=self._with_custom)
+        self._known = artists.record_drawings(with_custom=self._with_custom)
         return [
             (kinds.VISUAL_COMMANDS, data)
             for name, data in self._known.items()

@@ -56,7 +56,7 @@ class Version2Writer:
                 record["data"] = self._make_plain(data) if opcode in _USERS else data
             encoded = self._dumps(record)
             if opcode in _USERS:
-                CborReader(encoded).item()
+                CborReader(encoded).read_item()
         except self._errors as error:
             raise BadType(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}. Use plain data.") from error
         except (BadCbor, RecursionError) as error:
@@ -129,9 +129,9 @@ class Version2Encoder:
         """Return the agent that an event moves or rotates."""
         agents = self._agents.agents
         if kind == kinds.MOVES or kind in FORMS:
-            row = agents.row_of(data[0])
+            row = agents.find_numbered_row(data[0])
         elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
-            row = agents.row(data["agent_name"])
+            row = agents.find_row(data["agent_name"])
         else:
             return None
         return Mover(agents.columns["names"][row], int(agents.columns["node"][row]))
@@ -161,7 +161,7 @@ class Version2Encoder:
             self._writer.write(timestamp, code, data)
             self._end = None
 
-    def keyframe(self, keyframe: Keyframe) -> None:
+    def write_keyframe(self, keyframe: Keyframe) -> None:
         """Do nothing: version 2 has no keyframes."""
 
     def flush(self) -> None:

@@ -12,7 +12,7 @@ from gamms.arguments import as_key, find_signature
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refuse_while_deciding
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
-from gamms.recorder.errors import RecordingError, reporting_damage
+from gamms.recorder.errors import RecordingError, report_damage
 from gamms.recorder.struct_types import FieldType
 from gamms.text import find_main_module, find_module, shown
 from gamms.typing import IContext
@@ -87,7 +87,7 @@ class Components(Guarded):
                 return cls
             if not isinstance(struct, Mapping):
                 raise BadType(f"The struct of a component must be a dict of field names to types, not {shown(struct)}.")
-            fields = {check_name(name): struct_types.parse_hint(hint).or_none() for name, hint in struct.items()}
+            fields = {check_name(name): struct_types.parse_hint(hint).make_optional() for name, hint in struct.items()}
             check_class(cls, fields)
             self._register(cls, fields, {name: str(field) for name, field in fields.items()})
             return cls
@@ -151,26 +151,26 @@ class Components(Guarded):
         self._on_event("COMPONENT_UNREGISTER", {"key": list(key)})
         del self._component_registry[key]
 
-    def recorded(self) -> Recorded:
-        """Return the present state, for `since`."""
+    def get_recorded(self) -> Recorded:
+        """Return the present state, for `list_events_since`."""
         kinds = {name: _find_kind(one, name) for name, one in self._components.items()}
         values = {name: dict(getattr(self._components[name], STORE)) for name, kind in kinds.items() if kind}
         return set(self._component_registry), {name: (kind.key, values[name]) for name, kind in kinds.items() if kind}
 
-    def keyframe(self) -> dict[str, Any]:
+    def make_keyframe(self) -> dict[str, Any]:
         """Return the part of a keyframe: `classes`, each with the names of its fields, and all `values` by name."""
         return {
             "classes": [[*key, list(kind.fields)] for key, kind in self._classes.items()],
             "values": {
                 name: {field: value for field, value in values.items() if field != "name"}
-                for name, (_, values) in self.recorded()[1].items()
+                for name, (_, values) in self.get_recorded()[1].items()
             },
         }
 
-    def since(self, known: Recorded) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield the events between a result of `recorded` and the present state."""
+    def list_events_since(self, known: Recorded) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield the events between a result of `get_recorded` and the present state."""
         classes, components = known
-        now = self.recorded()[1]
+        now = self.get_recorded()[1]
         gone = [name for name, (key, _) in components.items() if name not in now or now[name][0] != key]
         new = [name for name in now if name not in components or name in gone]
         needed = {now[name][0] for name in new}
@@ -221,7 +221,7 @@ class Components(Guarded):
         store = getattr(component, STORE)
         kind = get_kind(component)
         if kind is not None:
-            value = kind.fields[field].shaped(value)
+            value = kind.fields[field].convert(value)
         if not self._is_silent and self._components.get(store["name"]) is component:
             self._on_event("COMPONENT_UPDATE", _update(store["name"], field, value))
         store[field] = value
@@ -254,7 +254,7 @@ class Components(Guarded):
         struct = data.get("struct", {})
         if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
             raise RecordingError(f"A component class is declared without a map with at most {_MOST_FIELDS} fields.")
-        with reporting_damage(_IMPOSSIBLE, (BadType,)):
+        with report_damage(_IMPOSSIBLE, (BadType,)):
             fields = {check_name(name): struct_types.parse(text) for name, text in struct.items()}
         kind = self._classes.get(key)
         is_other = kind is not None and kind.fields != fields
@@ -271,7 +271,7 @@ class Components(Guarded):
             raise RecordingError(f"The recording declares more than {_MOST_CLASSES} component classes.")
         module, qualname = key
         cls = type(qualname.rpartition(".")[2] or qualname, (), {"__module__": module, "__qualname__": qualname})
-        with reporting_damage(_IMPOSSIBLE, (BadType,)):
+        with report_damage(_IMPOSSIBLE, (BadType,)):
             check_class(cls, fields)
         self._built += 1
         self._register(cls, fields, texts)
@@ -291,10 +291,10 @@ class Components(Guarded):
         """Return a component with all fields None; calls its author's `__init__` if this needs no arguments."""
         self._is_silent = True
         try:
-            with reporting_damage(f"The component {shown(name)} of class {kind.key} cannot be made", (Exception,)):
+            with report_damage(f"The component {shown(name)} of class {kind.key} cannot be made", (Exception,)):
                 component = kind.cls.__new__(kind.cls)
                 kind.begin(component, name)
-                if takes_nothing(kind.original_init):
+                if is_without_arguments(kind.original_init):
                     kind.original_init(component)
                 kind.begin(component, name)
                 return component
@@ -460,7 +460,7 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
         )
 
 
-def takes_nothing(init: Callable[..., None]) -> bool:
+def is_without_arguments(init: Callable[..., None]) -> bool:
     """Return whether an `__init__` can be called without arguments."""
     try:
         find_signature(init).bind(object())

@@ -38,7 +38,7 @@ from gamms.knowledge.sides import (
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import DAMAGES, reporting_damage
+from gamms.recorder.errors import DAMAGES, report_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import Keyframe
@@ -102,7 +102,7 @@ class KnowledgeFilter:
         self._known = DetachedState(deepcopy(self._first))  # state after all returned events
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
         self._carried = {sensor["id"]: sensor for sensor in self._list_sensors(self._own)}  # that are known
-        self._looks = self.visuals()  # that are known
+        self._looks = self.list_visuals()  # that are known
 
     def add(self, log: Log, *, is_end: bool = True) -> Iterator[Log]:
         """Add the events of the next turn; yields the previous turn once the own agents have sensed.
@@ -136,7 +136,7 @@ class KnowledgeFilter:
         shown = [*self._show(self._sighted), *self._note_new_flags(self._find_known_flags())] if looks else []
         report = (
             kinds.SENSED,
-            sensed.renumber_looks(sensed.columns_of(looks, self._own_fields, self._turn), self._get_id, int),
+            sensed.renumber_looks(sensed.make_columns(looks, self._own_fields, self._turn), self._get_id, int),
         )
         if looks and not self.is_shown:
             yield from self._give(shown, [report])
@@ -168,7 +168,7 @@ class KnowledgeFilter:
         self._sighted = None
         self.is_shown = False
 
-    def rest(self) -> Iterator[Log]:
+    def take_rest(self) -> Iterator[Log]:
         """Yield the last turn, which has no sensor data after it."""
         self.looked = []
         if self._waiting is not None:
@@ -176,11 +176,11 @@ class KnowledgeFilter:
             self._known.apply([])
             self._waiting = None
 
-    def keyframe(self, turns: int) -> Keyframe:
+    def make_keyframe(self, turns: int) -> Keyframe:
         """Return the state after `turns` returned turns; the initial state when one turn was added."""
-        return ({} if turns else self._first) | self._known.keyframe(turns)
+        return ({} if turns else self._first) | self._known.make_keyframe(turns)
 
-    def visuals(self) -> dict[str, Any] | None:
+    def list_visuals(self) -> dict[str, Any] | None:
         """Return the artists and colors that the team knows now; None: none are declared."""
         if self._visuals is None:
             return None
@@ -196,7 +196,7 @@ class KnowledgeFilter:
         columns = self._all.agents.columns
         self._all.agents.settle()
         self._version = self._all.agents.version
-        self._names = self._all.agents.names_by_number()
+        self._names = self._all.agents.get_names_by_number()
         for name in columns["names"]:
             self._ids.setdefault(name, len(self._ids))
         teams = dict(zip(columns["names"], columns["teams"], strict=True))
@@ -213,7 +213,7 @@ class KnowledgeFilter:
     def _list_sensors(self, names: Iterable[str]) -> list[dict[str, Any]]:
         """Return the sensors of the given agents, in the order of all sensors."""
         agents = self._all.agents
-        carried = set(chain.from_iterable(agents.columns["sensors"][agents.row(name)].values() for name in names))
+        carried = set(chain.from_iterable(agents.columns["sensors"][agents.find_row(name)].values() for name in names))
         return [sensor for sensor_id, sensor in self._all.sensors.items() if sensor_id in carried]
 
     # -- whole states ---------------------------------------------------------------------------------------------
@@ -222,9 +222,9 @@ class KnowledgeFilter:
         """Return the state as known to the own agents; data outside the columns come from a keyframe or snapshot."""
         columns = self._all.agents.columns
         names = [name for name in columns["names"] if name in self._own]
-        own = select_columns(columns, [self._all.agents.row(name) for name in names])
+        own = select_columns(columns, [self._all.agents.find_row(name) for name in names])
         own["numbers"] = np.arange(len(names))
-        packed = keyframes.packed(own, len(names), self._list_sensors(names), self._make_known_game(), None)
+        packed = keyframes.pack_keyframe(own, len(names), self._list_sensors(names), self._make_known_game(), None)
         return packed | select_history(of, self._agents, self._all.game.turn)
 
     def _make_known_game(self) -> GameState:
@@ -317,8 +317,8 @@ class KnowledgeFilter:
         """Return the creation event of an agent that joined the team."""
         agents = self._all.agents
         columns = agents.columns
-        row = agents.row(name)
-        at = keyframes.row_of(columns, row)
+        row = agents.find_row(name)
+        at = keyframes.get_row(columns, row)
         given = {
             "start_node_id": at["node"],
             "sensors": dict(columns["sensors"][row]),
@@ -349,7 +349,7 @@ class KnowledgeFilter:
         yield from self._hide([name for name in self._seen if name not in there])
         for name in there:
             sighting = seen[name]
-            row = self._all.agents.row(name)
+            row = self._all.agents.find_row(name)
             before = self._seen.get(name)
             if before is None:
                 given = {"start_node_id": sighting.node, "team": columns["teams"][row]}
@@ -367,7 +367,7 @@ class KnowledgeFilter:
 
     def _note_new_visuals(self) -> Iterator[_Event]:
         """Yield the artists and colors that the team knows, if they have changed."""
-        now = self.visuals()
+        now = self.list_visuals()
         if now != self._looks:
             self._looks = now
             yield kinds.VISUALS, now
@@ -438,7 +438,7 @@ def _make_creation_data(name: str, given: dict[str, Any], position: tuple[float,
 
 def cut_header(header: Mapping[str, Any], cut: KnowledgeFilter) -> dict[str, Any]:
     """Return the part of a header that a team knows at the beginning."""
-    visuals = cut.visuals()
+    visuals = cut.list_visuals()
     return {**select_public_entries(header), **({} if visuals is None else {"visuals": visuals})}
 
 
@@ -460,28 +460,28 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     def is_own(name: str, team: Any) -> bool:
         return bool((name if team is None else team) == own)
 
-    with reporting_damage("It cannot be cut", DAMAGES):
+    with report_damage("It cannot be cut", DAMAGES):
         teams = _list_teams(reader, first[1])
         equal = [known for known in teams if known == team]
         own = next(iter([*equal, *(known for known in teams if str(known) == team)]), None)
     if own is None:
         raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
-    with reporting_damage("It cannot be cut", DAMAGES):
+    with report_damage("It cannot be cut", DAMAGES):
         nearest = sensed.make_nearest(lambda: columns)
         cut = KnowledgeFilter(first[1], is_own, nearest, lambda: columns, reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
         header |= {"seed": None, "audience": own, "sides": list_sides(reader.header, first[1], is_own)}
     writer = Writer(out, header, seconds=None)
     for turn in range(reader.turns):
-        with reporting_damage(f"Turn {turn + 1} cannot be cut", DAMAGES):
+        with report_damage(f"Turn {turn + 1} cannot be cut", DAMAGES):
             complete = list(cut.add(reader.log(turn)))
-            keyframe = cut.keyframe(turn) if turn % _KEYFRAME_TURNS == 0 else None
+            keyframe = cut.make_keyframe(turn) if turn % _KEYFRAME_TURNS == 0 else None
         for given in complete:
             writer.add_turn(given)
         if keyframe is not None:
             writer.keyframe(keyframe)
-    with reporting_damage("Its last turn cannot be cut", DAMAGES):
-        rest = list(cut.rest())
+    with report_damage("Its last turn cannot be cut", DAMAGES):
+        rest = list(cut.take_rest())
     for given in rest:
         writer.add_turn(given)
     writer.close()

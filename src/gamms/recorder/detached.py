@@ -13,7 +13,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.schema import ON_EDGES, RECORDED_NUMBERS, SETTABLE, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes
-from gamms.recorder.errors import DAMAGES, Damaged, reporting_damage
+from gamms.recorder.errors import DAMAGES, Damaged, report_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, check_name
 from gamms.text import shown
@@ -77,10 +77,10 @@ class DetachedState(State):
     def apply_event(self, kind: int, data: Plain) -> None:
         """Apply an event; unknown kinds are ignored."""
         if kind in EVENTS:
-            try:  # NOTE: not `reporting_damage`, which would take a quarter of the time of a seek
+            try:  # NOTE: not `report_damage`, which would take a quarter of the time of a seek
                 EVENTS[kind].apply(self, data)
             except DAMAGES:
-                with reporting_damage(f"an event of kind {kind:#010x} does not fit", DAMAGES, Damaged, with_type=True):
+                with report_damage(f"an event of kind {kind:#010x} does not fit", DAMAGES, Damaged, with_type=True):
                     raise
 
     def advance(self, reader: Reader, start: int, stop: int) -> None:
@@ -101,7 +101,7 @@ class DetachedState(State):
     def restore(self, snapshot: Keyframe) -> None:
         """Replace the state by a keyframe or a snapshot; components stay, because snapshots do not contain them."""
         with _report_damage():
-            columns = keyframes.check_columns(keyframes.opened(snapshot))
+            columns = keyframes.check_columns(keyframes.unpack_keyframe(snapshot))
             following = keyframes.check_following(columns["numbers"].tolist(), snapshot["next"])
             self.agents = DetachedAgents(columns, following)
             self.sensors = _index_by_id(snapshot.get("sensor_kinds", ()))
@@ -143,7 +143,7 @@ class DetachedState(State):
         counted, at, pace = self._clock
         return counted + pace * (turns - at)
 
-    def keyframe(self, turns: int) -> Keyframe:
+    def make_keyframe(self, turns: int) -> Keyframe:
         """Return the keyframe after a number of turns, equal to that of a live context."""
         agents = self.agents
         agents.settle()
@@ -152,7 +152,7 @@ class DetachedState(State):
         columns = {**agents.columns, **self.beside_agents}
         sensors = [*self.sensors.values()]
         return {
-            **keyframes.packed(columns, agents.following, sensors, self.game, self.rng_state),
+            **keyframes.pack_keyframe(columns, agents.following, sensors, self.game, self.rng_state),
             "pace": self._clock[2],
             "components": {"classes": classes, "values": {name: dict(one) for name, one in self.components.items()}},
         }
@@ -164,7 +164,7 @@ class DetachedAgents(AgentsState):
     Rows of removed agents stay until `settle`.
 
     Args:
-        columns: see `keyframes.opened`; only this object adds or removes rows.
+        columns: see `keyframes.unpack_keyframe`; only this object adds or removes rows.
         following: number of the next new agent.
 
     Attributes:
@@ -212,7 +212,7 @@ class DetachedAgents(AgentsState):
         if name in self._row_of_name or number in self._row_of:
             raise Damaged("two agents have the same name or number")
         for column in ARRAYS:
-            with reporting_damage(f"a new agent has an invalid {shown(column)}", DAMAGES, Damaged):
+            with report_damage(f"a new agent has an invalid {shown(column)}", DAMAGES, Damaged):
                 self._make_room(column, row)[row] = values[column]
             self.columns[column] = self._whole[column][: row + 1]
         for column in LISTS:
@@ -225,7 +225,7 @@ class DetachedAgents(AgentsState):
 
     def remove(self, name: str) -> None:
         """Remove an agent (KeyError)."""
-        row = self.row(name)
+        row = self.find_row(name)
         self.departed[name] = self.columns["teams"][row], int(self.columns["node"][row])
         del self._row_of_name[name], self._row_of[int(self.columns["numbers"][row])]
         self._gone.append(row)
@@ -233,11 +233,11 @@ class DetachedAgents(AgentsState):
         if len(self._gone) > len(self):  # so that the cost per removal is constant
             self.settle()
 
-    def row(self, name: str) -> int:
+    def find_row(self, name: str) -> int:
         """Return the row of an agent by name (KeyError)."""
         return self._row_of_name[name]
 
-    def row_of(self, number: int) -> int:
+    def find_numbered_row(self, number: int) -> int:
         """Return the row of an agent by number.
 
         Raises:
@@ -248,11 +248,11 @@ class DetachedAgents(AgentsState):
             raise _make_unknown_error(number)
         return row
 
-    def names_by_number(self) -> dict[int, str]:
+    def get_names_by_number(self) -> dict[int, str]:
         """Return the names of the agents by their numbers."""
         return dict(zip(self.columns["numbers"].tolist(), self.columns["names"], strict=True))
 
-    def rows(self, numbers: IntArray) -> IntArray:
+    def find_rows(self, numbers: IntArray) -> IntArray:
         """Return the rows of agents by number.
 
         Raises:
@@ -261,7 +261,7 @@ class DetachedAgents(AgentsState):
         are_rows = self._is_counted and not self._gone and len(numbers) > 0
         if are_rows and int(numbers.min()) >= 0 and int(numbers.max()) < len(self.columns["names"]):
             return numbers
-        return np.array([self.row_of(number) for number in numbers.tolist()], np.int64)
+        return np.array([self.find_numbered_row(number) for number in numbers.tolist()], np.int64)
 
     def settle(self) -> None:
         """Drop the rows of removed agents."""
@@ -307,7 +307,7 @@ class DetachedAgents(AgentsState):
         The node of each agent becomes its last node, and its previous node the one before.
         """
         nodes = np.asarray(nodes, np.int64)
-        rows = self.rows(np.asarray(numbers, np.int64))
+        rows = self.find_rows(np.asarray(numbers, np.int64))
         node = self.columns["node"]
         order = rows.argsort(kind="stable")
         ordered = rows[order]
@@ -328,23 +328,23 @@ class DetachedAgents(AgentsState):
         if node is not None:
             columns["node"][row] = node
 
-    def turn(self, row: int, quat: tuple[float, ...]) -> None:
+    def set_rotation(self, row: int, quat: tuple[float, ...]) -> None:
         """Set the rotation of a flying agent."""
         self.columns["quat"][row] = quat
 
-    def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
+    def set_progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
         """Set the progress of agents along edges."""
-        rows = self.rows(np.asarray(numbers, np.int64))
+        rows = self.find_rows(np.asarray(numbers, np.int64))
         keyframes.check_shares(columns["edge_share"])
         keyframes.check_motions(columns.get("edge_motion", 0))
         for name in ON_EDGES:
             self.columns[name][rows] = columns.get(name, 0)
 
-    def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
+    def set_attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
         """Set or delete a custom attribute."""
         attributes = self.columns["attributes"]
         for number, value in zip(numbers, [_GONE] * len(numbers) if values is None else values, strict=True):
-            row = self.row_of(number)
+            row = self.find_numbered_row(number)
             own = {key: one for key, one in attributes[row].items() if key != name}
             attributes[row] = own if value is _GONE else {**own, name: value}
         self.version += 1
@@ -396,5 +396,5 @@ def _make_ground_error(name: str) -> Damaged:
     return Damaged(f"agent {shown(name)} flies, but is on the ground")
 
 
-def _report_damage() -> reporting_damage:
-    return reporting_damage("the whole state is invalid", DAMAGES, Damaged, with_type=True)
+def _report_damage() -> report_damage:
+    return report_damage("the whole state is invalid", DAMAGES, Damaged, with_type=True)

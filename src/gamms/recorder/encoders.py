@@ -43,7 +43,7 @@ class Version3Encoder:
         header = self._header(session)
         beginning = to_bytes(header, "The header"), session.begin
         if self._beginning is None or self._beginning[0] != beginning[0] or self._beginning[1] is not beginning[1]:
-            self._output.back_to(0)
+            self._output.return_to(0)
             self._writer = Writer(self._output, header)
             self._writer.keyframe(session.begin)
             self._beginning = beginning
@@ -63,7 +63,7 @@ class Version3Encoder:
         """The number of final blocks written so far."""
         return self._output.blocks
 
-    def keyframe(self, keyframe: Keyframe) -> None:
+    def write_keyframe(self, keyframe: Keyframe) -> None:
         """Write a keyframe."""
         self._writer.keyframe(keyframe)
 

@@ -23,7 +23,7 @@ DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, Overflow
 UNFIT = (GammsError, *DAMAGES)  # raised when such data are applied to a context
 
 
-class reporting_damage:  # noqa: N801 - it reads as a word in `with reporting_damage(…):`
+class report_damage:  # noqa: N801 - it reads as a word in `with reporting_damage(…):`
     """Turn errors from damaged data into an error with a clear message; a context manager.
 
     Args:

@@ -23,7 +23,7 @@ class SkippedValues:
         self._ctx = ctx
         self._warned: set[tuple[str, Any]] = set()
 
-    def packed(self) -> bytes:
+    def pack_map(self) -> bytes:
         """Return the graph and the obstacles of the context, without values that cannot be written."""
         packed: bytes
         packed, left_out = self._ctx.graph.storage.pack_savable()
@@ -32,7 +32,7 @@ class SkippedValues:
             self._warn(kind, f"{ids[0]}{others}", key)
         return packed
 
-    def plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
+    def make_plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
         """Return the values of an agent or sensor that can be written."""
         left_out: list[Any] = []
         part = select_plain(values, left_out)
@@ -42,10 +42,12 @@ class SkippedValues:
 
     def check_all(self) -> None:
         """Warn about values of agents and sensors that cannot be written."""
-        for name, (_, attributes, _) in zip(self._ctx.agent.agents, self._ctx.agent.storage.details(), strict=True):
+        for name, (_, attributes, _) in zip(
+            self._ctx.agent.agents, self._ctx.agent.storage.list_details(), strict=True
+        ):
             if attributes:
-                self.plain_part("agent", name, attributes)
-        self.check_sensors(self._ctx.sensor.storage.described())
+                self.make_plain_part("agent", name, attributes)
+        self.check_sensors(self._ctx.sensor.storage.describe_sensors())
 
     def check_data(self) -> None:
         """Warn about data of rules that cannot be written."""
@@ -58,7 +60,7 @@ class SkippedValues:
     def check_sensors(self, described: list[dict[str, Any]]) -> None:
         """Warn about values of these sensors that cannot be written."""
         for sensor in described:
-            self.plain_part("sensor", sensor["id"], sensor["keywords"])
+            self.make_plain_part("sensor", sensor["id"], sensor["keywords"])
 
     def _warn(self, kind: str, which: str, key: Plain) -> None:
         if (kind, key) in self._warned:
@@ -117,12 +119,12 @@ class SessionJournal(Journal):
         self._know(kind, data)
         self.log.append((kind, self._make_creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
 
-    def attributed(self, rows: Iterable[int], name: str, values: Plain) -> None:
+    def record_attribute(self, rows: Iterable[int], name: str, values: Plain) -> None:
         """Record a custom attribute, if it can be written."""
         if values is not None and not is_plain(values):
             for row, value in zip(rows, values, strict=True):
-                part = self._skipped.plain_part("agent", self.names[self.ids[row]], {name: value})
-                self.attributed([row], name, [part[name]] if name in part else None)
+                part = self._skipped.make_plain_part("agent", self.names[self.ids[row]], {name: value})
+                self.record_attribute([row], name, [part[name]] if name in part else None)
             return
         last = self.log[-1] if self.log else None
         if last is not None and last is self.last_set and last[1]["name"] == name and type(values) is list:
@@ -131,7 +133,7 @@ class SessionJournal(Journal):
             last[1]["values"] += to_plain(values)
             self.in_arrays += len(values)
             return
-        super().attributed(rows, name, values)
+        super().record_attribute(rows, name, values)
         self.last_set = self.log[-1] if type(values) is list else None
 
     def append(self, kind: int, data: Plain) -> None:
@@ -150,14 +152,14 @@ class SessionJournal(Journal):
         elif kind == kinds.AGENT_DELETE:
             self.living.pop(data["name"], None)
 
-    def flew(self, row: int, node: int, position: Position) -> None:
+    def record_flight(self, row: int, node: int, position: Position) -> None:
         """Record the position of a flying agent, and the node below it."""
-        super().flew(row, node, position)
+        super().record_flight(row, node, position)
         self.weight += _OF_FLIGHT
 
-    def turned(self, row: int, quat: Quat) -> None:
+    def record_rotation(self, row: int, quat: Quat) -> None:
         """Record the rotation of a flying agent."""
-        super().turned(row, quat)
+        super().record_rotation(row, quat)
         self.weight += _OF_FLIGHT
 
     def _make_creation(self, data: dict[str, Any]) -> dict[str, Any]:
@@ -167,7 +169,7 @@ class SessionJournal(Journal):
         if "sensors" in given:
             given["sensors"] = _find_ids(given["sensors"])
         named = {} if strategy is None else {"strategy": find_strategy_name(strategy)}
-        return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
+        return {**data, "kwargs": self._skipped.make_plain_part("agent", data["name"], given), **named}
 
 
 def _find_ids(given: SensorsOfAgent) -> dict[str, str] | list[str]:

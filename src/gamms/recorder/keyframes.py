@@ -38,12 +38,12 @@ _MOST_AGENTS = 1 << 24  # most agents in a recording
 def capture_state(ctx: HostContext) -> Keyframe:
     """Return the present state of a context as a keyframe."""
     rows = ctx.agent.block
-    described = ctx.sensor.storage.described()
+    described = ctx.sensor.storage.describe_sensors()
     groups = group_sensors(described)
-    details = ctx.agent.storage.details()
+    details = ctx.agent.storage.list_details()
     rows.locate()
-    columns: Columns = rows.arrays(column.name for column in PLACES if column.is_recorded and not column.parts)
-    columns |= rows.arrays(("names", "kind", "alive")) | list_columns_beside_agents(rows)
+    columns: Columns = rows.copy_columns(column.name for column in PLACES if column.is_recorded and not column.parts)
+    columns |= rows.copy_columns(("names", "kind", "alive")) | list_columns_beside_agents(rows)
     columns |= make_progress_columns(rows, np.arange(len(rows)))
     columns["numbers"] = np.array(rows.journal.ids[: len(details)], np.int64)
     columns["alive"] = columns["alive"].astype(np.int64)
@@ -52,7 +52,7 @@ def capture_state(ctx: HostContext) -> Keyframe:
     carried = [{name: sensor.sensor_id for name, sensor in sensors.items()} for sensors, _, _ in details]
     columns["carried"] = _list_carried_sensors(carried, groups)
     columns["strategies"] = _find_names(list_deciders(ctx, [strategy for *_, strategy in details]))
-    attributes = {row: select_plain(one) for row, one in ctx.agent.storage.attributes().items()}
+    attributes = {row: select_plain(one) for row, one in ctx.agent.storage.get_attributes().items()}
     state = ctx.game.internals.state
     return _make_keyframe(columns, len(rows.journal.names), groups, attributes, state, ctx.rng_state())
 
@@ -61,7 +61,7 @@ def list_columns_beside_agents(rows: AgentBlock) -> Columns:
     """Return the recorded columns of teams (team -> numbers) and of the game, without initial values."""
     columns: Columns = {}
     for one in BESIDE_AGENTS:
-        numbers = np.asarray(rows.games.row(one.name)).reshape(-1, *one.shape)
+        numbers = np.asarray(rows.games.get_row(one.name)).reshape(-1, *one.shape)
         if one.is_recorded and (numbers != one.initial).any():
             listed = numbers.tolist()
             columns[one.name] = (
@@ -87,7 +87,7 @@ def restore_beside_agents(rows: AgentBlock, keyframe: Keyframe) -> None:
         try:
             if one.axis == "team":
                 rows.number_teams(values)
-            numbers = np.asarray(rows.games.row(one.name)).reshape(-1, *one.shape)
+            numbers = np.asarray(rows.games.get_row(one.name)).reshape(-1, *one.shape)
             numbers[:] = one.initial
             for team, value in values.items():
                 numbers[rows.team_rows[team] if one.axis == "team" else 0] = value
@@ -95,7 +95,7 @@ def restore_beside_agents(rows: AgentBlock, keyframe: Keyframe) -> None:
             raise Damaged(f"{shown(one.name)} has invalid numbers for a column of its kind: {shown(held)}") from None
 
 
-def packed(
+def pack_keyframe(
     columns: Columns, following: int, sensors: list[dict[str, Any]], game: GameState, rng_state: Plain
 ) -> Keyframe:
     """Return a state in the compact form for writing.
@@ -189,16 +189,16 @@ def make_first_history(ctx: HostContext) -> Keyframe:
 def list_places(ctx: HostContext) -> dict[str, Any]:
     """Return the positions of agents: nodes, or (x, y, z) for flying agents."""
     columns = ctx.agent.block
-    nodes = columns.ids_of(columns.node)
+    nodes = columns.get_ids(columns.node)
     found: dict[str, Any] = dict(zip(columns.names, nodes, strict=True))
     for row in columns.flyers:
-        found[columns.names[row]] = columns.flights.position_of(row)
+        found[columns.names[row]] = columns.flights.get_position(row)
     return found
 
 
 def pack_components(ctx: HostContext) -> Keyframe:
     """Return the recorded components for a keyframe; after a snapshot they are recorded as events."""
-    return {"components": to_plain(ctx.record.components.keyframe())}
+    return {"components": to_plain(ctx.record.components.make_keyframe())}
 
 
 def list_flyers(ctx: HostContext) -> dict[str, Any] | None:
@@ -208,7 +208,7 @@ def list_flyers(ctx: HostContext) -> dict[str, Any] | None:
     if not columns.flyers:
         return None
     found: dict[str, Any] = {"names": [columns.names[row] for row in columns.flyers]}
-    for name, node_of in {"node": columns.node_of, "previous": columns.previous_of}.items():
+    for name, node_of in {"node": columns.get_node, "previous": columns.get_previous_node}.items():
         found[name] = np.array([*map(node_of, columns.flyers)], np.int64)
     return found
 
@@ -218,7 +218,7 @@ def make_progress_columns(block: AgentBlock, rows: IntArray) -> Columns:
     columns: dict[str, Any] = {name: np.zeros(len(rows), ARRAYS[name][0]) for name in ON_EDGES}
     shares = np.asarray(block.share)[rows]
     for place in np.flatnonzero(~np.isnan(shares)).tolist():
-        for name, value in zip(ON_EDGES, block.progress_of(rows[place]) or (), strict=True):
+        for name, value in zip(ON_EDGES, block.get_progress(rows[place]) or (), strict=True):
             columns[name][place] = value
     return columns
 
@@ -291,7 +291,7 @@ def _list_carried_sensors(sensors: list[dict[str, str]], groups: list[dict[str, 
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-def opened(keyframe: Keyframe) -> Columns:
+def unpack_keyframe(keyframe: Keyframe) -> Columns:
     """Return the columns of agents of a keyframe in either form."""
     columns = {name: keyframe[name] for name in (*LISTS, *ARRAYS) if name in keyframe}
     if "came" not in keyframe:
@@ -379,7 +379,7 @@ def check_motions(values: object) -> IntArray:
     return found
 
 
-def progress_of(source: int, target: int, share: float, edge: int = 0, motion: int = 0) -> Progress | None:
+def make_progress(source: int, target: int, share: float, edge: int = 0, motion: int = 0) -> Progress | None:
     """Return the checked progress of an agent along an edge; None on a node.
 
     Raises:
@@ -406,12 +406,12 @@ def list_sensors(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
     return [found[row] for row in sorted(range(len(found)), key=places.__getitem__)]
 
 
-def row_of(columns: Columns, row: int) -> dict[str, Any]:
+def get_row(columns: Columns, row: int) -> dict[str, Any]:
     """Return the position of an agent in the form of the columns of a live context."""
     return {
         "node": int(columns["node"][row]),
         "previous": int(columns["previous"][row]),
         **{name: None if isnan(columns[name][row][0]) else tuple(columns[name][row].tolist()) for name in VECTORS},
-        **{one.name: one.checked(columns[one.name][row].item(), one.name) for one in RECORDED_NUMBERS},
-        "progress": progress_of(*(columns[name][row] for name in ON_EDGES)),
+        **{one.name: one.check_value(columns[one.name][row].item(), one.name) for one in RECORDED_NUMBERS},
+        "progress": make_progress(*(columns[name][row] for name in ON_EDGES)),
     }

@@ -7,14 +7,14 @@ from typing import Any
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType
-from gamms.recorder.errors import RecordingError, reporting_damage
+from gamms.recorder.errors import RecordingError, report_damage
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
 HASH = "world_sha256"  # key in a header without "world"
 
 
-def hash_of(packed: bytes) -> str:
+def compute_hash(packed: bytes) -> str:
     """Return the SHA-256 of a packed map, in hexadecimal."""
     return sha256(packed).hexdigest()
 
@@ -28,7 +28,7 @@ def hash_in(header: dict[str, Any]) -> str:
     world = header.get("world")
     name = header.get(HASH)
     if isinstance(world, bytes):
-        return hash_of(world)
+        return compute_hash(world)
     if isinstance(name, str) and "world" not in header:
         return name
     raise RecordingError(f"The map at the start is not there: this recording holds {type(world)} instead.")
@@ -41,14 +41,14 @@ def has_map(header: dict[str, Any]) -> bool:
 
 def is_map_of(packed: bytes, header: dict[str, Any]) -> bool:
     """Return whether a map is that of a recording."""
-    return packed == header["world"] if "world" in header else hash_of(packed) == header.get(HASH)
+    return packed == header["world"] if "world" in header else compute_hash(packed) == header.get(HASH)
 
 
 def remove_map(header: dict[str, Any]) -> dict[str, Any]:
     """Return the header with the SHA-256 of the map instead of the map."""
     if "world" not in header:
         return header
-    return {**{key: value for key, value in header.items() if key != "world"}, HASH: hash_of(header["world"])}
+    return {**{key: value for key, value in header.items() if key != "world"}, HASH: compute_hash(header["world"])}
 
 
 def pack_map(graph: object) -> bytes:
@@ -84,7 +84,7 @@ def check_given_map(graph: object, header: dict[str, Any]) -> bytes:
     packed = pack_map(graph)
     if not is_map_of(packed, header):
         raise RecordingError(
-            f"This is not the map of the recording: its SHA-256 is {hash_of(packed)}, and not {hash_in(header)}."
+            f"This is not the map of the recording: its SHA-256 is {compute_hash(packed)}, and not {hash_in(header)}."
         )
     return packed
 
@@ -98,7 +98,7 @@ def attach(ctx: HostContext, header: dict[str, Any]) -> None:
     name = hash_in(header)
     if has_map(header):
         become(ctx, name, lambda: header["world"])
-    elif hash_of(pack_map(ctx)) != name:
+    elif compute_hash(pack_map(ctx)) != name:
         raise RecordingError(
             "This recording does not contain its map, and the graph of this context is another. Load the map with "
             f"the SHA-256 {name} first: ctx.graph.load('map.gamms')."
@@ -118,12 +118,12 @@ def become(ctx: HostContext, name: str, packed: Callable[[], bytes], others: tup
         RecordingError: the map is damaged, or the context has another map.
     """
     is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
-    now = None if is_empty else hash_of(pack_map(ctx))
+    now = None if is_empty else compute_hash(pack_map(ctx))
     if now not in (None, name, *others):
         raise RecordingError(
             "The graph or the obstacles of this context are not those of the recording. Give a context without a "
             "graph: the recording brings its own."
         )
     if now != name:
-        with reporting_damage("The map of this recording is damaged", (BadFile,)):
+        with report_damage("The map of this recording is damaged", (BadFile,)):
             ctx.graph.storage.unpack(packed())

@@ -11,7 +11,7 @@ from gamms.ir.events import COMPONENTS
 from gamms.ir.progress import Progress, find_steps_along
 from gamms.ir.schema import ON_EDGES
 from gamms.recorder import keyframes
-from gamms.recorder.errors import RecorderBusy, reporting_damage
+from gamms.recorder.errors import RecorderBusy, report_damage
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.resuming import EventHistory, delete_others, read_history
@@ -91,7 +91,7 @@ class Playback(IPlayback):
             was, now = (_find_places(self._recording.detached(one).agents.columns) for one in (turn - 1, turn))
             on_edges = [name for name in now if name in was and isinstance(now[name], Progress)]
             found.update((name, (was[name], now[name])) for name in on_edges)
-        named = state.game.named_edges_of(state.number_turn(turn))
+        named = state.game.find_named_edges(state.number_turn(turn))
         return found | find_steps_along({name: found[name] for name in named if name in found}, named)
 
     def play_turn(self) -> None:
@@ -118,13 +118,13 @@ class Playback(IPlayback):
         ctx = self._ctx
         state = self._replayer.state
         recording = self._recording
-        with reporting_damage(f"Turn {turn} cannot be shown"):
+        with report_damage(f"Turn {turn} cannot be shown"):
             if recording.map_hash(turn) != recording.map_hash(min(self.turn, self.turns)):
                 ctx.graph.storage.unpack(recording.map_at(turn).packed)
-            snapshot = recording.detached(turn).keyframe(turn) | read_history(self._reader, self._past, turn)
+            snapshot = recording.detached(turn).make_keyframe(turn) | read_history(self._reader, self._past, turn)
             delete_others(ctx, snapshot["names"])
             state.restore(snapshot)
-            for _, kind, data in self._past.events(turn, tuple(COMPONENTS)):
+            for _, kind, data in self._past.list_events(turn, tuple(COMPONENTS)):
                 ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
         self._replayer.show(*self._read_visuals(turn))
         self._replayer.turn = turn
@@ -132,7 +132,7 @@ class Playback(IPlayback):
     def _read_visuals(self, turn: int) -> tuple[Any, list[Any]]:
         """Return the declared visuals at a turn, and the recorded drawings of custom artists."""
         header = self._reader.header
-        declared = self._past.events(turn, _LOOKS)
+        declared = self._past.list_events(turn, _LOOKS)
         if turn > self._drawn_until:
             new = self._reader.events(self._drawn_until, turn, _DRAWINGS)
             self._drawn += [(log, data["artist"]) for log, *_, data in new]

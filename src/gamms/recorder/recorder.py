@@ -26,7 +26,7 @@ from gamms.recorder.playback import Playback
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import Follower, RecordingSession
-from gamms.recorder.streams import RecordingTarget, locks, open_readable, read_format
+from gamms.recorder.streams import RecordingTarget, lock_file, open_readable, read_format
 from gamms.text import shown
 from gamms.typing.context import HostContext
 from gamms.typing.recorder import IRecorder, OpCodes
@@ -53,7 +53,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self._replayer: Replayer | None = None
         self._followers: tuple[Follower, ...] = ()
         self._watch: RecordingSession | None = None  # session for followers while nothing is recorded
-        self._recorded = self.components.recorded()  # components when the recording was paused
+        self._recorded = self.components.get_recorded()  # components when the recording was paused
         self._version = 3  # format version of the present recording
 
     # -- writing ------------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self._target = target
         self._session = session
         self._version = version
-        for name, data in self.components.since((set(), {})):
+        for name, data in self.components.list_events_since((set(), {})):
             self._record_component_event(name, data)
         self._tell_followers()
 
@@ -196,7 +196,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             self.ctx.logger.warning("There is nothing to pause: no recording is being written.")
             return
         self._session.pause()
-        self._recorded = self.components.recorded()
+        self._recorded = self.components.get_recorded()
         self._tell_followers()
 
     @refuse_while_deciding
@@ -209,7 +209,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             return
         self._end_watch()
         self._session.play()
-        for name, data in self.components.since(self._recorded):
+        for name, data in self.components.list_events_since(self._recorded):
             self._record_component_event(name, data)
         self._tell_followers()
 
@@ -332,7 +332,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         stream, is_owned = open_readable(path)
         with ExitStack() as closing:
             if is_owned:
-                locks(stream, alone=False)
+                lock_file(stream, alone=False)
                 closing.callback(stream.close)
             if not 0 <= read_format(stream) < 3:
                 owned = stream if is_owned else None

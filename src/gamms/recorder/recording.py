@@ -29,15 +29,15 @@ from gamms.folders import write_whole
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
 from gamms.ir.graph import GraphColumns, read_only
-from gamms.ir.tables import add_latlon, frame_of, make_table
+from gamms.ir.tables import add_latlon, make_frame, make_table
 from gamms.knowledge.sides import list_sides
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
-from gamms.recorder.errors import DAMAGES, Damaged, RecordingError, reporting_damage
+from gamms.recorder.errors import DAMAGES, Damaged, RecordingError, report_damage
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.maps import become, check_given_map, has_map, hash_in, hash_of
+from gamms.recorder.maps import become, check_given_map, compute_hash, has_map, hash_in
 from gamms.recorder.states import State, copy_state
-from gamms.recorder.streams import StreamOwner, open_readable, read_format, written
+from gamms.recorder.streams import StreamOwner, open_output, open_readable, read_format
 from gamms.text import shown
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
@@ -172,8 +172,8 @@ class Recording(Surface, StreamOwner):
         name = scenario.get("name") if isinstance(scenario, dict) else None
         if isinstance(name, str) and name:
             return name
-        with reporting_damage("The sides of this recording are damaged", DAMAGES):
-            sides = self.header.get("sides") or list_sides(self.header, self.detached(0).keyframe(0))
+        with report_damage("The sides of this recording are damaged", DAMAGES):
+            sides = self.header.get("sides") or list_sides(self.header, self.detached(0).make_keyframe(0))
             named = [side for side in sides if side is not None]
             return " and ".join(named) if 0 < len(named) <= _FEW_SIDES else "A recorded game"
 
@@ -226,7 +226,7 @@ class Recording(Surface, StreamOwner):
     def detached(self, turn: int) -> DetachedState:
         """Return the state after a number of turns, valid until the next call."""
         turn = self._as_turn(turn)
-        with reporting_damage(f"The state after turn {turn} cannot be worked out", (Damaged,)):
+        with report_damage(f"The state after turn {turn} cannot be worked out", (Damaged,)):
             return self._compute_state(turn)
 
     def _compute_state(self, turn: int) -> DetachedState:
@@ -369,7 +369,7 @@ class Recording(Surface, StreamOwner):
                     live.agent.agents[name].register_strategy(strategy)
                 if ctx is not None or chosen:
                     resuming.complete_strategies(live, self.detached(turn), own | {*self.state(0).agents["name"]})
-                with reporting_damage(f"This game cannot go on from turn {turn}"):
+                with report_damage(f"This game cannot go on from turn {turn}"):
                     live.game.internals.refuse_misfits()
                 live.game.internals.checks_start = True
         except BaseException:
@@ -442,7 +442,7 @@ class Recording(Surface, StreamOwner):
         """
         from gamms.recorder.cut import write_cut
 
-        with written(path, overwrite=as_bool(overwrite, "overwrite")) as stream:
+        with open_output(path, overwrite=as_bool(overwrite, "overwrite")) as stream:
             write_cut(self.reader, self.graph.columns(), stream, team)
 
     @explain_call_errors
@@ -467,7 +467,7 @@ class Recording(Surface, StreamOwner):
         if not 1 <= turn <= self.turns:
             raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
         with self._make_context(turn - 1, {}, is_quiet=True) as ctx:
-            return resuming.observation(ctx, self.reader.log(turn - 1), self.detached(turn - 1), turn, agent)
+            return resuming.get_observation(ctx, self.reader.log(turn - 1), self.detached(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------
 
@@ -495,7 +495,7 @@ class Recording(Surface, StreamOwner):
     def map_hash(self, turn: int) -> str:
         """Return the SHA-256 of the map after a number of turns, even if the recording does not contain the map."""
         last = self._map_turn(turn)
-        return hash_of(self.map_at(turn).packed) if last else hash_in(self.reader.header)
+        return compute_hash(self.map_at(turn).packed) if last else hash_in(self.reader.header)
 
     def _map_turn(self, turn: int) -> int:
         """Return the last turn up to this one with a map change; 0 if there is none."""
@@ -533,7 +533,7 @@ class Recording(Surface, StreamOwner):
             `turn`, `kind`, and the data of the event. For events of rules, the turn is the turn number of the game, as
             in a `Result`.
         """
-        return tables.events(self.reader, *self._find_logs(start, stop))
+        return tables.read_events(self.reader, *self._find_logs(start, stop))
 
     def steps(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
         """Yield all events of these turns, in order.
@@ -542,7 +542,7 @@ class Recording(Surface, StreamOwner):
             `turn`; `event`, which is "MOVE", or the name of a kind of the format; `agent` and `node` for a move, `data`
             for other events.
         """
-        return tables.steps(self.reader, *self._find_logs(start, stop), self._find_names)
+        return tables.read_steps(self.reader, *self._find_logs(start, stop), self._find_names)
 
     @explain_call_errors
     def export(self, path: str | os.PathLike[str], *, turn_seconds: float = 1.0) -> Path:
@@ -584,7 +584,7 @@ class Recording(Surface, StreamOwner):
             BadValue (ValueError): `lat_lon` for a table without nodes or a map without a CRS.
         """
         logs = self._find_logs(start, stop)
-        table = tables.table(self.reader, name, *logs, self._find_names, self._get_first_map)
+        table = tables.read_table(self.reader, name, *logs, self._find_names, self._get_first_map)
         return add_latlon(table, self.state(self.turns).graph.columns()) if as_bool(lat_lon, "lat_lon") else table
 
     def to_pandas(
@@ -596,7 +596,7 @@ class Recording(Surface, StreamOwner):
             UnknownName (KeyError): the table does not exist.
             MissingExtra (ImportError): pandas is not installed.
         """
-        return frame_of(self.table(name, start, stop, lat_lon=lat_lon))
+        return make_frame(self.table(name, start, stop, lat_lon=lat_lon))
 
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
         """Yield the log of each turn from `start` until before `stop`; see docs/recording-format.md."""
@@ -620,7 +620,7 @@ class Recording(Surface, StreamOwner):
     def _find_names(self, log: int) -> tuple[dict[int, str], int]:
         """See `tables.NamesAt`."""
         agents = self.detached(log).agents
-        return agents.names_by_number(), agents.following
+        return agents.get_names_by_number(), agents.following
 
     def _find_logs(self, start: int | None, stop: int | None) -> tuple[int, int]:
         """Return the range of logs for turns from `start` until before `stop`; turn n is in log n - 1."""

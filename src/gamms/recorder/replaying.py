@@ -30,7 +30,7 @@ from gamms.knowledge.fields import FieldTable, find_first_turn
 from gamms.knowledge.looks import Look, Report, Reports
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps
-from gamms.recorder.errors import UNFIT, Damaged, RecordingError, reporting_damage
+from gamms.recorder.errors import UNFIT, Damaged, RecordingError, report_damage
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import Keyframe
@@ -171,12 +171,12 @@ class LiveAgents(AgentsState):
 
     def restore(self, snapshot: Keyframe, make_sensors: Callable[[], None]) -> None:
         """Create and place the agents of a snapshot."""
-        columns = keyframes.check_columns(keyframes.opened(snapshot))
+        columns = keyframes.check_columns(keyframes.unpack_keyframe(snapshot))
         numbers = columns["numbers"].tolist()
         names = columns["names"]
         self.following = keyframes.check_following(numbers, snapshot["next"])
         make_sensors()
-        with self._engine.block.accepting_any_node():
+        with self._engine.block.accept_any_node():
             for row, name in enumerate(names):
                 self._put(name, columns, row)
             keyframes.restore_beside_agents(self._engine.block, snapshot)
@@ -203,7 +203,7 @@ class LiveAgents(AgentsState):
         agent.alive = bool(columns["alive"][row])
         if not flies:
             agent.speed = speed
-        self._block.write(self._block.row_of(name), keyframes.row_of(columns, row))
+        self._block.write(self._block.find_row(name), keyframes.get_row(columns, row))
 
     def _equip_as(self, agent: Any, sensors: dict[str, str]) -> None:
         """Set the sensors of an agent, without missing ones."""
@@ -220,9 +220,9 @@ class LiveAgents(AgentsState):
         for key, numbers in places.items():
             if len(numbers) != VECTORS[key]:
                 raise BadValue(f"{shown(key)} has {VECTORS[key]} numbers, and not {shown(numbers)}.")
-        with self._engine.block.accepting_any_node():
+        with self._engine.block.accept_any_node():
             agent = self._engine.create_agent(name, **kwargs)
-        self._block.write(self._block.row_of(agent.name), places)
+        self._block.write(self._block.find_row(agent.name), places)
         self.names[self.following] = name
         self.following += 1
 
@@ -236,18 +236,18 @@ class LiveAgents(AgentsState):
         block: AgentBlock = self._engine.block
         return block
 
-    def row(self, name: str) -> int:
+    def find_row(self, name: str) -> int:
         """Return the row of an agent by name (KeyError)."""
-        return self._block.row_of(self._engine.get_agent(name).name)
+        return self._block.find_row(self._engine.get_agent(name).name)
 
-    def row_of(self, number: int) -> int:
+    def find_numbered_row(self, number: int) -> int:
         """Return the row of an agent by number.
 
         Raises:
             Damaged: the agent does not exist.
         """
         try:
-            return self._block.row_of(self.names[number])
+            return self._block.find_row(self.names[number])
         except KeyError as error:
             raise Damaged(f"Agent number {number} is not there: {reason(error)}") from error
 
@@ -271,8 +271,8 @@ class LiveAgents(AgentsState):
         """Move an agent, and record it; return its name, and its previous node."""
         block = self._engine.block
         name = self.names[number]
-        row = block.row_of(name)
-        before: int = block.node_of(row)
+        row = block.find_row(name)
+        before: int = block.get_node(row)
         block.move(row, node)
         return name, before
 
@@ -281,32 +281,32 @@ class LiveAgents(AgentsState):
         self._check_flies(row)
         self._block.fly(row, as_position(position), node)
 
-    def turn(self, row: int, quat: tuple[float, ...]) -> None:
+    def set_rotation(self, row: int, quat: tuple[float, ...]) -> None:
         """Set the rotation of a flying agent, and record it."""
         w, x, y, z = as_numbers(quat, "quat", "(w, x, y, z)")
         self._check_flies(row)
-        self._block.turn(row, (w, x, y, z))
+        self._block.set_rotation(row, (w, x, y, z))
 
-    def mover(self, row: int) -> Mover:
+    def get_mover(self, row: int) -> Mover:
         """Return a flying agent before its move, with its node."""
         self._check_flies(row)
-        return Mover(self._block.names[row], self._block.nearest(row))
+        return Mover(self._block.names[row], self._block.find_nearest_node(row))
 
     def _check_flies(self, row: int) -> None:
         if not self._block.kind[row]:
             raise BadType(f"Agent {self._block.names[row]!r} does not fly.")
 
-    def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
+    def set_progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
         """Set the progress of agents along edges."""
         zeros = np.zeros(len(numbers), np.int64)
         places = [columns.get(name, zeros) for name in ON_EDGES]
         for number, *where in zip(numbers.tolist(), *places, strict=True):
-            self._block.write(self.row_of(number), {"progress": keyframes.progress_of(*where)})
+            self._block.write(self.find_numbered_row(number), {"progress": keyframes.make_progress(*where)})
 
-    def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
+    def set_attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
         """Set or delete a custom attribute."""
         for number, value in zip(numbers, [None] * len(numbers) if values is None else values, strict=True):
-            agent = self._get_agent(self.row_of(number))
+            agent = self._get_agent(self.find_numbered_row(number))
             known = getattr(type(agent), name, None)
             if name[0] == "_" or callable(known) or isinstance(known, property):
                 raise BadValue(f"{shown(name)} is no attribute of agent {agent.name!r} that a program may set.")
@@ -337,7 +337,7 @@ class LiveAgents(AgentsState):
     # -- the journal ----------------------------------------------------------------------------------------------
 
     @contextmanager
-    def unnoted(self) -> Iterator[None]:
+    def mute(self) -> Iterator[None]:
         """Record no changes of agents, because one event describes them."""
         block = self._block
         if block.journal.is_silent:
@@ -357,7 +357,7 @@ class LiveAgents(AgentsState):
             return
 
         def number_of(number: int) -> int:
-            return journal.ids[self.row_of(number)]
+            return journal.ids[self.find_numbered_row(number)]
 
         renumber = sensed.renumber_looks if kind == kinds.SENSED else partial(kinds.renumber_event, kind)
         journal.append(kind, renumber(data, number_of))
@@ -441,7 +441,7 @@ class ReportReader:
         if self._following <= turn:
             first = max(first, self._following)
         found = list[tuple[int, Look]]()
-        with reporting_damage("The sensor data are damaged", with_type=True):
+        with report_damage("The sensor data are damaged", with_type=True):
             now = []
             for at, *_, data in self._reader.events(first, turn + 1, {kinds.SENSED}):
                 if at == turn:
@@ -490,7 +490,7 @@ class Replayer:
         begin = reader.keyframe(0)
         first_map = self._ctx.graph.columns()
         reports = ReportReader(reader, lambda: first_map)
-        self.state.show_reports(lambda: self._reports_now(reports))
+        self.state.show_reports(lambda: self._get_reports(reports))
         if begin is not None:
             self._begin(reader.header, begin[1])
         elif reader.turns or not reader.warning:  # otherwise it was truncated after its map
@@ -533,7 +533,7 @@ class Replayer:
         for _ in self._replay_turn(self.turn - 1, log):
             pass
 
-    def _reports_now(self, reports: ReportReader) -> Reports | None:
+    def _get_reports(self, reports: ReportReader) -> Reports | None:
         """Return the reports for the turn that is shown; None once the program plays on by itself."""
         if self.state.game.turn != self.state.shown_turn:
             return None
@@ -552,16 +552,16 @@ class Replayer:
             if code != kinds.SENSED:
                 self.apply(code, data)
                 continue
-            with reporting_damage("The sensor data are damaged", with_type=True):
+            with report_damage("The sensor data are damaged", with_type=True):
                 if agent in map(self.state.agents.names.get, data["agents"].tolist()):
                     return data
         return None
 
     def _begin(self, header: dict[str, Any], snapshot: dict[str, Plain]) -> None:
         recording = self._recording()
-        with reporting_damage("This recording cannot begin here"):
+        with report_damage("This recording cannot begin here"):
             is_adopted = recording is not None and recording.adopt(header, snapshot)
-            with self.state.agents.unnoted():
+            with self.state.agents.mute():
                 self.state.restore(snapshot)
         if recording is not None:
             recording.renumber(snapshot) if is_adopted else recording.emit_snapshot()
@@ -622,10 +622,10 @@ class Replayer:
         )
         try:
             if kind in FORMS:
-                mover = agents.mover(agents.row_of(data[0]))
+                mover = agents.get_mover(agents.find_numbered_row(data[0]))
             elif kind == kinds.AERIAL_AGENT_POSITION and not self._is_version_2:
-                mover = agents.mover(agents.row(data["agent_name"]))
-            with nullcontext() if notes_itself else agents.unnoted():
+                mover = agents.get_mover(agents.find_row(data["agent_name"]))
+            with nullcontext() if notes_itself else agents.mute():
                 if known is not None:
                     known.apply(self.state, data)
             if kind == kinds.SNAPSHOT:
@@ -656,7 +656,7 @@ class Replayer:
             RecordingError: the visuals are invalid.
         """
         if visuals is not None:
-            with reporting_damage("The visuals of this recording are invalid", with_type=True):
+            with report_damage("The visuals of this recording are invalid", with_type=True):
                 self.state.show(visuals)
                 for drawing in drawings:
                     self.state.draw(drawing)

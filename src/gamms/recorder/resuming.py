@@ -20,11 +20,11 @@ from gamms.plain import ID, NUMBER, TEXT, dict_of, either, refuse_misfit, tuple_
 from gamms.plugins import Registry
 from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import UNFIT, RecordingError, reporting_damage
+from gamms.recorder.errors import UNFIT, RecordingError, report_damage
 from gamms.recorder.replaying import Replayer
 from gamms.text import as_code, reason, shown
 from gamms.typing import SensorType
-from gamms.typing.actions import makes_strategies
+from gamms.typing.actions import is_factory
 from gamms.typing.context import HostContext, contexts
 from gamms.typing.game import find_strategy_name
 from gamms.typing.recorder import OpCodes
@@ -57,7 +57,7 @@ def open_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostContex
     return ctx
 
 
-def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: int, agent: str) -> dict[str, Any]:
+def get_observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: int, agent: str) -> dict[str, Any]:
     """Return the state that an agent's strategy received in a turn.
 
     Args:
@@ -74,7 +74,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     """
     replayer = Replayer(ctx)
     agents = replayer.state.agents
-    agents.names = before.agents.names_by_number()
+    agents.names = before.agents.get_names_by_number()
     agents.following = before.agents.following
     found = replayer.play_until_sensed(log, agent)
     if found is None:
@@ -91,7 +91,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     except UNFIT as error:
         raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
     numbers = {name: number for number, name in agents.names.items()}
-    with reporting_damage(f"The sensor data of turn {turn} are damaged", with_type=True):
+    with report_damage(f"The sensor data of turn {turn} are damaged", with_type=True):
         looks = sensed.decode_looks(found, numbers[agent], get_map=ctx.graph.columns)
         graph = ctx.graph.graph
         state["sensor"] = {
@@ -137,13 +137,13 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     get_phase(ctx).drop_plans()
     replayer = Replayer(ctx)
     past = EventHistory(reader)
-    with reporting_damage(f"This game cannot go on from turn {turn}"):
+    with report_damage(f"This game cannot go on from turn {turn}"):
         known = read_history(reader, past, turn)
         refuse_misfit(known["starts"], _STARTS, "The starts of agents", ())
         known["facts"] = facts | known["facts"]  # keep facts that a recording cannot contain
         if is_fresh:
             ctx.game.configure(known["settings"])
-        snapshot = then.keyframe(turn) | known
+        snapshot = then.make_keyframe(turn) | known
         if ctx.seed != find_seed(reader, turn):
             snapshot["chance"] = None
         delete_others(ctx, snapshot["names"])
@@ -153,11 +153,11 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
         ctx.game.internals.state.departed = find_departed(reader, past, turn)
     for name, agent in ctx.agent.agents.items():
         agent.decide_by(strategies.get(name))
-    looks = [data for *_, data in past.events(turn, (kinds.VISUALS,))]
+    looks = [data for *_, data in past.list_events(turn, (kinds.VISUALS,))]
     drawings = reader.header.get("drawings", [])
-    drawings = [*drawings, *(data for *_, data in past.events(turn, (kinds.VISUAL_COMMANDS,)))]
+    drawings = [*drawings, *(data for *_, data in past.list_events(turn, (kinds.VISUAL_COMMANDS,)))]
     replayer.show(looks[-1] if looks else reader.header.get("visuals"), drawings)
-    for _, kind, data in past.events(turn, tuple(COMPONENTS)):
+    for _, kind, data in past.list_events(turn, tuple(COMPONENTS)):
         ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
     drawing = getattr(ctx.visual, "drawing", None)  # a custom visual engine may have none
     if drawing is not None:
@@ -173,13 +173,13 @@ def find_strategies(then: DetachedState, given: Strategies) -> dict[str, Any]:
         RecordingError: the teams are invalid.
     """
     columns = then.agents.columns
-    with reporting_damage("The teams of this recording are damaged"):
+    with report_damage("The teams of this recording are damaged"):
         teams = {*columns["teams"]}
     team_of = dict(zip(columns["names"], columns["teams"], strict=True))
     for name, strategy in given.items():
         if name not in team_of and name not in teams:
             raise UnknownName("team or agent", name, [*sorted(map(str, teams)), *team_of])
-        if strategy is not None and not makes_strategies(strategy):
+        if strategy is not None and not is_factory(strategy):
             as_function_of(strategy, "A strategy", "the state")
     found = {name: given.get(name, given.get(team)) for name, team in team_of.items()}
     return {name: strategy for name, strategy in found.items() if strategy is not None}
@@ -225,7 +225,7 @@ def complete_strategies(ctx: HostContext, then: DetachedState, own: Collection[s
 
 def find_seed(reader: "Reader", turn: int) -> Any:
     """Return the seed of the game after a number of turns: that of the recording, or of a later reset."""
-    later = [data["seed"] for *_, data in EventHistory(reader).events(turn, (kinds.SNAPSHOT,)) if "seed" in data]
+    later = [data["seed"] for *_, data in EventHistory(reader).list_events(turn, (kinds.SNAPSHOT,)) if "seed" in data]
     return [reader.header.get("seed"), *later][-1]
 
 
@@ -305,7 +305,7 @@ def find_departed(reader: "Reader", past: "EventHistory", turn: int) -> dict[str
     In the knowledge of a team, agents are deleted that it does not see any more: then there are none.
     """
     found = reader.keyframe(0)
-    if found is None or "audience" in reader.header or not past.events(turn, (kinds.AGENT_DELETE,)):
+    if found is None or "audience" in reader.header or not past.list_events(turn, (kinds.AGENT_DELETE,)):
         return {}
     state = DetachedState(deepcopy(found[1]), found[0])
     state.advance(reader, found[0], turn)
@@ -315,7 +315,7 @@ def find_departed(reader: "Reader", past: "EventHistory", turn: int) -> dict[str
 def find_sensor_ids(reader: "Reader", past: "EventHistory", turn: int) -> set[str]:
     """Return the ids of all sensors that existed at the end of any turn until then."""
     begin = reader.keyframe(0)
-    said = [data for *_, data in past.events(turn, (kinds.SENSORS, kinds.SNAPSHOT))]
+    said = [data for *_, data in past.list_events(turn, (kinds.SENSORS, kinds.SNAPSHOT))]
     said += [] if begin is None else [begin[1]]
     sensors = chain.from_iterable(keyframes.list_sensors(data.get("sensor_kinds", ())) for data in said)
     return {sensor["id"] for sensor in sensors}
@@ -328,7 +328,7 @@ class EventHistory:
         self._reader = reader
         self._known: dict[tuple[int, ...], tuple[int, list[_Logged]]] = {}  # kinds -> (last turn read, events)
 
-    def events(self, turn: int, which: tuple[int, ...]) -> list[_Logged]:
+    def list_events(self, turn: int, which: tuple[int, ...]) -> list[_Logged]:
         """Return the events of these kinds in the first turns, with their logs and kinds."""
         until, known = self._known.get(which, (0, []))
         if turn > until:
@@ -343,7 +343,7 @@ def read_history(reader: "Reader", past: EventHistory, turn: int) -> dict[str, A
     begin = {} if found is None else found[1]
     starts = _read_starts(begin)
     known = _read_history(begin)
-    for _, kind, data in past.events(turn, _HISTORY):
+    for _, kind, data in past.list_events(turn, _HISTORY):
         if kind == kinds.SNAPSHOT:
             known = _read_history(deepcopy(data))  # copied, because `change` extends its lists
         elif kind in LOGGED:

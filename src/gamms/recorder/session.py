@@ -18,7 +18,7 @@ from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
 from gamms.knowledge.looks import ReportWriter
 from gamms.plain import Plain
-from gamms.progress import uninterrupted
+from gamms.progress import delay_interrupts
 from gamms.recorder import keyframes
 from gamms.recorder.changes import ContextChanges, DrawingChanges
 from gamms.recorder.detached import DetachedState
@@ -158,13 +158,13 @@ class RecordingSession:
         self._reports = ReportWriter(ctx)
         self._observer = ReportObserver(self)
         self._skipped = SkippedValues(ctx)
-        self.world: bytes | None = self._skipped.packed() if has_map else None
+        self.world: bytes | None = self._skipped.pack_map() if has_map else None
         if has_map:
             self._reports.follow_map()
         self._skipped.check_all()
         self.drawings = DrawingChanges(ctx.visual, with_custom=with_drawings)
         self._declarations = self.drawings.edits
-        self.visuals = self.drawings.specs()
+        self.visuals = self.drawings.describe_artists()
         self._members: Mapping[str, Any] = {}  # agents at the pause
         self._journal = self._listen()
         self.begin = keyframes.capture_state(ctx) | keyframes.make_first_history(ctx) | keyframes.pack_components(ctx)
@@ -193,7 +193,7 @@ class RecordingSession:
 
     def end_turn(self) -> None:
         """Write the finished turn; Ctrl-C waits until it is written."""
-        with uninterrupted():
+        with delay_interrupts():
             self._write_turn()
 
     def _write_turn(self) -> None:
@@ -201,7 +201,7 @@ class RecordingSession:
         if not self.turn:
             self.seed = self.ctx.seed
         self._note_changes()
-        journal.log += self.drawings.changes()
+        journal.log += self.drawings.list_changes()
         self._changes.game.count(journal.log)
         log = journal.log
         journal.log = []
@@ -213,7 +213,7 @@ class RecordingSession:
                 self._replayed = None
         self.turn += 1
         if self.world is None:  # later maps are recorded as events
-            self.world = self._skipped.packed()
+            self.world = self._skipped.pack_map()
             self._reports.follow_map()
         if self._writer is not None:
             self._writer.add(log, len(log) + journal.in_arrays, journal.weight, has_arrays=bool(journal.in_arrays))
@@ -268,7 +268,11 @@ class RecordingSession:
         self._note_changes()
         self._front = len(self.log)
         self._journal.last_set = None  # included in their initial state
-        looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs(), "drawings": self.drawings.noted}
+        looks = {
+            "world": self._skipped.pack_map(),
+            "visuals": self.drawings.describe_artists(),
+            "drawings": self.drawings.noted,
+        }
         state = keyframes.capture_state(self.ctx) | keyframes.make_history(self.ctx) | {"pace": self._changes.game.pace}
         following.begin(looks, state, self.drawings.edits, len(self.log))
 
@@ -376,10 +380,10 @@ class RecordingSession:
         journal.names = [""] * snapshot["next"]
         journal.living = dict.fromkeys(snapshot["names"])
         for name, number in zip(snapshot["names"], snapshot["numbers"].tolist(), strict=True):
-            journal.renumber(block.row_of(name), name, number)
+            journal.renumber(block.find_row(name), name, number)
         self._revised = _REVISIONS(self._graph)
         self._declarations = self.drawings.edits
-        self.drawings.changes()
+        self.drawings.list_changes()
         self._changes = self._read_state()
 
     def note_component(self, kind: int, data: dict[str, Any]) -> None:
@@ -495,10 +499,10 @@ class RecordingSession:
             if callback in callbacks:
                 callbacks.remove(callback)
 
-    def keyframe(self) -> keyframes.Keyframe:
+    def make_keyframe(self) -> keyframes.Keyframe:
         """Return the state after the last turn."""
         if self._replayed is not None:  # it has data that no context can have, such as names of strategies
-            return self._replayed.keyframe(self.turn)
+            return self._replayed.make_keyframe(self.turn)
         return (
             keyframes.capture_state(self.ctx) | {"pace": self._changes.game.pace} | keyframes.pack_components(self.ctx)
         )
@@ -561,7 +565,7 @@ class RecordingSession:
         elif kind == kinds.VISUALS:
             self._declarations = self.drawings.edits
         elif kind == kinds.VISUAL_COMMANDS:
-            self.drawings.changes()
+            self.drawings.list_changes()
         elif kind == kinds.SENSORS:
             self._changes.sensors.accept()
             self._reports.forget_fields()
@@ -591,7 +595,7 @@ class RecordingSession:
     def _note_visual_changes(self) -> Log:
         """Return an event with changed visuals; visuals of the first turn go to the header."""
         self._declarations = self.drawings.edits
-        visuals = self.drawings.specs()
+        visuals = self.drawings.describe_artists()
         if not self.turn:
             self.visuals = visuals
             return []
@@ -601,7 +605,7 @@ class RecordingSession:
         """Return an event with a changed map; the first map goes to the header, even if it is loaded late."""
         self._revised = _REVISIONS(self._graph)
         self._reports.follow_map()
-        world = self._skipped.packed()
+        world = self._skipped.pack_map()
         if self.world is None:
             self.world = world
             return []

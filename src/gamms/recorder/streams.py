@@ -19,7 +19,7 @@ _SCENARIOS = (".yaml", ".yml")
 _PathOrStream = str | os.PathLike[str] | BinaryIO | io.TextIOBase  # the last one, text, is refused
 
 
-def named(path: str | os.PathLike[str]) -> Path:
+def make_path(path: str | os.PathLike[str]) -> Path:
     """Return the path of a new recording, with the default suffix if it has none.
 
     Raises:
@@ -85,7 +85,7 @@ class RecordingTarget:
             raise BadType(f"A recording is written to a path or a binary stream, not to {shown(path)}.")
 
     def _open_new_file(self, path: str | os.PathLike[str], *, overwrite: bool) -> BinaryIO:
-        file = named(path)
+        file = make_path(path)
         self._at = Path(os.path.realpath(file)) if overwrite else file
         self._path = self._at
         if self._path.exists():
@@ -94,7 +94,7 @@ class RecordingTarget:
                     f"The file {str(file)!r} already exists; choose another name, delete it, or pass overwrite=True."
                 )
             self._old = self._path.open("rb")
-            if not locks(self._old, alone=True):
+            if not lock_file(self._old, alone=True):
                 self._close_old()
                 raise RecorderBusy(
                     f"{str(file)!r} is being recorded or replayed; choose another name or stop that first."
@@ -107,7 +107,7 @@ class RecordingTarget:
             if isinstance(error, FileNotFoundError):
                 raise MissingFolder(file.name, file.parent) from None
             raise
-        locks(stream, alone=True)
+        lock_file(stream, alone=True)
         return stream
 
     def keep(self) -> None:
@@ -136,7 +136,7 @@ class RecordingTarget:
 
 
 @contextmanager
-def written(path: _PathOrStream, *, overwrite: bool = False) -> Iterator[BinaryIO]:
+def open_output(path: _PathOrStream, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     """Yield a stream to write a whole recording; on an error an existing file is unchanged. See `RecordingTarget`."""
     target = RecordingTarget(path, overwrite=overwrite)
     try:
@@ -193,7 +193,7 @@ def read_format(stream: BinaryIO) -> int:
     return int.from_bytes(head[4:], "big") if head[:4] == MAGIC_NUMBER and len(head) == 8 else -1
 
 
-def locks(stream: BinaryIO, *, alone: bool) -> bool:
+def lock_file(stream: BinaryIO, *, alone: bool) -> bool:
     """Lock a file while it is open, exclusively or shared; return False if it is locked by others.
 
     Does nothing on systems or files without locks.

@@ -52,27 +52,27 @@ class Array:
     is_open: bool  # any number of items of one type
 
     def __str__(self) -> str:
-        inside = ", ".join(item.inner_text() for item in self.items)
+        inside = ", ".join(item.get_inner_text() for item in self.items)
         return f"{self.kind.__name__}[{inside}{', ...' if self.is_open and self.kind is tuple else ''}]"
 
-    def fits(self, value: object) -> bool:
+    def is_valid(self, value: object) -> bool:
         """Return whether a value is such a tuple or list."""
         if not isinstance(value, tuple | list) or type(value) is not self.kind:
             return False
         if self.is_open:
-            return all(self.items[0].fits(one) for one in value)
+            return all(self.items[0].is_valid(one) for one in value)
         return len(value) == len(self.items) and all(
-            item.fits(one) for item, one in zip(self.items, value, strict=True)
+            item.is_valid(one) for item, one in zip(self.items, value, strict=True)
         )
 
-    def shaped(self, values: Iterable[Any]) -> Any:
+    def convert(self, values: Iterable[Any]) -> Any:
         """Return the values as a fresh tuple or list, recursively."""
         values = list(values)
         if self.is_open:
-            return self.kind(self.items[0].shaped(one) for one in values)
+            return self.kind(self.items[0].convert(one) for one in values)
         if len(values) != len(self.items):
             return self.kind(values)
-        return self.kind(item.shaped(one) for item, one in zip(self.items, values, strict=True))
+        return self.kind(item.convert(one) for item, one in zip(self.items, values, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +85,9 @@ class FieldType:
         """Return the text for a recording."""
         if len(self.members) == 1 and self.members[0] in _SCALARS and self.members[0] != "...":
             return f"<class '{self.members[0]}'>"
-        return self.inner_text()
+        return self.get_inner_text()
 
-    def inner_text(self) -> str:
+    def get_inner_text(self) -> str:
         """Return the text inside brackets."""
         texts = [str(member) for member in self.members]
         if len(texts) == 1:
@@ -96,18 +96,18 @@ class FieldType:
             return f"typing.Optional[{next(text for text in texts if text != _NONE)}]"
         return f"typing.Union[{', '.join(texts)}]"
 
-    def or_none(self) -> "FieldType":
+    def make_optional(self) -> "FieldType":
         """Return the type with None, which every field may be, and is initially."""
         return unite_types([self, FieldType((_NONE,))])
 
-    def fits(self, value: object) -> bool:
+    def is_valid(self, value: object) -> bool:
         """Return whether a value has this type; an integer counts as a float, as in Python's typing."""
         return any(
-            member.fits(value) if isinstance(member, Array) else isinstance(value, _ACCEPTED[member])
+            member.is_valid(value) if isinstance(member, Array) else isinstance(value, _ACCEPTED[member])
             for member in self.members
         )
 
-    def shaped(self, value: object) -> Any:
+    def convert(self, value: object) -> Any:
         """Return a fresh value of the declared type: recordings have one kind of array, Python tuples and lists.
 
         A value of an undeclared type is returned unchanged.
@@ -116,8 +116,8 @@ class FieldType:
             value = value.tolist()
         if not isinstance(value, tuple | list):
             return value
-        shapes = [member.shaped(value) for member in self.members if isinstance(member, Array)]
-        return next(filter(self.fits, shapes), shapes[0] if shapes else value)
+        shapes = [member.convert(value) for member in self.members if isinstance(member, Array)]
+        return next(filter(self.is_valid, shapes), shapes[0] if shapes else value)
 
 
 def unite_types(parts: Iterable[FieldType]) -> FieldType:
@@ -194,7 +194,7 @@ def _parse_atom(node: ast.expr, depth: int) -> FieldType:
     name = ast.unparse(node.value).removeprefix("typing.").lower()
     dots = FieldType((_OPEN,))
     if name == "optional" and len(inside) == 1:
-        return inside[0].or_none()
+        return inside[0].make_optional()
     if name == "union":
         return _merge_kinds(inside)
     if name == "list" and len(inside) == 1:

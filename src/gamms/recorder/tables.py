@@ -17,7 +17,7 @@ from gamms.ir.tables import make_table
 from gamms.knowledge.looks import decode_looks, list_seen
 from gamms.plain import Plain
 from gamms.recorder import keyframes
-from gamms.recorder.errors import DAMAGES, RecordingError, reporting_damage
+from gamms.recorder.errors import DAMAGES, RecordingError, report_damage
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
 from gamms.text import reason, shown
@@ -56,7 +56,7 @@ _TRAVEL: dict[str, type] = {
 _SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str_, "node": np.int64, "other": np.str_}
 
 
-def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
+def read_events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
     """Yield events emitted by rules or recorded by programs, in these logs."""
     for log, _, _, data in reader.events(start, stop, _EMITTED):
         if not (isinstance(data, dict) and isinstance(data.get("kind"), str)):
@@ -64,7 +64,7 @@ def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
         yield {"turn": log + 1, **data}
 
 
-def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[dict[str, Any]]:
+def read_steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[dict[str, Any]]:
     """Yield all events in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
     names, following = names_at(start)
     for log in range(start, stop):
@@ -95,7 +95,7 @@ def _update_roster(
     kind: int, data: Mapping[str, Plain], names: dict[int, str], following: int
 ) -> tuple[dict[int, str], int]:
     """Return the names of agents by number, and the next number, after a creation or a snapshot."""
-    with reporting_damage(f"An event of kind {KINDS[kind]} is damaged", DAMAGES, with_type=True):
+    with report_damage(f"An event of kind {KINDS[kind]} is damaged", DAMAGES, with_type=True):
         if kind == kinds.SNAPSHOT:
             numbers = data["numbers"].tolist()
             return dict(zip(numbers, data["names"], strict=True)), keyframes.check_following(numbers, data["next"])
@@ -115,7 +115,7 @@ def _read_with_names(
             names, following = _update_roster(kind, data, names, following)
 
 
-def table(
+def read_table(
     reader: Reader, name: str, start: int, stop: int, names_at: NamesAt, get_map: Callable[[], GraphColumns]
 ) -> Table:
     """Return a table of these logs.
@@ -132,15 +132,15 @@ def table(
         UnknownName (KeyError): the table does not exist.
     """
     if as_name(name, "a table") in _NAMES:
-        with reporting_damage(
+        with report_damage(
             f"The table {shown(name)} cannot be made: an event in it is damaged", DAMAGES, with_type=True
         ):
             if name == "sensed":
                 return _read_sensed(reader, start, stop, names_at, get_map)
             return _TABLES[name](reader, start, stop, names_at)
-    rows = [event for event in events(reader, start, stop) if event["kind"] == name]
+    rows = [event for event in read_events(reader, start, stop) if event["kind"] == name]
     if not rows:
-        known = {event["kind"] for event in events(reader, 0, reader.turns)}
+        known = {event["kind"] for event in read_events(reader, 0, reader.turns)}
         if name not in known:
             raise UnknownName("table", name, [*_NAMES, *sorted(known)])
         return _make_table({"turn": np.int64}, [])
@@ -148,7 +148,7 @@ def table(
 
 
 def _read_events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
-    return _make_table(_EVENTS, [(event["turn"], event["kind"]) for event in events(reader, start, stop)])
+    return _make_table(_EVENTS, [(event["turn"], event["kind"]) for event in read_events(reader, start, stop)])
 
 
 def _read_moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:

@@ -77,7 +77,7 @@ def export(path: object, moments: Iterable[AgentsAtTurn], turns: int, created: o
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
         raise UnknownType(f"Cannot write tracks as {target.suffix or 'a file without a suffix'!r}.{hint}")
     began = float(created) if isinstance(created, (int, float)) and 0 <= created < _LONGEST_S * 4 else 0.0
-    found = tracks_of(moments, began, seconds)
+    found = make_tracks(moments, began, seconds)
     if found.latlon is None and write is not _write_csv:
         raise BadValue(
             f"{target.suffix} needs degrees, and the map of this recording has no CRS. Write .csv, or record a map "
@@ -100,7 +100,7 @@ def check_seconds(turn_seconds: float, turns: int) -> float:
     return seconds
 
 
-def tracks_of(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float) -> AgentTracks:
+def make_tracks(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float) -> AgentTracks:
     """Return the positions of agents at the start and after each turn; NaN if the node was removed."""
     parts: list[tuple[Any, ...]] = []
     count = 0
@@ -130,11 +130,11 @@ def make_positions(agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphC
     """Return positions (agents, 3) for the columns of a `State`; NaN for z on the ground, and for removed nodes."""
     xyz = np.column_stack([np.asarray(agents[axis], np.float64) for axis in "xyz"])
     on_ground = np.flatnonzero(~np.isfinite(xyz[:, 0]))
-    rows = kernels.rows_of(columns.node_ids, np.asarray(agents["node"])[on_ground], columns.node_order)
+    rows = kernels.find_rows(columns.node_ids, np.asarray(agents["node"])[on_ground], columns.node_order)
     xyz[on_ground[rows >= 0], :2] = columns.xy[rows[rows >= 0]]
     if "edge" in agents:
         between = np.flatnonzero(~np.isnan(agents["edge_share"]))
-        edges = kernels.rows_of(columns.edge_ids, np.asarray(agents["edge"])[between], columns.edge_order)
+        edges = kernels.find_rows(columns.edge_ids, np.asarray(agents["edge"])[between], columns.edge_order)
         for row, edge in zip(between[edges >= 0].tolist(), edges[edges >= 0].tolist(), strict=True):
             line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
             xyz[row, :2] = find_point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]

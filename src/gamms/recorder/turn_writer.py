@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Any, Protocol
 
 from gamms.ir.events import Log
-from gamms.progress import uninterrupted
+from gamms.progress import delay_interrupts
 from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.saving import BackgroundSaving
 from gamms.typing.context import HostContext
@@ -33,7 +33,7 @@ class TurnSource(Protocol):
     ctx: HostContext
     turn: int
 
-    def keyframe(self) -> Keyframe:
+    def make_keyframe(self) -> Keyframe:
         """Return the state after the last turn."""
 
     def abandon(self) -> None:
@@ -137,7 +137,7 @@ class TurnWriter:
     @contextmanager
     def _protect_writing(self) -> Iterator[None]:
         """Delay Ctrl-C, and end the recording if writing fails."""
-        with uninterrupted(), self._saving.lock:
+        with delay_interrupts(), self._saving.lock:
             try:
                 self._saving.check()
                 yield
@@ -168,7 +168,7 @@ class TurnWriter:
         self._weight = 0
         self._interval_ends = self._session.turn + _TURNS_AT_ONCE
         if self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self._session.ctx.agent.agents)):
-            self._encoder.keyframe(self._session.keyframe())
+            self._encoder.write_keyframe(self._session.make_keyframe())
             self._since_keyframe = 0
 
     def _encode(self) -> None:

@@ -16,7 +16,7 @@ from gamms.recorder import Reader, Recording, RecordingError, State
 from gamms.recorder import open as opened
 from gamms.recorder.maps import HASH
 from gamms.recordings.conversion import make_context_with_map
-from gamms.text import as_text, reason, shown, written
+from gamms.text import as_text, reason, shown, write_repr
 
 
 class Difference(NamedTuple):
@@ -40,7 +40,7 @@ class Difference(NamedTuple):
     def __str__(self) -> str:
         """Return a description in one line."""
         whose = "" if self.agent is None else f"agent {self.agent!r}, "
-        pair = written(self.first), written(self.second)
+        pair = write_repr(self.first), write_repr(self.second)
         return f"Turn {self.turn}, {whose}{self.field}: {pair[0]} in the first, {pair[1]} in the second"
 
 
@@ -63,7 +63,7 @@ def first_difference(first: Recording, second: Recording) -> Difference | None:
         if turn and _is_same(*pair):
             continue  # from equal states, equal events lead to equal states
         maps = first.map_hash(turn), second.map_hash(turn)
-        found = next(differences(first[turn], second[turn], maps), None)
+        found = next(list_differences(first[turn], second[turn], maps), None)
         if found is None and turn:
             found = _compare_events(turn, first, second)
         if found is not None:
@@ -82,7 +82,7 @@ def _is_same(one: Plain, other: Plain) -> bool:
     return to_bytes(one, "A log") == to_bytes(other, "A log")  # as NaN is, too
 
 
-def differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[Difference]:
+def list_differences(first: State, second: State, maps: tuple[str, str]) -> Iterator[Difference]:
     """Yield the differences of two states: of their maps, whose hashes are `maps`, then agent by agent."""
     turn = first.turn
     if maps[0] != maps[1]:
@@ -200,7 +200,7 @@ def _check_keyframes(path: str | os.PathLike[str]) -> None:
             turns.append(turn)
             turn = reader.keyframe_before(turn - 1)
         for turn in reversed(turns):
-            difference = next(differences(computed.state(turn), stored.state(turn), ("", "")), None)
+            difference = next(list_differences(computed.state(turn), stored.state(turn), ("", "")), None)
             if difference is not None:
                 raise RecordingError(
                     f"The keyframe after turn {turn} is not what follows from the turns before it. {difference}."

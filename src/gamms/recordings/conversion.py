@@ -23,7 +23,7 @@ from gamms.recorder import open as opened
 from gamms.recorder.formats import version2
 from gamms.recorder.maps import HASH
 from gamms.recorder.replaying import Replayer
-from gamms.recorder.streams import named, open_readable, read_format
+from gamms.recorder.streams import make_path, open_readable, read_format
 from gamms.recorder.tracks import check_seconds
 from gamms.typing.actions import check_node
 from gamms.visual import Engine
@@ -226,7 +226,7 @@ def to_version_3(
             return str(error)
         except BaseException:
             ctx.record.stop()
-            named(out).unlink()
+            make_path(out).unlink()
             raise
         finally:
             ctx.record.close()
@@ -243,7 +243,7 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
         if waiting is not None:
             if _is_move(ctx, waiting, record):
                 block = ctx.agent.block
-                block.move(block.row_of(data["agent_name"]), check_node(ctx.graph.graph, block, data["node_id"]))
+                block.move(block.find_row(data["agent_name"]), check_node(ctx.graph.graph, block, data["node_id"]))
                 waiting = None
                 continue
             replayer.apply(waiting["opCode"], waiting["data"])

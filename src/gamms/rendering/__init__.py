@@ -137,7 +137,7 @@ def render(
         with make_context_with_map(map) as ctx:
             shown_recording = recording if options.fog is None else with_sensed(recording)
             renderer = _Renderer(ctx, shown_recording, options, show)
-            return renderer.film(out) if suffix in FILMS else renderer.picture(out)
+            return renderer.save_film(out) if suffix in FILMS else renderer.save_picture(out)
 
 
 def _check_format(out: Path, options: RenderOptions) -> None:
@@ -242,7 +242,7 @@ class _Renderer:
         self._turn = 0
         self._fog: Fog | None = None
 
-    def picture(self, out: Path) -> int:
+    def save_picture(self, out: Path) -> int:
         """Save a picture of the state after the last requested turn."""
         from gamms.visual import files
 
@@ -258,7 +258,7 @@ class _Renderer:
         self._ctx.visual.save(out, options.width, options.height, **self._page)
         return self._turn
 
-    def film(self, out: Path) -> int:
+    def save_film(self, out: Path) -> int:
         """Film the turns that were asked for."""
         from gamms.visual.files import check_film_plan
 

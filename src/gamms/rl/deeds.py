@@ -90,7 +90,7 @@ class DeedChoices:
     def __len__(self) -> int:
         return len(self.names)
 
-    def masks(self, view: ArrayView) -> BoolArray:
+    def compute_masks(self, view: ArrayView) -> BoolArray:
         """Return a mask of the choices of a view's agents, (games, agents, choices); a rule may still refuse one.
 
         While an agent does a deed that lasts, it can choose no deed that lasts.
@@ -107,7 +107,7 @@ class DeedChoices:
                 found[..., choice] &= are_there[:, agent, None]
         return found
 
-    def given(self, chosen: IntArray, view: ArrayView) -> dict[str, tuple[BoolArray, dict[str, Any]]]:
+    def make_arguments(self, chosen: IntArray, view: ArrayView) -> dict[str, tuple[BoolArray, dict[str, Any]]]:
         """Return choices, (games, agents), as arguments of `Batch.step`."""
         found = {}
         for deed in self._deeds:
@@ -120,10 +120,10 @@ class DeedChoices:
 
     def do(self, chosen: IntArray, view: ArrayView) -> None:
         """Perform the chosen deeds of a view's agents, (games, agents)."""
-        for deed, (where, fields) in self.given(chosen, view).items():
+        for deed, (where, fields) in self.make_arguments(chosen, view).items():
             view.do(deed, where, **fields)
 
-    def plain(self, choice: int, legal: Sequence[int], node: int) -> dict[str, dict[str, Any]]:
+    def make_plain(self, choice: int, legal: Sequence[int], node: int) -> dict[str, dict[str, Any]]:
         """Return a choice as the deeds in `state["action"]`; {} if the agent does not have this choice.
 
         Args:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gamms.arguments import as_count, explain_call_errors
 from gamms.errors import BadValue
 from gamms.game.batch import MostAgents
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.rl.learners import Learners, Moves, Observation, Reward
 from gamms.scenario import Scenario, from_gallery
 from gamms.workers import refuse_in_worker
@@ -70,7 +70,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         BadType, BadValue: an argument has a wrong type or value; or no rule gives scores, and no reward is given.
         MissingExtra (ImportError): PettingZoo is not installed.
     """
-    with needing("An environment of PettingZoo", "rl"):
+    with require_extra("An environment of PettingZoo", "rl"):
         from gamms.rl.interface import EnvInterface, EnvRecipe, choose_engine
         from gamms.rl.team_env import TeamEnv
     window = choose_engine(render_mode)
@@ -126,7 +126,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
         BadType, BadValue: see `parallel_env`.
         MissingExtra (ImportError): Gymnasium is not installed.
     """
-    with needing("An environment of Gymnasium", "rl"):
+    with require_extra("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import AgentEnv, make_spec
         from gamms.rl.interface import EnvInterface, EnvRecipe, choose_engine
     window = choose_engine(render_mode)
@@ -206,7 +206,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): Gymnasium is not installed.
     """
-    with needing("An environment of Gymnasium", "rl"):
+    with require_extra("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import GamesEnv, parse_mode
         from gamms.rl.interface import EnvInterface, EnvRecipe, choose_engine, prepare
         from gamms.rl.processes import ProcessesEnv
@@ -257,7 +257,7 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
         MissingExtra (ImportError): Stable-Baselines3 is not installed.
         UnknownName, BadType, BadValue, TooLarge: see `vector_env`.
     """
-    with needing("An environment of Stable-Baselines3", "train"):
+    with require_extra("An environment of Stable-Baselines3", "train"):
         from gamms.rl.sb3 import SlotsEnv
     if "autoreset_mode" in options:
         raise BadValue("sb3_env has no autoreset_mode: in a VecEnv of Stable-Baselines3, games begin in the same step.")
@@ -314,7 +314,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): TorchRL is not installed.
     """
-    with needing("An environment of TorchRL", "torchrl"):
+    with require_extra("An environment of TorchRL", "torchrl"):
         from gamms.rl.tensor_env import TensorEnv
     return TensorEnv(
         Learners(

@@ -57,30 +57,30 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         self.render_mode = render_mode
         self.learners = interface.learners
         prepare(self.learners, render_mode)
-        self.observation_space = interface.observation_space()
-        self.action_space = interface.action_space()
+        self.observation_space = interface.make_observation_space()
+        self.action_space = interface.make_action_space()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
         """Reset the game to a seed; None: the next seed."""
         super().reset(seed=seed, options=options)
         self.learners.begin_next(seed)
         found = self._list_columns()
-        return self._interface.given(found), make_mask_infos(found) | self._list_drawn()
+        return self._interface.convert(found), make_mask_infos(found) | self._list_drawn()
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; after an illegal action the agent stays, and `info["is_legal"]` is False."""
-        heads = self._interface.heads_of([(np.array([0]), action)])
+        heads = self._interface.decode_heads([(np.array([0]), action)])
         was_legal = bool(are_legal(self.learners, heads)[0, 0])
         played = self.learners.step(*heads)
         found = self._list_columns()
         infos = {**make_mask_infos(found), **self._list_drawn(), "is_legal": was_legal}
         is_out = bool(played.terminated[0, 0])
         is_late = bool(played.truncated[0, 0])
-        return self._interface.given(found), float(played.rewards[0, 0]), is_out, is_late, infos
+        return self._interface.convert(found), float(played.rewards[0, 0]), is_out, is_late, infos
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Return a mask of legal actions, (actions,), for `sb3_contrib.MaskablePPO`."""
-        masks: np.ndarray[Any, np.dtype[np.bool_]] = self._interface.masks()[0, 0]
+        masks: np.ndarray[Any, np.dtype[np.bool_]] = self._interface.compute_masks()[0, 0]
         return masks
 
     def render(self) -> Any:
@@ -95,7 +95,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         return {key: column[0] for key, column in self.learners.drawn.items()}
 
     def _list_columns(self) -> Columns:
-        return {key: column[0, 0] for key, column in self._interface.columns().items()}
+        return {key: column[0, 0] for key, column in self._interface.collect_columns().items()}
 
 
 class SlotsTurn(NamedTuple):
@@ -167,8 +167,8 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         self._returns: FloatArray = np.zeros(self.num_envs)  # of the lives so far
         self._lengths: IntArray = np.zeros(self.num_envs, np.int64)
         refuse_mixed(learners, range(self.num_agents), "vector_env")
-        self.single_observation_space = interface.observation_space()
-        self.single_action_space = interface.action_space()
+        self.single_observation_space = interface.make_observation_space()
+        self.single_action_space = interface.make_action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
@@ -193,7 +193,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         is_other = np.ones(self.num_games, np.bool_)
         is_other[which] = False
         self._go_on_with(np.repeat(is_other, self.num_agents))
-        return self._interface.given(found), _make_infos(found, alive) | self._list_drawn()
+        return self._interface.convert(found), _make_infos(found, alive) | self._list_drawn()
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
         """Play a turn of all games, and reset finished games as `autoreset_mode` says.
@@ -216,11 +216,11 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         infos = Infos()
         if self._autoreset_mode is AutoresetMode.SAME_STEP and ends.any():
             final = _make_infos(turn.last, turn.valid) | drawn
-            infos = {"final_obs": self._interface.given(turn.last), "final_info": final}
+            infos = {"final_obs": self._interface.convert(turn.last), "final_info": final}
             infos |= {"_final_obs": ends, "_final_info": ends.copy()}
         infos |= self._note_lives(turn, ends)
         infos |= _make_infos(turn.now, turn.valid) | self._list_drawn()
-        return self._interface.given(turn.now), turn.rewards, turn.terminated, turn.truncated, infos
+        return self._interface.convert(turn.now), turn.rewards, turn.terminated, turn.truncated, infos
 
     def _note_lives(self, turn: SlotsTurn, ends: BoolArray) -> Infos:
         """Add a turn to the lives of agents; return the infos of those that end, (slots,)."""
@@ -239,7 +239,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
 
     def action_masks(self) -> BoolArray:
         """Return a mask of legal actions, (slots, actions)."""
-        return self._interface.masks().reshape(self.num_envs, -1)
+        return self._interface.compute_masks().reshape(self.num_envs, -1)
 
     def render(self) -> tuple[Any, ...] | None:
         """Return a picture for each slot, (height, width, 3), or show game 0 in its window.
@@ -268,32 +268,32 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         if seeds is not None:
             self.learners.begin_from(seeds, which)
         self.learners.begin_again(which)
-        return self._flatten_columns(self._interface.columns()), self.learners.alive.ravel()
+        return self._flatten_columns(self._interface.collect_columns()), self.learners.alive.ravel()
 
     def _play(self, actions: ActionArray) -> SlotsTurn:
         """Play a turn."""
         learners = self.learners
         mode = self._autoreset_mode
         was_over = learners.is_over if mode is AutoresetMode.NEXT_STEP else None
-        heads = self._interface.heads_of([(self._everyone, actions)])
+        heads = self._interface.decode_heads([(self._everyone, actions)])
         played = learners.step(*heads, begins=_BEGINS[mode])
         begun = learners.begun
         if was_over is not None:
             was_over[begun] = False
             if was_over.any():
                 learners.begin_again(np.flatnonzero(was_over))
-        now = self._flatten_columns(self._interface.columns())
+        now = self._flatten_columns(self._interface.collect_columns())
         last = now
         num_over = np.count_nonzero(learners.is_over)
         if mode is AutoresetMode.SAME_STEP and (played.num_ended or len(begun) or num_over):
             last = {key: column.copy() for key, column in now.items()}
             if len(begun):
-                self._put(last, begun, self._interface.ended_columns())
+                self._put(last, begun, self._interface.get_ended_columns())
         if mode is AutoresetMode.SAME_STEP and num_over:
             now = {key: column.copy() for key, column in now.items()}
             ended = np.flatnonzero(learners.is_over)
             learners.begin_again(ended)
-            self._put(now, ended, self._interface.columns(ended))
+            self._put(now, ended, self._interface.collect_columns(ended))
         return SlotsTurn(
             now,
             last,

@@ -107,7 +107,7 @@ def are_legal(learners: Learners, heads: ActionHeads) -> BoolArray:
     return found
 
 
-def action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
+def compute_action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
     """Return a mask of legal actions, (games, agents, actions): moves, followed by deeds if there are any.
 
     Args:

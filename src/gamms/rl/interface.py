@@ -75,7 +75,7 @@ class EnvInterface:
     def _choices(self) -> int:
         return 1 if self.learners.deeds is None else len(self.learners.deeds)
 
-    def action_space(self, agent: int = 0) -> spaces.Discrete | spaces.Box | MovesAndDeeds:
+    def make_action_space(self, agent: int = 0) -> spaces.Discrete | spaces.Box | MovesAndDeeds:
         """Return the action space of an agent, by its number; see `heads`."""
         learners = self.learners
         has_deeds = self.learners.deeds is not None
@@ -85,7 +85,7 @@ class EnvInterface:
             return MovesAndDeeds([learners.num_actions, self._choices])
         return spaces.Discrete(learners.num_actions * self._choices)
 
-    def observation_space(self, agent: int = 0) -> spaces.Dict | spaces.Box:
+    def make_observation_space(self, agent: int = 0) -> spaces.Dict | spaces.Box:
         """Return the observation space of an agent, by its number: see `mask` above."""
         values = np.asarray(self.learners.observe())
         shape = values.shape[2:]
@@ -99,9 +99,11 @@ class EnvInterface:
             return box
         if self.learners.flies[agent]:
             return spaces.Dict({"observation": box})
-        return spaces.Dict({"observation": box, "action_mask": spaces.Box(0, 1, self.masks().shape[2:], np.int8)})
+        return spaces.Dict(
+            {"observation": box, "action_mask": spaces.Box(0, 1, self.compute_masks().shape[2:], np.int8)}
+        )
 
-    def columns(self, which: IntArray | None = None) -> Columns:
+    def collect_columns(self, which: IntArray | None = None) -> Columns:
         """Return all agents' observations, and their masks unless all fly; arrays are (games, agents, …).
 
         Args:
@@ -111,27 +113,27 @@ class EnvInterface:
         found = {"observation": values.astype(np.int8) if values.dtype == np.bool_ else values}
         if self.learners.all_fly:
             return found
-        masks = self.masks()
+        masks = self.compute_masks()
         return found | {"action_mask": (masks if which is None else masks[which]).astype(np.int8)}
 
-    def ended_columns(self) -> Columns:
+    def get_ended_columns(self) -> Columns:
         """Return what `columns` returned for the games `learners.begun` before they began again."""
         values, masks = self.learners.observe_ended()
         return {"observation": values, "action_mask": masks.astype(np.int8)}
 
-    def given(self, columns: Columns) -> Any:
+    def convert(self, columns: Columns) -> Any:
         """Return observations in the form of the environment, from columns of any shape."""
         return columns if self.has_masks else columns["observation"]
 
-    def masks(self) -> BoolArray:
+    def compute_masks(self) -> BoolArray:
         """Return a mask of legal actions, (games, agents, actions).
 
         Raises:
             BadValue: all agents fly.
         """
-        return heads.action_masks(self.learners, are_flat=self._are_flat)
+        return heads.compute_action_masks(self.learners, are_flat=self._are_flat)
 
-    def heads_of(self, given: Sequence[tuple[IntArray, Any]]) -> heads.ActionHeads:
+    def decode_heads(self, given: Sequence[tuple[IntArray, Any]]) -> heads.ActionHeads:
         """Return the decoded heads of actions; see `heads.make_heads`."""
         return heads.make_heads(self.learners, given, are_flat=self._are_flat)
 

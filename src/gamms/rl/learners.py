@@ -17,33 +17,33 @@ from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import (
     ArrayView,
     LearnerWriter,
+    count_actions,
     encode_vectors,
     get_movement,
     get_nodes,
     list_lasting_deeds,
     make_writer,
     set_width,
-    width_in,
 )
 from gamms.game.batch import (
     Batch,
     MostAgents,
-    begins_at_once,
+    can_play_in_one_call,
+    can_restart_in_one_call,
     change_strategies,
     find_opponent_names,
     find_pools,
-    have_first_roads,
+    has_first_roads,
     list_newest_sources,
     list_sources,
-    plays_at_once,
+    make_source_view,
     prepare_starts,
     reset_alike,
     step_with,
-    view_source,
 )
 from gamms.game.block.vectors import ObservationVectors
 from gamms.game.deeds import parse_field
-from gamms.game.settings import rule_spec_of
+from gamms.game.settings import get_rule_spec
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import DeedChoices, get_choices
@@ -309,7 +309,7 @@ class Learners:
     def _count_most_legal(self) -> int:
         """Return the largest number of legal nodes on any map, and give observations on all maps this size."""
         views = self._make_first_views()
-        most = max(map(width_in, views))
+        most = max(map(count_actions, views))
         for view in views:
             set_width(view, most)
         return most
@@ -406,7 +406,7 @@ class Learners:
         if self._scripted is not None:
             given = self._store_script(given, heads, flown)
         before = None if self._reward is None else self._now
-        is_at_once = self._is_written and plays_at_once(self.games, given)
+        is_at_once = self._is_written and can_play_in_one_call(self.games, given)
         writer = self._writer if is_at_once else None
         scores = {} if is_at_once and before is None else self.games.scores
         if writer is None:
@@ -423,7 +423,7 @@ class Learners:
             self._set_of[self.begun] = self._newest
             self._note_begun(self.begun)
         if writer is not None and before is None:
-            return turn.outcome(writer.num_ended)
+            return turn.make_outcome(writer.num_ended)
         if writer is None:
             self._update_legal_moves()
         self._earn(before, scores)
@@ -434,7 +434,7 @@ class Learners:
 
     def _can_begin(self) -> bool:
         """Return whether the core can begin games again in a step; draw starts if some games have used theirs."""
-        if not (self._has_vectors and begins_at_once(self.games)):
+        if not (self._has_vectors and can_restart_in_one_call(self.games)):
             return False
         if self._num_used * _OFTEN >= len(self.games):
             self._num_used = 0
@@ -603,7 +603,7 @@ class Learners:
                     self.begin(which, seeds[which].tolist(), keeps_others=True)
                 self.observe()  # an observation function may have memory
                 if turn < steps.max():
-                    self.step(*carried.prefix.at(turn - behind))
+                    self.step(*carried.prefix.get_actions(turn - behind))
         if carried.newest and (carried.seeds is None or carried.newest not in carried.set_of):
             self.set_others(carried.others[carried.newest])
         self._turn.may_begin[:] = 0
@@ -630,7 +630,7 @@ class Learners:
 
     def _observe_whole(self, number: int) -> tuple[FloatArray, ArrayView]:
         """Return the numbers of `whole` for the agents in the games of a source, and a view of these games."""
-        views = [view_source(self.games, number, team) for team in self.games.teams]
+        views = [make_source_view(self.games, number, team) for team in self.games.teams]
         order = np.argsort(np.concatenate([view.agents for view in views]))
         xy = np.concatenate([view["xy"] for view in views], axis=1)[:, order]
         alive = np.concatenate([view.mask for view in views], axis=1)[:, order]
@@ -651,7 +651,7 @@ class Learners:
 
     def _make_views(self, number: int) -> list[ArrayView]:
         """Return the views of the teams in the games of a source, which may be empty; the first are of the maps."""
-        return [view_source(self.games, number, team, self.agent) for team in self.teams]
+        return [make_source_view(self.games, number, team, self.agent) for team in self.teams]
 
     def _begin_writing(self) -> None:
         """Choose whether the core writes the legal actions, and the observations."""
@@ -689,7 +689,7 @@ class Learners:
         turn.over[:] = self.games.is_over
         turn.late[:] = self.games.truncated if turn.over.any() else False
         was_written = self._is_written
-        self._is_written = self._writer is not None and self.games.is_in_arrays and have_first_roads(self.games)
+        self._is_written = self._writer is not None and self.games.is_in_arrays and has_first_roads(self.games)
         if self._writer is not None and self._is_written:
             self._writer.look(which if was_written else None)
             return
@@ -732,7 +732,7 @@ class Learners:
         """
         if self.deeds is None:
             return np.ones((*self._shape, 1), np.bool_)
-        masks = np.concatenate([self.deeds.masks(view) for (view,) in self._now], axis=1)
+        masks = np.concatenate([self.deeds.compute_masks(view) for (view,) in self._now], axis=1)
         masks[..., 1:] &= ~self.is_over[:, None, None]
         return masks
 
@@ -786,7 +786,8 @@ class Learners:
         """Return actions with the deeds of agents."""
         assert self.deeds is not None  # noqa: S101 - the caller has looked
         deeds = [
-            self.deeds.given(done[:, columns], *views) for columns, views in zip(self._columns, self._now, strict=True)
+            self.deeds.make_arguments(done[:, columns], *views)
+            for columns, views in zip(self._columns, self._now, strict=True)
         ]
         return {team: one._replace(deeds=of) for (team, one), of in zip(given.items(), deeds, strict=True)}
 
@@ -1001,12 +1002,12 @@ for _function in (default_observation, straight_observation):  # attributes that
 def _may_bring_back(rule: object) -> bool:
     """Return whether a rule declares that it brings agents back, or a user's code calls `respawn`."""
     own = (code for code in _list_codes(rule, set()) if not code.co_filename.startswith(_GAMMS))
-    return rule_spec_of(rule).brings_back or any("respawn" in code.co_names for code in own)
+    return get_rule_spec(rule).brings_back or any("respawn" in code.co_names for code in own)
 
 
 def _may_give_scores(rule: object) -> bool:
     """Return whether a rule declares that it uses scores, or code that it can reach does."""
-    return rule_spec_of(rule).uses_scores or any("scores" in code.co_names for code in _list_codes(rule, set()))
+    return get_rule_spec(rule).uses_scores or any("scores" in code.co_names for code in _list_codes(rule, set()))
 
 
 def _list_codes(value: object, seen: set[int]) -> Iterator[CodeType]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.limits import max_memory
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.rl.learners import Float32Array
 from gamms.text import shown
 
@@ -134,7 +134,7 @@ class Network(NamedTuple):
         number, rest = divmod(entries - shared, of_action)
         return 0 if rest else number
 
-    def logits(self, actions: int) -> Logits:
+    def make_logits(self, actions: int) -> Logits:
         """Return the function that evaluates the network."""
         inputs = self.architecture.inputs
         shared = self.architecture.shared
@@ -267,7 +267,7 @@ def load_onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
         MissingExtra (ImportError): onnxruntime is not installed.
         BadFile: it is not a valid model, or has weights in other files.
     """
-    with needing("A policy in ONNX", "onnx"):
+    with require_extra("A policy in ONNX", "onnx"):
         import onnxruntime
     if _EXTERNAL.search(model):
         raise BadFile(

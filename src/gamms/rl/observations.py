@@ -14,7 +14,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.view import ArrayView, get_observers, split_by_map
 from gamms.game.block.sensing import VisibleAgentPairs
 from gamms.game.block.vectors import make_buffers
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.movement.roads import MultiMapStreets
 from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
@@ -327,7 +327,7 @@ def _observe_nodes(view: ArrayView, hops: int, near: IntArray, far: IntArray, pl
     """Return the entries of nodes around the agents of a view, (games, agents, nodes, entries); 0 hops: all nodes."""
     most, entries = (near.shape[1], len(NEAR)) if hops else (len(near), len(NODE))
     found = np.empty((*view.node.shape, most, entries), np.float32)
-    columns: Any = flat(near, np.int64), flat(far, np.int64), flat(places, np.float64), found.reshape(-1).data
+    columns: Any = flatten(near, np.int64), flatten(far, np.int64), flatten(places, np.float64), found.reshape(-1).data
     nodes = observe.NodeFeatures(most, hops, *columns)
     observe.observe_nodes_aside(get_observers(view), nodes, make_buffers(len(view.roster.names), 0), 0, len(found))
     return found

@@ -15,13 +15,13 @@ from gamms.arguments import as_bool, as_context, as_function_of, as_items, as_pa
 from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
 from gamms.game.array_functions.declarations import array_strategy
-from gamms.game.array_functions.view import ArrayView, widen, width_in
+from gamms.game.array_functions.view import ArrayView, count_actions, widen
 from gamms.game.batch import list_digests
-from gamms.game.block.columns import sensors_of
+from gamms.game.block.columns import get_sensors
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import refuse_above
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.rl.deeds import get_choices
 from gamms.rl.heads import AXES, refuse_mixed
 from gamms.rl.learners import (
@@ -116,12 +116,12 @@ class Equipment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sensors: Annotated[dict[_Text, _Text], msgspec.Meta(max_length=100)]
 
     @classmethod
-    def of(cls, agent: IAgent) -> "Equipment":
+    def from_agent(cls, agent: IAgent) -> "Equipment":
         """Return the equipment of an agent."""
-        sensors = {name: _describe_sensor(sensor) for name, sensor in sorted(sensors_of(agent).items())}
+        sensors = {name: _describe_sensor(sensor) for name, sensor in sorted(get_sensors(agent).items())}
         return cls(None if agent.speed is None else float(agent.speed), sensors)
 
-    def fits(self, other: "Equipment") -> bool:
+    def is_same(self, other: "Equipment") -> bool:
         """Return whether other equipment is the same, as far as the settings of its sensors are known."""
         if self.speed != other.speed or self.sensors.keys() != other.sensors.keys():
             return False
@@ -135,7 +135,7 @@ def _describe_sensor(sensor: ISensor) -> str:
     name: str = sensor.type.name
     if kind is None or not kind.is_of(sensor):
         return f"{name} "
-    settings = [item for item in sorted(kind.keywords_of(sensor).items()) if item[0] not in _TURNING]
+    settings = [item for item in sorted(kind.list_keywords(sensor).items()) if item[0] not in _TURNING]
     return f"{name} {hashlib.sha256(repr(settings).encode()).hexdigest()[:16]}"
 
 
@@ -220,7 +220,7 @@ def save_policy(  # noqa: PLR0913 - those of the environments
     if file.suffix == ".onnx":
         _save_onnx(model, file, found)
         return
-    with needing("A policy in safetensors", "rl"):
+    with require_extra("A policy in safetensors", "rl"):
         from safetensors.numpy import save
     network = read_network(model, shared)
     network.check(_count_entries(found.spaces), found.spaces.numbers)
@@ -403,7 +403,7 @@ def _make_array_form(player: _PolicyOptions) -> Any:
         if described is not None and not player.other_scenario:
             _refuse_other_equipment(loaded.file, described, view)
         by_edges = described is not None and described.spaces.edges is True
-        legal = width_in(view)
+        legal = count_actions(view)
         view = widen(view, _count_actions(loaded, legal, flies=view.flies))
         num_actions = view.num_actions
         if by_edges:
@@ -422,7 +422,7 @@ def _make_array_form(player: _PolicyOptions) -> Any:
             values = np.asarray(observe(whole))[:, rows]
             fitting = _fit(loaded, legal, num_actions, deeds, values.shape[2:])
             masks = [np.arange(fitting.actions) < np.where(view.mask, counts, 1)[..., None]]
-            masks += [] if choices is None else [choices.masks(view)]
+            masks += [] if choices is None else [choices.compute_masks(view)]
             shape = masks[0].shape[0], len(columns)
             mask = np.concatenate(masks, axis=2)[:, columns].reshape(shape[0] * shape[1], -1)
             asked = view.mask[:, columns].ravel()
@@ -464,7 +464,7 @@ def _choose_flight(player: _PolicyOptions, observe: Observation, view: ArrayView
     mask = np.ones((len(view.agents), AXES + deeds), np.bool_)
     numbers = np.clip(fitting.evaluate({"observation": values[0], "action_mask": mask}), -1.0, 1.0)[None]
     if choices is not None:
-        best = np.where(choices.masks(view), np.nan_to_num(numbers[..., AXES:]), -np.inf).argmax(axis=2)
+        best = np.where(choices.compute_masks(view), np.nan_to_num(numbers[..., AXES:]), -np.inf).argmax(axis=2)
         choices.do(best, view)
     reach_m = np.array([view.roster.agents[number].speed or 0.0 for number in view.agents.tolist()])
     return limit_to_reach(numbers[..., :AXES].astype(np.float64), reach_m, view.node.shape)
@@ -585,7 +585,7 @@ def _fit(loaded: _LoadedPolicy, legal: int, width: int, deeds: int, observed: tu
         network.check(entries, actions + deeds)
     except BadValue as error:
         raise BadValue(f"{loaded.file} does not fit this game: {error}") from None
-    return _FittingPolicy(actions, network.logits(actions + deeds))
+    return _FittingPolicy(actions, network.make_logits(actions + deeds))
 
 
 def _explain_misfit(file: Path, spaces: PolicySpaces, here: tuple[int, int, tuple[int, ...]]) -> str:
@@ -619,8 +619,8 @@ def _refuse_other_equipment(file: Path, described: PolicyDescription, view: Arra
     """Refuse agents with sensors or speeds that a policy was not trained with."""
     for number in view.agents.tolist() if described.equipment else ():
         agent = view.roster.agents[number]
-        here = Equipment.of(agent)
-        if not any(one.fits(here) for one in described.equipment):
+        here = Equipment.from_agent(agent)
+        if not any(one.is_same(here) for one in described.equipment):
             raise BadValue(
                 f"{file} was trained for agents with other sensors, or with another speed, than {shown(agent.name)} "
                 "has: rl.policy(path, other_scenario=True) lets it play all the same."
@@ -655,7 +655,7 @@ def _read(file: Path, _stamp: tuple[int, int]) -> _LoadedPolicy:
         return _LoadedPolicy(file, _parse_description(metadata.get(_KEY), file), None, logits)
     if file.suffix in _PICKLES:
         return _LoadedPolicy(file, None, read_network(_unpickle(file)), None)
-    with needing("A policy in safetensors", "rl"):
+    with require_extra("A policy in safetensors", "rl"):
         from safetensors import SafetensorError, safe_open
     try:
         with safe_open(file, framework="numpy") as opened:
@@ -694,11 +694,11 @@ def _parse_description(text: str | None, file: Path) -> PolicyDescription:
 
 def _unpickle(file: Path) -> Any:
     """Return a model of Stable-Baselines3 or PyTorch; this runs the code in the file."""
-    with needing(f"The policy {file}", "train"):
+    with require_extra(f"The policy {file}", "train"):
         if file.suffix == ".zip":
-            from gamms.rl.sb3 import loaded
+            from gamms.rl.sb3 import load_model
 
-            return loaded(file)
+            return load_model(file)
         from torch import load
 
         return load(file, map_location="cpu", weights_only=False)
@@ -751,7 +751,7 @@ def _describe(learners: Learners) -> PolicyDescription:
         list(map(str, learners.teams)),
         learners.agent,
         maps=list(dict.fromkeys(one["map"] for one in digests)),
-        equipment=_remove_copies(Equipment.of(agent) for agent in agents),
+        equipment=_remove_copies(Equipment.from_agent(agent) for agent in agents),
     )
 
 

@@ -21,7 +21,7 @@ from gamms.experiment import Rows, run
 from gamms.experiment.games import Row
 from gamms.experiment.rows import read_metric
 from gamms.ir.graph import FloatArray
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.rl.environments import vector_env
 from gamms.rl.evaluation import name_maps
 from gamms.rl.learners import Reward
@@ -426,7 +426,7 @@ def ppo_learner(
         BadType, BadValue: an argument is impossible, the agents fly, or `start` has other layers.
         MissingExtra (ImportError): PyTorch is not installed.
     """
-    with needing("rl.ppo_learner", "torch"):
+    with require_extra("rl.ppo_learner", "torch"):
         import torch
     space = env.single_action_space
     if not hasattr(space, "n") and not hasattr(space, "nvec"):
@@ -447,7 +447,7 @@ def ppo_learner(
                 for _ in range(_EPOCHS):
                     for rows in torch.randperm(len(samples[0])).chunk(_BATCHES):
                         optimizer.zero_grad()
-                        agent.loss(*(column[rows] for column in samples)).backward()
+                        agent.compute_loss(*(column[rows] for column in samples)).backward()
                         torch.nn.utils.clip_grad_norm_(agent.actor.parameters(), 0.5)
                         optimizer.step()
     finally:
@@ -534,7 +534,7 @@ class _PolicyTrainer:
         took_part = valid.flatten() > 0
         return [one.flatten(0, 1)[took_part] for one in (*columns, gains, gains + values)]
 
-    def loss(
+    def compute_loss(
         self,
         observations: "Tensor",
         masks: "Tensor",

@@ -92,7 +92,7 @@ class ProcessesEnv(GamesEnv):
     def action_masks(self) -> BoolArray:
         """Return a mask of legal actions, (slots, actions)."""
         key = f"{_OBSERVED}action_mask"
-        return self._arrays[key] > 0 if key in self._arrays else self._interface.masks()
+        return self._arrays[key] > 0 if key in self._arrays else self._interface.compute_masks()
 
     def set_others(self, others: Mapping[str, Any] | None) -> None:
         """Replace the strategies of other agents and teams in all processes; see `GamesEnv.set_others`."""
@@ -188,7 +188,7 @@ class ProcessesEnv(GamesEnv):
         found += [SharedColumn(name, slots, "?") for name in (*_OF_SLOTS[1:], "over", "plays")]
         return found + [
             SharedColumn(prefix + key, slots + column.shape[2:], column.dtype.str)
-            for prefix, (key, column) in product((_OBSERVED, _LAST), self._interface.columns().items())
+            for prefix, (key, column) in product((_OBSERVED, _LAST), self._interface.collect_columns().items())
         ]
 
     def _ask(self, tasks: Sequence[bytes]) -> list[Any]:
@@ -262,7 +262,7 @@ class _WorkerGames:
     def restore(self, carried: object) -> Arrays:
         games = self._games
         games._restore(carried)
-        self._write(_OBSERVED, games._flatten_columns(games._interface.columns()))
+        self._write(_OBSERVED, games._flatten_columns(games._interface.collect_columns()))
         return self._finish()
 
     def render(self) -> Any:

@@ -21,7 +21,7 @@ from gamms.rl.gym_envs import GamesEnv
 _METHODS = ("action_masks",)
 
 
-def loaded(file: Path) -> Any:
+def load_model(file: Path) -> Any:
     """Return a model saved by PPO, with or without masks; this runs the code in the file."""
     from sb3_contrib import MaskablePPO
 

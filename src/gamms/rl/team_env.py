@@ -54,12 +54,14 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         self.agents: list[str] = []
         self.np_random = np.random.default_rng()
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
-        kinds = {flies: interface.observation_space(number) for number, flies in enumerate(learners.flies.tolist())}
+        kinds = {
+            flies: interface.make_observation_space(number) for number, flies in enumerate(learners.flies.tolist())
+        }
         of_agents = list(zip(self.possible_agents, learners.flies.tolist(), strict=True))
         self.observation_spaces = {
             agent: deepcopy(kinds[flies]) for agent, flies in of_agents
         }  # each samples independently
-        self.action_spaces = {agent: interface.action_space(self._number[agent]) for agent in self.possible_agents}
+        self.action_spaces = {agent: interface.make_action_space(self._number[agent]) for agent in self.possible_agents}
         self._parts = [np.flatnonzero(learners.flies == flies) for flies in (False, True)]
         self._idle = {agent: 0 * space.sample() for agent, space in self.action_spaces.items()}
         self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
@@ -99,7 +101,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         for name in as_mapping(actions, "actions"):
             self._check_agent(name)
         given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
-        heads = self._interface.heads_of([(agents, [given[number] for number in agents]) for agents in self._parts])
+        heads = self._interface.decode_heads([(agents, [given[number] for number in agents]) for agents in self._parts])
         is_legal = are_legal(self.learners, heads)[0].tolist()
         alive = self.learners.alive[0].tolist()
         was_legal = {
@@ -123,7 +125,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         """Return the masks of legal actions: agent on the ground -> (actions,) booleans."""
         if self.learners.all_fly:
             return {}
-        masks = zip(self.possible_agents, self._interface.masks()[0], self.learners.flies, strict=True)
+        masks = zip(self.possible_agents, self._interface.compute_masks()[0], self.learners.flies, strict=True)
         return {name: mask for name, mask, flies in masks if not flies}
 
     def state(self) -> Float32Array:
@@ -155,7 +157,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
 
     def _make_answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return the observations of these agents, and their infos."""
-        columns = self._interface.columns()
+        columns = self._interface.collect_columns()
         values = {}
         infos = {}
         for name in names:
@@ -163,6 +165,6 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
             found = {key: column[0, number] for key, column in columns.items()}
             if self.learners.flies[number]:
                 found.pop("action_mask", None)
-            values[name] = self._interface.given(found)
+            values[name] = self._interface.convert(found)
             infos[name] = make_mask_infos(found) | {key: column[0] for key, column in self.learners.drawn.items()}
         return values, infos

@@ -9,7 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, MultiCategorical, Unbounded
 from torchrl.envs import EnvBase
 
-from gamms.rl.heads import action_masks, make_heads, refuse_mixed
+from gamms.rl.heads import compute_action_masks, make_heads, refuse_mixed
 from gamms.rl.learners import Learners
 from gamms.rl.turns import TurnOutcome
 
@@ -134,7 +134,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
             ended = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         columns = {"observation": learners.observe(), "mask": alive & ~over[:, None]}
         if not learners.all_fly:
-            columns["action_mask"] = action_masks(learners)
+            columns["action_mask"] = compute_action_masks(learners)
         columns |= {key: one[..., None] for key, one in ended.items()}
         if played is not None:
             columns["reward"] = played.rewards.astype(np.float32)[..., None]

@@ -103,7 +103,7 @@ class TurnOutcome(NamedTuple):
     num_ended: int
 
 
-def data(column: np.ndarray[Any, Any]) -> Any:  # memoryviews are not subscriptable
+def as_buffer(column: np.ndarray[Any, Any]) -> Any:  # memoryviews are not subscriptable
     """Return an array as a flat buffer, which the core writes to."""
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
@@ -130,19 +130,19 @@ class TurnArrays:
 
         self.core = observe.LearnerTurn(
             *shape,
-            data(self.counts),
-            data(self.alive),
-            data(self.over),
-            data(self.late),
-            data(self.earned),
-            data(self.moves),
-            was_over=data(self.was_over),
-            plays=data(self._plays),
-            rewards=data(self._rewards),
-            terminated=data(self._terminated),
-            truncated=data(self._truncated),
-            may_begin=data(self.may_begin),
-            begun=data(self.begun),
+            as_buffer(self.counts),
+            as_buffer(self.alive),
+            as_buffer(self.over),
+            as_buffer(self.late),
+            as_buffer(self.earned),
+            as_buffer(self.moves),
+            was_over=as_buffer(self.was_over),
+            plays=as_buffer(self._plays),
+            rewards=as_buffer(self._rewards),
+            terminated=as_buffer(self._terminated),
+            truncated=as_buffer(self._truncated),
+            may_begin=as_buffer(self.may_begin),
+            begun=as_buffer(self.begun),
             may_return=may_return,
         )
 
@@ -152,13 +152,13 @@ class TurnArrays:
 
     def write_masks(self, legal: BoolArray) -> None:
         """Write which actions are legal, (games, agents, actions), by `counts`; see `core.observe.write_masks`."""
-        observe.write_masks(self.core, data(legal))
+        observe.write_masks(self.core, as_buffer(legal))
 
     def end(self) -> TurnOutcome:
         """Write the rewards and ends of a turn, and return its outcome."""
-        return self.outcome(observe.end_turns(self.core))
+        return self.make_outcome(observe.end_turns(self.core))
 
-    def outcome(self, num_ended: int) -> TurnOutcome:
+    def make_outcome(self, num_ended: int) -> TurnOutcome:
         """Return the outcome of a turn in new arrays, given the number of agents that ended."""
         ends = self._terminated.copy(), self._truncated.copy()
         return TurnOutcome(self._rewards.copy(), *ends, self._plays.copy(), num_ended)
@@ -206,7 +206,7 @@ class ActionHistory:
         copied._flights = [*self._flights]
         return copied
 
-    def at(self, turns: IntArray) -> tuple[IntArray, IntArray | None, FloatArray | None]:
+    def get_actions(self, turns: IntArray) -> tuple[IntArray, IntArray | None, FloatArray | None]:
         """Return the moves, deeds and flights of these turns of the games, (games,); before turn 0 agents stay."""
         stay, hover = self._none
         heads = [one.copy() for one in stay]
@@ -252,7 +252,7 @@ class ScriptedActions:
         move, deed, *flight = self._taken[state["turn"], games.loaded].tolist()
         agent = games.game.ctx.agent.agents[state["name"]]
         here = agent.current_node_id
-        done = {} if self._choices is None else self._choices.plain(int(deed), legal or (here,), here)
+        done = {} if self._choices is None else self._choices.make_plain(int(deed), legal or (here,), here)
         if "quat" in state:
             state["action"] = make_flight_action(flight, agent.speed, done)
             return

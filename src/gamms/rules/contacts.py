@@ -14,7 +14,7 @@ from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.block.in_core import ContactOptions, RuleBuilder
 from gamms.game.roles import as_team_or_role, get_team
 from gamms.rules.in_core import tagging
-from gamms.rules.meetings import Side, get_contacts, get_rule, in_air
+from gamms.rules.meetings import Side, get_contacts, get_rule, list_in_air
 from gamms.text import shown
 
 
@@ -76,7 +76,7 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     _refuse_misspelled(ctx, a)
     _refuse_misspelled(ctx, b)
     first: dict[tuple[str, str], Contact] = {}
-    for contact in found(as_context(ctx, "contacts"), as_side(a), as_side(b), nearness):
+    for contact in find_contacts(as_context(ctx, "contacts"), as_side(a), as_side(b), nearness):
         first.setdefault(contact[:2], contact)
     return list(first.values())
 
@@ -141,7 +141,7 @@ def as_side(side: Side) -> Side:
     return side if callable(side) else as_team_or_role(side)
 
 
-def found(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Contact]:
+def find_contacts(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Contact]:
     """Return all contacts of a turn, in the order of `contacts`; two agents may have several."""
 
     def form(making: RuleBuilder) -> Tagging:
@@ -161,7 +161,7 @@ def found(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Cont
     nodes = (met.a_nodes, met.b_nodes)
     distances = met.distances
     times = met.times
-    flying = in_air(ctx, nearness)
+    flying = list_in_air(ctx, nearness)
     found = []
     for row in met.order[: met.kept]:
         pair = [column[row] for column in agents]
@@ -169,6 +169,6 @@ def found(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Cont
         places: list[Any] = []
         if turn.by_metres:
             for agent, node in zip(pair, at, strict=True):
-                places.append(turn.xy_of(agent, times[row], node, nearness, flying.get(names[agent])))
+                places.append(turn.find_xy(agent, times[row], node, nearness, flying.get(names[agent])))
         found.append(Contact(names[pair[0]], names[pair[1]], distances[row], times[row], *at, *places))
     return found

@@ -14,7 +14,7 @@ from gamms.game.roles import as_team_or_role, get_team, is_role
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import as_node_id, label_hint
 from gamms.plain import NAME, TEXT, at, dict_of
-from gamms.rules.in_core import fits_core, in_core
+from gamms.rules.in_core import in_core, is_exact_in_core
 from gamms.rules.meetings import GameRule, make_player
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
@@ -113,7 +113,7 @@ def reach(
             teams=named,
             keeps=_PUBLISHED,
             starts_of=[goal for goal in goals.values() if isinstance(goal, str)],
-            core_form=form if fits_core(score) else None,
+            core_form=form if is_exact_in_core(score) else None,
             player=player,
         ),
     )
@@ -165,7 +165,7 @@ def arrive(team: Member, nodes: Nodes, *, score: float = 1, passing: bool = True
             teams=[member],
             keeps=_PUBLISHED,
             starts_of=[goal] if isinstance(goal, str) else [],
-            core_form=form if fits_core(points) else None,
+            core_form=form if is_exact_in_core(points) else None,
             player=player,
         ),
     )

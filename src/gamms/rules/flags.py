@@ -14,11 +14,11 @@ from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, as_node_id
 from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, optional, record, whole
-from gamms.readonly import published
+from gamms.readonly import make_shareable
 from gamms.rules.endings import disclose_to_all, refuse_unknown
-from gamms.rules.in_core import FlagArguments, fits_core, in_core
+from gamms.rules.in_core import FlagArguments, in_core, is_exact_in_core
 from gamms.rules.meetings import GameRule, make_player
-from gamms.rules.territory import Colors, Territory, as_territory, find_shapes, list_owners, roles_of
+from gamms.rules.territory import Colors, Territory, as_territory, find_shapes, list_owners, list_roles
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -98,16 +98,16 @@ def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
         capture_flag,
         RuleSpec(
             prepare=game.prepare,
-            teams=[*sorted(game.teams or (), key=str), *roles_of(game.ground)],
+            teams=[*sorted(game.teams or (), key=str), *list_roles(game.ground)],
             owners=[*dict.fromkeys((*game.bases, *list_owners(game.ground)))],
             drawer=FlagsDrawer(game.key, colors),
             disclose=disclose_to_all(game.key),
             key=game.key,
             uses_scores=True,
-            core_form=form if fits_core(score) else None,
+            core_form=form if is_exact_in_core(score) else None,
             player=player,
             prepare_arrays=game.prepare_arrays,
-            facts_of=game.facts_of if game.announce else None,
+            facts_of=game.list_facts if game.announce else None,
             begin_arrays=game.begin_arrays,
             show_arrays=game.show_arrays,
             keeps=at((game.key,), game.shape),
@@ -142,14 +142,14 @@ class _FlagRule(FlagArguments):
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
 
-    def facts_of(self, state: GameArrays, games: IntArray) -> list[Any]:
+    def list_facts(self, state: GameArrays, games: IntArray) -> list[Any]:
         """Return where the flags are in some games of a batch, as `_publish` publishes it."""
         facts = state.shared.setdefault(("facts", self.key), {})  # NOTE: carriers seldom change (w8_games.py rule)
         rows = [*map(tuple, state.kept["capture_flag", self.key]["carriers"][games].tolist())]
         for new in set(rows).difference(facts):
             names = state.roster.names
             carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, new, strict=True)}
-            facts[new] = published(self.key, self._make_fact(carriers))
+            facts[new] = make_shareable(self.key, self._make_fact(carriers))
         return [facts[one] for one in rows]
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
@@ -172,7 +172,7 @@ class _FlagRule(FlagArguments):
         for team, carrier in zip(self.bases, kept["carriers"][0].tolist(), strict=True):
             data["carriers"][team] = roster.names[carrier] if carrier >= 0 else None
         captures = dict(zip(roster.teams, kept["captures"][0].tolist(), strict=True))
-        team_of = dict(zip(roster.names, roster.teams_by_agent(), strict=True))
+        team_of = dict(zip(roster.names, roster.list_teams(), strict=True))
         captured = [team_of[one["agent"]] for one in events if one["kind"] == "capture" and one["flag"] in self.bases]
         for team in dict.fromkeys((*data["captures"], *captured, *captures)):  # in the order of their first captures
             if captures.get(team):

@@ -15,12 +15,12 @@ from gamms.game.block.in_core import (
     Ground,
     Near,
     RuleBuilder,
-    floats,
+    get_memory,
+    make_floats,
     make_int_buffer,
-    memory_of,
 )
 from gamms.game.block.state import Arrays
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.roles import Role
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -59,7 +59,7 @@ def in_core(name: str, *args: object) -> Callable[[RuleBuilder], rules.Rule]:
     return partial(FORMS[name], *args)
 
 
-def fits_core(points: float) -> bool:
+def is_exact_in_core(points: float) -> bool:
     """Return whether the core adds these points exactly as Python does."""
     return abs(points) <= _MOST_EXACT
 
@@ -92,7 +92,7 @@ def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
         making.steps,
         purpose,
         turn,
-        making.purposes(("contacts",)),
+        making.make_keys(("contacts",)),
     )
 
 
@@ -126,9 +126,9 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
         behind: the next tag rule; None: there is none.
     """
     of_tracks = make_int_buffer(making.room)
-    tracks = making.tracks(of_tracks, at_end=not nearness.passing)
+    tracks = making.make_tracks(of_tracks, at_end=not nearness.passing)
     keys = _make_keys(making)
-    near = making.near(nearness)
+    near = making.make_near(nearness)
 
     found = contacts.Contacts(making.pieces)
 
@@ -137,7 +137,7 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
         ask(found, nearness, near, *columns, by_metres=making.by_metres)
 
     search(near, found)
-    plays = making.sides(*sides, air=nearness.air)
+    plays = making.mark_sides(*sides, air=nearness.air)
     made = rules.Tagging(
         found,
         search_for(near, nearness, by_metres=making.by_metres),
@@ -146,7 +146,7 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
         of_tracks,
         mutual=mutual,
         ends=ends,
-        ground=making.territory(ground),
+        ground=making.make_territory(ground),
         then=rules.THEN[then if isinstance(then, str) else "function"],
         points=score,
         behind=behind,
@@ -163,7 +163,7 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
     kept = making.keep(("capture_flag", flags.key), partial(flags.start, len(roster.teams)))
     number_of = {team: number for number, team in enumerate(roster.teams)}
     owners = np.array([number_of.get(team, -1) for team in flags.bases])
-    bases = making.rows([*flags.bases.values()])
+    bases = making.find_rows([*flags.bases.values()])
     home = np.full(len(roster.teams), -1)
     home[owners[owners >= 0]] = bases[owners >= 0]
 
@@ -174,18 +174,18 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         making.read_starts(lambda: ~making.roster.flies & (home[making.roster.team_of] < 0))
     core = rules.Flags(
         len(flags.bases),
-        team=flat(owners, np.int64),
-        base=flat(bases, np.int64),
-        home=flat(home, np.int64),
-        ground=making.territory(flags.ground),
+        team=flatten(owners, np.int64),
+        base=flatten(bases, np.int64),
+        home=flatten(home, np.int64),
+        ground=making.make_territory(flags.ground),
         takes=making.list_by_agent(lambda: np.where(ground() == roster.nobody, -1, ground()), absent=-1),
         names=_make_keys(making),
-        purposes=making.purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases)),
-        carriers=memory_of(kept["carriers"]),
-        stops=memory_of(kept["stops"]),
-        captures=memory_of(kept["captures"]),
+        purposes=making.make_keys(*(("capture_flag", flags.key, str(team)) for team in flags.bases)),
+        carriers=get_memory(kept["carriers"]),
+        stops=get_memory(kept["stops"]),
+        captures=get_memory(kept["captures"]),
         members=making.list_by_agent(ground, absent=-1),
-        taken=floats(len(flags.bases)),
+        taken=make_floats(len(flags.bases)),
         goal=flags.goal or 0,
         points=flags.score,
     )
@@ -196,7 +196,7 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         making.events,
         making.number(played),
         flags=core,
-        visitors=making.visitors(flags.teams, at_end=not flags.passing),
+        visitors=making.make_visitors(flags.teams, at_end=not flags.passing),
     )
 
 
@@ -213,9 +213,9 @@ def respawn(
         making.games,
         making.events,
         making.number(CompiledRule()),
-        plays=making.plays(teams),
-        out=memory_of(kept["out"]),
-        times=memory_of(kept["times"]),
+        plays=making.mark_players(teams),
+        out=get_memory(kept["out"]),
+        times=get_memory(kept["times"]),
         wait=wait,
         most=-1 if most is None else most,
     )
@@ -229,7 +229,7 @@ def time_limit(last: int, winner: object, making: RuleBuilder) -> rules.Rule:
 
 def none_left(member: Hashable, reason: str, winner: object, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.none_left` for a team or a role; for a team without agents, a rule that does nothing."""
-    team = making.team(member)
+    team = making.get_team_number(member)
     if team < 0:
         return _make_nothing(making)
     number = making.number(CompiledRule(reason=reason, winner=winner))
@@ -238,7 +238,7 @@ def none_left(member: Hashable, reason: str, winner: object, making: RuleBuilder
         making.events,
         number,
         team=-1 if isinstance(member, Role) else team,
-        members=making.plays([member]),
+        members=making.mark_players([member]),
         winner=_find_code(winner, making),
     )
 
@@ -248,12 +248,12 @@ def reach(
 ) -> rules.Rule:
     """Make `gamms.rules.reach`; the goals are those of teams and roles, the winner a team or `ONE_THAT_SHOWS`."""
     roster = making.roster
-    rows = {team: making.rows(sorted(goal)) for team, goal in goals.items() if not isinstance(goal, str)}
+    rows = {team: making.find_rows(sorted(goal)) for team, goal in goals.items() if not isinstance(goal, str)}
     is_goal = np.zeros((making.num_nodes, len(roster.teams)), np.int64)
     order = []
     starters: dict[int, Callable[[], BoolArray]] = {}
     for team, goal in goals.items():
-        number = making.team(team)
+        number = making.get_team_number(team)
         if number >= 0:
             order.append(number)
             if isinstance(goal, str):
@@ -271,10 +271,10 @@ def reach(
         making.games,
         making.events,
         making.number(CompiledRule(score or None, winner=winner)),
-        visitors=making.visitors([*goals], at_end=not passing),
-        goals=flat(is_goal, np.int64),
+        visitors=making.make_visitors([*goals], at_end=not passing),
+        goals=flatten(is_goal, np.int64),
         starters=making.list_by_agent(are_starters, width=len(roster.teams)) if starters else _NOTHING,
-        order=flat(np.array(order, np.int64), np.int64),
+        order=flatten(np.array(order, np.int64), np.int64),
         winner=rules.WINNERS["its team" if winner is ONE_THAT_SHOWS else "nobody"],
         points=score,
     )
@@ -284,7 +284,7 @@ def arrive(
     member: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: RuleBuilder
 ) -> rules.Rule:
     """Make `gamms.rules.arrive` for a team or a role; for a team without agents, a rule that does nothing."""
-    team = making.team(member)
+    team = making.get_team_number(member)
     if team < 0:
         return _make_nothing(making)
     starters = _NOTHING
@@ -292,16 +292,16 @@ def arrive(
     if isinstance(goal, str):
         starters = making.list_by_agent(_make_starter_mask(goal, making))
     else:
-        rows = making.rows(sorted(goal))
+        rows = making.find_rows(sorted(goal))
     owners = np.full(making.num_nodes, -1)
     owners[rows] = team
     return rules.ArriveRule(
         making.games,
         making.events,
         making.number(CompiledRule(points)),
-        visitors=making.visitors([member], at_end=not passing),
+        visitors=making.make_visitors([member], at_end=not passing),
         team=team,
-        owners=flat(owners, np.int64),
+        owners=flatten(owners, np.int64),
         starters=starters,
         points=points,
     )
@@ -312,7 +312,7 @@ def _make_starter_mask(team: str, making: RuleBuilder) -> Callable[[], BoolArray
     named = [one for one in making.roster.teams if str(one) == team]
 
     def found() -> BoolArray:
-        return making.roster.plays_for(named) & ~making.roster.flies
+        return making.roster.find_players(named) & ~making.roster.flies
 
     making.read_starts(found)
     return found

@@ -82,21 +82,21 @@ def ask(found: core.Contacts, nearness: ContactOptions, near: Near, *columns: An
     )
 
 
-def column(kind: str, values: Iterable[float] = ()) -> Any:  # Any: memoryviews are not subscriptable
+def make_buffer(kind: str, values: Iterable[float] = ()) -> Any:  # Any: memoryviews are not subscriptable
     """Return numbers as a buffer: "q" and "Q" for signed and unsigned integers, "d" for floats."""
     return memoryview(array(kind, values))
 
 
 def _make_zeros(kind: str, number: int) -> Any:  # Any: memoryviews are not subscriptable
-    """Return a buffer of zeros; see `column`."""
-    return column(kind, bytes(8 * number))
+    """Return a buffer of zeros; see `make_buffer`."""
+    return make_buffer(kind, bytes(8 * number))
 
 
-_NO_INTS = column("q")
-_NO_FLOATS = column("d")
-_NO_REACH = core.NearNodes(column("q", [0]), column("q"), column("d"), 0.0, ReachableNodes(0).core)
-_NO_PLACES = core.NodePositions(column("q"), column("d"))
-_NO_LINES = core.PathSegments(0, core.Polylines(), column("d"))
+_NO_INTS = make_buffer("q")
+_NO_FLOATS = make_buffer("d")
+_NO_REACH = core.NearNodes(make_buffer("q", [0]), make_buffer("q"), make_buffer("d"), 0.0, ReachableNodes(0).core)
+_NO_PLACES = core.NodePositions(make_buffer("q"), make_buffer("d"))
+_NO_LINES = core.PathSegments(0, core.Polylines(), make_buffer("d"))
 _ON_NODES = core.SEARCHES["on nodes"]
 
 
@@ -144,11 +144,11 @@ class Roster:
         self.stops: Any = stops.data
         self.no_stops: Any = stops.copy().data
         self.home: Any = home.data
-        self.turn = column("q", [0])
+        self.turn = make_buffer("q", [0])
         self.placed: Any = memoryview(bytearray(self.room))
         rows, names, teams = _sort_by_name(block)
         self._all_teams = tuple(dict.fromkeys([*teams, *gone]))
-        self._score = column("d", [0.0] * len(self._all_teams))
+        self._score = make_buffer("d", [0.0] * len(self._all_teams))
         self.games = rules.GameColumns(
             agents,
             len(self._all_teams),
@@ -164,7 +164,7 @@ class Roster:
             score=self._score,
             team=team.data,
             plays=memoryview(bytes([1]) * len(self._all_teams)),
-            first_node=column("q", [0]),
+            first_node=make_buffer("q", [0]),
             nobody=self._all_teams.index(None) if None in self._all_teams else -1,
             applies_effects=False,
         )
@@ -183,7 +183,7 @@ class Roster:
         agents = len(rows)
         known = dict(zip(self.names, self._keys.tolist(), strict=True))
         new = [name for name in names if name not in known]
-        known.update(zip(new, kernels.name_keys(new).tolist(), strict=True))
+        known.update(zip(new, kernels.compute_name_keys(new).tolist(), strict=True))
         self._keys = np.fromiter(map(known.__getitem__, names), np.uint64, agents)
         self.rows = np.array(rows, np.int64)
         self.names = names
@@ -214,10 +214,10 @@ class Roster:
         for agent in agents:
             self.home[self.rows[agent]] = numbers.number(cast("int", ctx.game.start_node(self.names[agent])))
 
-    def members(self, ctx: Context, side: Side, takes_part: BoolArray) -> BoolArray:
+    def find_members(self, ctx: Context, side: Side, takes_part: BoolArray) -> BoolArray:
         """Return which of the agents that take part are on a side, (agents,)."""
         if not callable(side):
-            return self.table.plays_for([side]) & takes_part
+            return self.table.find_players([side]) & takes_part
         found = np.zeros(len(self.names), np.bool_)
         for agent in ctx.game.agents:
             number = self.number[agent.name]
@@ -327,9 +327,9 @@ class GameRules(RuleBuilder):
         self._making.on_changed_agents.append(function)
         function()
 
-    def tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
+    def make_tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
         """Return the tracks of the agents, with these sides."""
-        found = super().tracks(sides, at_end=at_end)
+        found = super().make_tracks(sides, at_end=at_end)
         self._call_on_changed_agents(lambda: setattr(found, "agents", len(self.roster.names)))
         return found
 
@@ -337,7 +337,7 @@ class GameRules(RuleBuilder):
         """Use the random draws of another seed."""
         for several, keys in self._purposes:
             for place, purpose in enumerate(several):
-                keys[place] = kernels.purpose_key(seed, *purpose)
+                keys[place] = kernels.compute_purpose_key(seed, *purpose)
 
     @property
     def num_nodes(self) -> int:
@@ -346,7 +346,7 @@ class GameRules(RuleBuilder):
         self.most_numbers = min(self.most_numbers, count)
         return count
 
-    def rows(self, nodes: Sequence[int]) -> IntArray:
+    def find_rows(self, nodes: Sequence[int]) -> IntArray:
         """Return the numbers of nodes, given their ids."""
         return np.array([*map(self.turn.numbers.number, nodes)], np.int64)
 
@@ -356,16 +356,16 @@ class GameRules(RuleBuilder):
         self._making.kept = make(1)
         return self._making.kept
 
-    def purposes(self, *several: Purpose) -> Any:
+    def make_keys(self, *several: Purpose) -> Any:
         """Return the keys of draws for several purposes, (purposes,)."""
-        keys = column("Q", [kernels.purpose_key(self.turn.seed, *purpose) for purpose in several])
+        keys = make_buffer("Q", [kernels.compute_purpose_key(self.turn.seed, *purpose) for purpose in several])
         self._purposes.append((several, keys))
         return keys
 
-    def sides(self, ours: Side, theirs: Side, *, air: bool) -> Any:
+    def mark_sides(self, ours: Side, theirs: Side, *, air: bool) -> Any:
         """Return the sides of agents, (agents,); functions are called in each turn."""
         if not (callable(ours) or callable(theirs)):
-            return super().sides(ours, theirs, air=air)
+            return super().mark_sides(ours, theirs, air=air)
         roster = self.turn.roster
         game = self.turn.game
         found = np.zeros(self.room, np.int64)
@@ -374,8 +374,8 @@ class GameRules(RuleBuilder):
             is_alive = np.asarray(game.block.alive)[roster.rows]
             takes_part = is_alive if air else is_alive & ~roster.flies
             of_agents = found[: len(takes_part)]
-            of_agents[:] = roster.members(ctx, ours, takes_part)
-            of_agents += 2 * roster.members(ctx, theirs, takes_part)
+            of_agents[:] = roster.find_members(ctx, ours, takes_part)
+            of_agents += 2 * roster.find_members(ctx, theirs, takes_part)
             if game.bound is not game.block.node:
                 raise IllegalMutation(
                     "A function that says which agents are on a side has created or deleted agents, or set a new team. "
@@ -385,29 +385,31 @@ class GameRules(RuleBuilder):
         self._call_in_each_turn(call)
         return found.data
 
-    def territory(self, ground: Ground | None) -> rules.Territory:
+    def make_territory(self, ground: Ground | None) -> rules.Territory:
         """Return the owners of nodes; empty without a territory (None)."""
         if ground is None:
-            return rules.Territory(column("q"), column("q"), 0)
+            return rules.Territory(make_buffer("q"), make_buffer("q"), 0)
         facts = self.turn.game.state.facts
-        territory = ground.of(facts)
+        territory = ground.get_owners(facts)
         known = self._owners.get(id(territory))
         if known is None:
             nodes, numbers, roles = ground.number_owners(facts, self.roster.teams)
-            rows = self.rows(nodes)
+            rows = self.find_rows(nodes)
             owners = np.full(self.num_nodes, -1)
             owners[rows] = numbers
             known = territory, owners.data, roles
             self._owners[id(territory)] = known
         return rules.Territory(known[1], self.find_holders(known[2]), self.room)
 
-    def near(self, nearness: ContactOptions) -> Near:
+    def make_near(self, nearness: ContactOptions) -> Near:
         """Return the distances between agents that count as contacts; `follow_places` sets straight lines."""
         unit, limit, *_ = nearness
         if unit is None:
             return None
         if unit == "euclid":
-            return core.PathSegments(self.room, self.turn.game.lines, column("d")) if self.by_metres else _NO_PLACES
+            return (
+                core.PathSegments(self.room, self.turn.game.lines, make_buffer("d")) if self.by_metres else _NO_PLACES
+            )
         count = self.turn.game.number_all()
         self.most_numbers = min(self.most_numbers, count)
         return self.turn.game.near(unit, limit, count)
@@ -430,7 +432,7 @@ class GameRules(RuleBuilder):
     def follow(self, rule: Flags | Tagging, ground: Ground | None) -> None:
         """Keep the owners of nodes in a rule up to date, if the territory is a fact, or owners are roles."""
         if ground is not None and (isinstance(ground.given, str) or ground.roles):
-            self._call_in_each_turn(lambda _: setattr(rule, "ground", self.territory(ground)))
+            self._call_in_each_turn(lambda _: setattr(rule, "ground", self.make_territory(ground)))
 
     def follow_places(
         self, tagging: Tagging, nearness: ContactOptions, near: Near, sides: tuple[Any, Any], search: ContactSearch
@@ -444,7 +446,7 @@ class GameRules(RuleBuilder):
                 return
             rules.fill_steps(self.steps, self.games, 0)
             rules.fill_sides(self.games, 0, *sides)
-            search(turn.near(ctx, sides[1], nearness), tagging.contacts)
+            search(turn.find_near(ctx, sides[1], nearness), tagging.contacts)
 
         self._call_in_each_turn(find)
 
@@ -481,7 +483,7 @@ class GameRule(RuleOfGame):
         turn = self.makes.turn
         turn.game.forget()
         turn.roster.stops[:] = turn.roster.no_stops
-        return self._tell(ctx, self.makes.events.taken())
+        return self._tell(ctx, self.makes.events.take_all())
 
     def _tell(self, ctx: Context, events: list[tuple[int, int, int, int, int, float]]) -> list[tuple[str, str, int]]:
         """Do in the context what the core has done."""
@@ -505,11 +507,11 @@ class GameRule(RuleOfGame):
             played = self.makes.rules[rule]
             if kind == "respawned":
                 one = agent_of(names[agent])
-                home: Any = internals.start_of(one)
+                home: Any = internals.find_start(one)
                 if flies[agent] or not graph.has_node(home):
                     game.respawn(one)
                 else:  # NOTE: as `respawn` does, but without its checks (benchmarks: peers)
-                    block.put_back(block.row_of(names[agent]), home)
+                    block.put_back(block.find_row(names[agent]), home)
                     state.events.append({"turn": turn, "kind": kind, "agent": names[agent], "node": home})
             elif kind == "eliminated":
                 game.eliminate(names[agent])
@@ -561,16 +563,16 @@ class TurnContacts(RuleMoves):
     game: "GameContacts"
 
     def __init__(self, game: "GameContacts", roster: Roster, *, are_steps: bool) -> None:
-        super().__init__(game, roster.games, column("q"))
+        super().__init__(game, roster.games, make_buffer("q"))
         self.roster = roster
         self.are_steps = are_steps
         self.by_metres: bool = not are_steps and game.by_metres
-        self.purpose = column("Q", [0])
+        self.purpose = make_buffer("Q", [0])
         self.seed: int | None = None
         self._where: dict[int, Track | int] = {}  # the track of each living agent, or its slot in `_moves`
         self._slot_of: dict[int, Track | int] = {}  # agent -> its slot
         self._taken: tuple[list[str], bytes] | None = None  # the agents of `_slot_of`, and which took part
-        self._slots_and_agents = column("q"), column("q")  # of `_slot_of`
+        self._slots_and_agents = make_buffer("q"), make_buffer("q")  # of `_slot_of`
         self._moves: TurnMoves | None = None
         self._make_room(2, 0)
 
@@ -583,7 +585,7 @@ class TurnContacts(RuleMoves):
         self.steps = (rules.AgentPaths if self.are_steps else rules.GivenPaths)(*self.columns)
         self._counts = _make_zeros("q", size)
         self._no_legs = _make_zeros("q", size)
-        self._one_node = column("q", [1] * size)
+        self._one_node = make_buffer("q", [1] * size)
         self._of_all = core.Tracks(size, most, *self.columns, self.columns[2], at_end=False)
         numbers = [_make_zeros("q", size * most_legs) if most_legs else _NO_INTS for _ in range(5)]
         self._edges = numbers[2]
@@ -596,13 +598,13 @@ class TurnContacts(RuleMoves):
         """Use the random draws of the present seed, which has changed `seeds` times."""
         self.seeds = seeds
         self.seed = ctx.seed
-        self.purpose[0] = kernels.purpose_key(ctx.seed, "contacts")
+        self.purpose[0] = kernels.compute_purpose_key(ctx.seed, "contacts")
         if self.rules is not None:
             self.rules.draw_by(ctx.seed)
 
     def renew_rules(self) -> None:
         """Make the rules again, with more room."""
-        self.rules = GameRules(self, self.scratch())
+        self.rules = GameRules(self, self.make_scratch())
 
     def follow_agents(self) -> None:
         """Take agents that have come or left."""
@@ -611,7 +613,7 @@ class TurnContacts(RuleMoves):
         if self.rules is not None:
             self.rules.follow_agents()
 
-    def slots_of(self, order: TurnOrder, block: AgentBlock) -> Any:
+    def find_slots(self, order: TurnOrder, block: AgentBlock) -> Any:
         """Return the slot of each agent in an order, (agents,); -1: it has none."""
         rows, slots = order.in_rules
         if rows is not self.roster.rows:
@@ -660,15 +662,18 @@ class TurnContacts(RuleMoves):
                 slots.append(i)
                 agents.append(agent)
         for roads, (slots, agents) in by_roads.items():
-            self._put_paths(paths, roads, column("q", slots), column("q", agents))
+            self._put_paths(paths, roads, make_buffer("q", slots), make_buffer("q", agents))
 
     def _find_latest_slots(self, moves: TurnMoves) -> dict[int, Track | int]:
         """Return the slot or the track of each agent, for moves that are the latest."""
         names = moves.order.names
         if (names, moves.took_part) != self._taken:
             number = self.roster.number
-            self._slot_of = {number[names[i]]: i for i in moves.took_part_of(range(len(names)))}
-            self._slots_and_agents = column("q", moves.took_part_of(range(len(names)))), column("q", self._slot_of)
+            self._slot_of = {number[names[i]]: i for i in moves.select_taking_part(range(len(names)))}
+            self._slots_and_agents = (
+                make_buffer("q", moves.select_taking_part(range(len(names)))),
+                make_buffer("q", self._slot_of),
+            )
             self._taken = names, moves.took_part
         maps = moves.paths.maps
         slots, _ = self._slots_and_agents
@@ -682,7 +687,7 @@ class TurnContacts(RuleMoves):
         core.put_paths(paths.core, slots, roads.map, roads.edges, *to, agents)
         if roads.revision != self.game.revision:
             for i, agent in zip(slots, agents, strict=True):
-                self._mark_removed(agent, paths.legs_of(i))
+                self._mark_removed(agent, paths.list_legs(i))
 
     def _put_track(self, agent: int, track: Track) -> None:
         """Write a track along no edges."""
@@ -690,35 +695,35 @@ class TurnContacts(RuleMoves):
         path, at, _ = track
         first = agent * self.most
         more = self.most - len(path)
-        nodes[first : first + self.most] = column("q", map(self.numbers.number, path + path[-1:] * more))
-        times[first : first + self.most] = column("d", at + (1.0,) * more)
+        nodes[first : first + self.most] = make_buffer("q", map(self.numbers.number, path + path[-1:] * more))
+        times[first : first + self.most] = make_buffer("d", at + (1.0,) * more)
         lengths[agent] = len(path)
 
     def _mark_removed(self, agent: int, legs: Sequence[Leg]) -> None:
         """Mark legs on edges that were removed since."""
         for place, leg in enumerate(legs):
-            if self.game.edges.length_of(leg) is None:
+            if self.game.edges.get_length(leg) is None:
                 self._flags[agent * self.most_legs + place] |= UNKNOWN_PLACE
 
-    def track(self, agent: int) -> Track:
+    def get_track(self, agent: int) -> Track:
         """Return the track of an agent, by its number."""
         where = self._where[agent]
-        return where if isinstance(where, Track) else cast("TurnMoves", self._moves).track(where)
+        return where if isinstance(where, Track) else cast("TurnMoves", self._moves).get_track(where)
 
-    def scratch(self) -> core.MotionIntervals:
+    def make_scratch(self) -> core.MotionIntervals:
         """Return buffers large enough for the moves of these agents."""
         entries = 2 * self.roster.room * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
-        return self.game.scratch(entries, max(self.numbers.count, self.game.edge_numbers.count))
+        return self.game.make_scratch(entries, max(self.numbers.count, self.game.edge_numbers.count))
 
-    def xy_of(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
+    def find_xy(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
-        track = self.track(agent)
+        track = self.get_track(agent)
         # If agents pass each other at the end of a turn counted in edges, the way they came decides.
-        return self.game.edges.xy_at(track if nearness.passing else cut_to_end(track), time, node, at)
+        return self.game.edges.find_xy(track if nearness.passing else cut_to_end(track), time, node, at)
 
-    def near(self, ctx: Context, sides: memoryview, nearness: ContactOptions) -> Near:
+    def find_near(self, ctx: Context, sides: memoryview, nearness: ContactOptions) -> Near:
         """Return the positions of agents on a side, in a game that counts edges."""
-        flying = in_air(ctx, nearness)
+        flying = list_in_air(ctx, nearness)
         ids = self.numbers.ids
         nodes = self.columns[0]
         xyz = []
@@ -726,22 +731,22 @@ class TurnContacts(RuleMoves):
             at = flying.get(name)
             path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
             xyz += [self.game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
-        return core.NodePositions(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
+        return core.NodePositions(make_buffer("q", range(len(xyz))), make_buffer("d", chain.from_iterable(xyz)))
 
     def give_places(self, ctx: Context, segments: core.PathSegments, nearness: ContactOptions) -> None:
         """Set the positions of nodes, of edges that agents move along, and of agents in the air."""
-        flying = in_air(ctx, nearness)
+        flying = list_in_air(ctx, nearness)
         on_ground = nan, nan, nan
         places = [flying.get(name, on_ground) for name in self.roster.names] if flying else []
-        segments.flights = column("d", chain.from_iterable(places))
-        segments.places = self.game.places()
+        segments.flights = make_buffer("d", chain.from_iterable(places))
+        segments.places = self.game.list_places()
         has_leg = np.arange(self.most_legs) < np.asarray(self._counts)[:, None]
         self.game.add_lines(np.asarray(self._edges).reshape(has_leg.shape)[has_leg])
 
 
 def _find_slot(moves: TurnMoves | None, agent: IAgent) -> Track | int:
     """Return the slot of an agent that has a path in `moves`; its track otherwise."""
-    i = None if moves is None else moves.slot_of(agent)
+    i = None if moves is None else moves.find_slot(agent)
     if moves is None or i is None:
         return Track((agent.current_node_id,), (1.0,))
     return _find_path(moves, i)
@@ -749,10 +754,10 @@ def _find_slot(moves: TurnMoves | None, agent: IAgent) -> Track | int:
 
 def _find_path(moves: TurnMoves, i: int) -> Track | int:
     """Return a slot that has a path by metres; else the track of its agent."""
-    return i if moves.paths is not None and moves.paths.is_on_roads(i) else moves.track(i)
+    return i if moves.paths is not None and moves.paths.is_on_roads(i) else moves.get_track(i)
 
 
-def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:
+def list_in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:
     """Return agent -> position of flying agents, for straight-line distances."""
     if nearness.unit != "euclid" or not (nearness.air and ctx.agent.block.flyers):
         return {}
@@ -802,8 +807,8 @@ class GameContacts(MovesForRules):
         self._changes = _count_changes(ctx)
         self.place = cache(self._locate_node)
         self.lines = core.Polylines()
-        self._known_lines = LineColumns.of(())
-        self._places: FloatArray = np.zeros((0, 2))  # see `places`
+        self._known_lines = LineColumns.from_lines(())
+        self._places: FloatArray = np.zeros((0, 2))  # see `list_places`
         self._ctx = ctx
         self._costs: dict[str, RoadCosts] = {}  # by unit
         self.near = lru_cache(_MOST_DISTANCES)(self._make_near_search)
@@ -814,7 +819,7 @@ class GameContacts(MovesForRules):
         self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and the version of their set
         self._roster: Roster | None = None
 
-    def scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
+    def make_scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
         """Return buffers with room for this many pieces and keys."""
         if pieces > self._most or keys > self.keys:
             self._most = 2 * pieces
@@ -826,7 +831,7 @@ class GameContacts(MovesForRules):
         _, x, y = self.graph.get_node(node)
         return x, y, 0.0
 
-    def places(self) -> Any:
+    def list_places(self) -> Any:
         """Return the positions of all nodes, (nodes * 2,); NaN for nodes that are not on the map."""
         count = self.number_all()
         if len(self._places) != count:
@@ -843,12 +848,12 @@ class GameContacts(MovesForRules):
             self._known_lines = known
         new = sorted({*edges[known.firsts[edges] < 0].tolist()})
         if new:
-            self._known_lines = known.place(new, [self._get_line(numbers.ids[number]) for number in new])
+            self._known_lines = known.add_lines(new, [self._get_line(numbers.ids[number]) for number in new])
             self._known_lines.give(self.lines)
 
     def _get_line(self, id: int) -> Line:
         try:
-            return Line.of(self.edges[id].points)
+            return Line.from_flat(self.edges[id].points)
         except UnknownName:
             return Line([(nan, nan)], [])
 
@@ -856,7 +861,7 @@ class GameContacts(MovesForRules):
         """Return a search for nodes within a distance, for this number of nodes."""
         costs = self._costs.get(unit)
         if costs is None or len(costs.arcs) != count + 1:
-            costs = RoadCosts.of(self._ctx, self.numbers, count, is_plain=unit == "hops")
+            costs = RoadCosts.from_context(self._ctx, self.numbers, count, is_plain=unit == "hops")
             self._costs[unit] = costs
         return costs.search(limit)
 
@@ -864,7 +869,7 @@ class GameContacts(MovesForRules):
         """Take the roads that were closed, opened or removed since the last call; return False if more has changed."""
         if self.revision == self.graph.revision:
             return True
-        changed = self._ctx.graph.storage.changed_roads(self._changes)
+        changed = self._ctx.graph.storage.find_changed_roads(self._changes)
         if changed is None:
             return False
         for costs in self._costs.values():
@@ -928,7 +933,7 @@ class GameContacts(MovesForRules):
 
 def _count_changes(ctx: Context) -> tuple[int, int]:
     """Return the numbers of changes of the map, and of its roads only."""
-    revision, roads, *_ = ctx.graph.storage.changes()
+    revision, roads, *_ = ctx.graph.storage.count_changes()
     return revision, roads
 
 
@@ -956,10 +961,10 @@ class RoadCosts:
         self._searches: dict[float, core.NearNodes] = {}
 
     @classmethod
-    def of(cls, ctx: Context, numbers: NodeNumbers, count: int, *, is_plain: bool) -> "RoadCosts":
+    def from_context(cls, ctx: Context, numbers: NodeNumbers, count: int, *, is_plain: bool) -> "RoadCosts":
         """Return the costs of the roads of a context: their lengths, or 1 if `is_plain`."""
         columns = ctx.graph.graph.columns()
-        _, closed = ctx.graph.storage.roads()
+        _, closed = ctx.graph.storage.list_roads()
         number = np.empty(len(columns.node_ids), np.int64)
         numbers.write(columns.node_ids.data, number.data)
         known = set(columns.edge_ids.tolist() if closed else ())
@@ -995,7 +1000,7 @@ class RoadCosts:
 
 def get_contacts(ctx: Context) -> TurnContacts:
     """Return the contact queries of a context for this turn; valid until agents are moved or the next call."""
-    turn: TurnContacts = _get_game(ctx).turn(ctx)
+    turn: TurnContacts = _get_game(ctx).get_turn_moves(ctx)
     return turn
 
 
@@ -1009,7 +1014,7 @@ def get_rule(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = 
         follows: whether the rule depends on how agents have moved.
     """
     game = _get_game(ctx)
-    turn: Any = game.turn(ctx) if follows else game.any_moves(ctx)
+    turn: Any = game.get_turn_moves(ctx) if follows else game.get_any_moves(ctx)
     found: GameRule = turn.get_rule(ctx, form, id(form) if key is None else key)
     return found
 
@@ -1087,7 +1092,7 @@ class TraveledEdges(dict[int, OSMEdge]):
         try:
             found = self.graph.get_edge(id)
         except UnknownName:
-            _, closed = self._ctx.graph.storage.roads()
+            _, closed = self._ctx.graph.storage.list_roads()
             if id not in closed:
                 raise
             edge = closed[id]
@@ -1097,14 +1102,14 @@ class TraveledEdges(dict[int, OSMEdge]):
         self[id] = found
         return found
 
-    def length_of(self, leg: Leg) -> float | None:
+    def get_length(self, leg: Leg) -> float | None:
         """Return the length of the edge of a leg; None if the edge was removed."""
         try:
             return self[leg.edge].length
         except UnknownName:
             return None
 
-    def xy_at(self, track: Track, time: float, node: int, at: Position | None) -> tuple[float, float] | None:
+    def find_xy(self, track: Track, time: float, node: int, at: Position | None) -> tuple[float, float] | None:
         """Return the map position of an agent; None if its edge or node was removed.
 
         Args:

@@ -154,7 +154,7 @@ def _find_teams(ctx: Context, place: frozenset[int], members: frozenset[Any] | N
         counts = block.alive[row] and not block.kind[row] and row not in block.removed
         counts = counts and block.teams[row] is not None
         if counts and (members is None or is_among(ctx.agent.get_agent(block.names[row]), members)):
-            there.setdefault(block.teams[row], set()).add(block.node_of(row))
+            there.setdefault(block.teams[row], set()).add(block.get_node(row))
     return there
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_choice, as_count, as_mapping, as_name, as_range, show_as_call
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.game.deeds import fields_of
+from gamms.game.deeds import get_fields
 from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, as_node_id, find_shortest_edges
@@ -148,18 +148,18 @@ class _MoveLengths:
             self._prices = columns, find_edge_prices(columns, name)
         price = self._prices[1].get(edge)
         if price is None:  # it costs nothing, or a rule has closed it since
-            _, closed = ctx.graph.storage.roads()
+            _, closed = ctx.graph.storage.list_roads()
             price = _as_price(closed[edge].get(name), name, edge) if edge in closed else 0.0
         return price
 
-    def of(self, ctx: Context, leg: Leg) -> float:
+    def measure_leg(self, ctx: Context, leg: Leg) -> float:
         """Return the length of an edge, open or closed; for a removed edge, the straight line between its ends."""
         try:
             return float(TraveledEdges(ctx)[leg.edge].length)
         except UnknownName:
             return dist(*ctx.graph.graph.positions([leg.source, leg.target]).tolist())
 
-    def along(self, ctx: Context, path: tuple[int, ...]) -> float:
+    def measure_path(self, ctx: Context, path: tuple[int, ...]) -> float:
         """Return the length of a path, in map units."""
         columns = ctx.graph.columns()
         if self._of[0] is not columns:
@@ -218,7 +218,7 @@ class _ResourceRule(NamedTuple):
                 raise UnknownName("edge attribute", self.per_edge, sorted(columns.edge_attributes))
             find_edge_prices(columns, self.per_edge)
         for deed in self.per_deed:
-            fields_of(deed, ctx.game.deeds)
+            get_fields(deed, ctx.game.deeds)
         if self.teams is None:
             ctx.game.publish(**{self.name: self.start})  # for agents created later
         for agent in self._list_agents(ctx):
@@ -317,9 +317,9 @@ class _ResourceRule(NamedTuple):
     def _price(self, ctx: Context, agent: IAgent, move: Move, lengths: _MoveLengths) -> float:
         has_edges = any(start != end for start, end in pairwise(move.path))
         if move.legs:
-            metres = sum([abs(leg.end - leg.begin) * lengths.of(ctx, leg) for leg in move.legs])
+            metres = sum([abs(leg.end - leg.begin) * lengths.measure_leg(ctx, leg) for leg in move.legs])
         else:
-            metres = lengths.along(ctx, move.path) if has_edges and self.per_metre else 0.0
+            metres = lengths.measure_path(ctx, move.path) if has_edges and self.per_metre else 0.0
         return lengths.price_edges(ctx, agent, move) + metres * self.per_metre
 
 
@@ -368,7 +368,7 @@ def cooldown(deed: str, turns: int) -> Rule:
         return agents
 
     def prepare(ctx: Context) -> None:
-        fields_of(kind, ctx.game.deeds)
+        get_fields(kind, ctx.game.deeds)
         left(ctx)
 
     def check(ctx: Context) -> None:

@@ -19,7 +19,7 @@ from gamms.ir.graph import IntArray
 from gamms.plain import TEXT, at, dict_of, record, whole
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import disclose_to_all, get_state
-from gamms.rules.in_core import fits_core, in_core
+from gamms.rules.in_core import in_core, is_exact_in_core
 from gamms.rules.meetings import GameRule, Side, make_player
 from gamms.rules.territory import (
     Territory,
@@ -27,7 +27,7 @@ from gamms.rules.territory import (
     as_territory,
     find_shapes,
     list_owners,
-    roles_of,
+    list_roles,
 )
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
@@ -121,7 +121,7 @@ class _TagRule(NamedTuple):
     @property
     def has_core_form(self) -> bool:
         """Whether the core can play the rule in batches."""
-        return isinstance(self.then, str) and not any(map(callable, self.sides)) and fits_core(self.score)
+        return isinstance(self.then, str) and not any(map(callable, self.sides)) and is_exact_in_core(self.score)
 
 
 def _make_rule(taggings: Sequence[_TagRule]) -> Rule:
@@ -136,7 +136,7 @@ def _make_rule(taggings: Sequence[_TagRule]) -> Rule:
             drawer=render_tags,
             teams=[
                 *(side for tagging in taggings for side in tagging.sides if not callable(side)),
-                *(role for tagging in taggings for role in roles_of(tagging.ground)),
+                *(role for tagging in taggings for role in list_roles(tagging.ground)),
             ],
             owners=list(dict.fromkeys(owner for tagging in taggings for owner in list_owners(tagging.ground))),
             may_create_agents=any(callable(tagging.then) for tagging in taggings),

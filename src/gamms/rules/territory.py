@@ -159,7 +159,7 @@ class TerritorySource(NamedTuple):
         """The roles that own nodes of a territory that is no fact."""
         return [] if isinstance(self.given, str) else find_roles(self.given.values())
 
-    def of(self, facts: Mapping[str, Any]) -> Territory:
+    def get_owners(self, facts: Mapping[str, Any]) -> Territory:
         """Return node -> team, or role.
 
         Raises:
@@ -177,7 +177,7 @@ class TerritorySource(NamedTuple):
 
         Nodes of teams without agents are left out.
         """
-        owners = {node: read_owner(owner) for node, owner in self.of(facts).items()}
+        owners = {node: read_owner(owner) for node, owner in self.get_owners(facts).items()}
         roles = [*dict.fromkeys(one for one in owners.values() if isinstance(one, Role))]
         number_of: dict[Hashable, int] = {team: number for number, team in enumerate(teams)}
         number_of |= {role: -2 - number for number, role in enumerate(roles)}
@@ -211,7 +211,7 @@ def list_owners(source: TerritorySource | None) -> list[Hashable]:
     return [*dict.fromkeys(get_team(read_owner(owner)) for owner in source.given.values())]
 
 
-def roles_of(source: TerritorySource | None) -> list[Role]:
+def list_roles(source: TerritorySource | None) -> list[Role]:
     """Return the roles that own nodes of a territory that is given as a mapping; none for other territories."""
     return [] if source is None else source.roles
 

@@ -16,7 +16,7 @@ from gamms.arguments import DescribedFunction
 from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.game.hidden_state import make_image
-from gamms.game.settings import refuse_unused, rule_spec_of
+from gamms.game.settings import get_rule_spec, refuse_unused
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.plain import Plain, as_json, is_same
@@ -30,14 +30,14 @@ from gamms.scenario.code import (
     call_function,
     find_first_parameter,
     is_defined_in,
+    is_needing_more,
     list_plain_defaults,
     locate_files,
-    made,
-    needs,
+    make_from_function,
 )
-from gamms.scenario.documents import ScenarioError, at, copy_plain, join_path
-from gamms.scenario.maps import digest_of
-from gamms.scenario.placement import AgentPlacement, TeamMember, flies, get_mode, members, node_at
+from gamms.scenario.documents import ScenarioError, copy_plain, join_path, locate_errors
+from gamms.scenario.maps import compute_digest
+from gamms.scenario.placement import AgentPlacement, TeamMember, find_node, get_mode, is_flying, list_members
 from gamms.scenario.spec import Code, Spec, Values, convert_plain, expand, list_given_values, to_plain
 from gamms.scenario.validation import NamedCode, call_in, find_sensor_type, list_code
 from gamms.sensor.catalog import KINDS
@@ -88,7 +88,7 @@ class Builder:
         self.spec = spec
         self.library = library
         self.given = strategies
-        self.by_team = members(spec)
+        self.by_team = list_members(spec)
         self.members = list(chain.from_iterable(self.by_team.values()))
         self._agents: dict[str, _BuiltAgent] = {}
         self._rules: dict[str, Rule] = {}  # by their names in the game
@@ -126,11 +126,11 @@ class Builder:
             for number, given in enumerate(self.spec.rules):
                 self._add_rule(given, number)
         if self.spec.conflicts is not None:
-            with at("conflicts"):
+            with locate_errors("conflicts"):
                 game.conflicts = self._make_conflicts(self.spec.conflicts)
-        with at("settings"):
+        with locate_errors("settings"):
             refuse_unused(game)
-        with at("settings.weight"):
+        with locate_errors("settings.weight"):
             self.ctx.graph.graph.weights(game.weight)
         self._collected = frozenset(game.internals.parts.collectors.by_name)
         self._values = _copy_values(game)
@@ -154,7 +154,7 @@ class Builder:
         nodes = self._place_agents()
         self._agents = {one.name: self._draw_agent(one, nodes[one.name]) for one in self.members}
         if self._again:
-            with self.ctx.game.internals.parts.collectors.replacing(self._collected):
+            with self.ctx.game.internals.parts.collectors.allow_replacing(self._collected):
                 self._call_again()
         self._keep()
 
@@ -188,7 +188,7 @@ class Builder:
         game.scores.update(changes["scores"])
         game.events.extend(changes["events"].values())
 
-    def varying(self, others: Iterable["Builder"]) -> list[str]:
+    def list_varying(self, others: Iterable["Builder"]) -> list[str]:
         """Return the paths of functions whose results depend on the seed.
 
         Args:
@@ -202,16 +202,16 @@ class Builder:
                 ]
         return [*dict.fromkeys(self._by_seed)]
 
-    def edges_before_code(self) -> ClosedEdges:
+    def list_removed_edges(self) -> ClosedEdges:
         """Return the edges that the code of the scenario has removed from the map, by id."""
         if self._map is None:
             return {}
         storage = self.ctx.graph.storage
         now = storage.snapshot()
-        edge_ids, closed = storage.roads()
+        edge_ids, closed = storage.list_roads()
         known = {*edge_ids.tolist(), *closed}
         storage.restore(self._map)
-        edges = storage.edges_as_given([id for id in self._map.columns.edge_ids.tolist() if id not in known])
+        edges = storage.get_edges_as_given([id for id in self._map.columns.edge_ids.tolist() if id not in known])
         storage.restore(now)
         return edges
 
@@ -225,7 +225,7 @@ class Builder:
         known = self._find_function_paths().values()
         return any(not any(_is_within(path, one) for one in known) for path in paths)
 
-    def functions_at(self, paths: Sequence[str], seed: int) -> dict[tuple[str, str], Function | None]:
+    def get_functions(self, paths: Sequence[str], seed: int) -> dict[tuple[str, str], Function | None]:
         """Reset the game with a seed; return the functions at these paths: of strategies, plans and sensors.
 
         Keys are ("agent", name), ("team", name) or ("sensor", id).
@@ -296,9 +296,9 @@ class Builder:
         known = self._rules
         self._rules = {}
         for (name, before), (number, given) in zip(known.items(), enumerate(self.spec.rules), strict=True):
-            with at(f"rules.{number}"):
+            with locate_errors(f"rules.{number}"):
                 rule = before if number in self._lasting else self._make_rule(given, f"rules.{number}")
-                prepare = rule_spec_of(rule).prepare
+                prepare = get_rule_spec(rule).prepare
                 if prepare is not None:
                     prepare(self.ctx)
             if rule is not before:
@@ -320,12 +320,12 @@ class Builder:
             nodes |= {f"channels.{name}.jammers.{i}.at": one.at for i, one in enumerate(channel.jammers)}
         for path, node in nodes.items():
             if isinstance(node, int):
-                with at(path):
+                with locate_errors(path):
                     self.ctx.graph.graph.get_node(node)
 
     def _add_values(self) -> None:
         game = self.ctx.game
-        with at("facts"):
+        with locate_errors("facts"):
             game.publish(**self._convert_parameters(self.spec.facts, "facts"))
         game.data.update(self._convert_parameters(self.spec.data, "data"))
 
@@ -343,7 +343,7 @@ class Builder:
         mode = get_mode(self.spec.teams[member.team], member.listed)
         if mode is not None:
             keywords["mode"] = mode
-        with at(member.path):
+        with locate_errors(member.path):
             declared = self._list_sensors(member)
             sensors = {name: self._make_sensor(f"{member.name}/{name}", *one) for name, one in declared.items()}
             agent = self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
@@ -364,7 +364,7 @@ class Builder:
             agent.meta = meta
         declared = self._list_sensors(member)
         for name, (sensor, before) in built.functions.items():
-            with at(declared[name][1]):
+            with locate_errors(declared[name][1]):
                 function = self._make_function(*declared[name])
                 if sensor.function is before:
                     sensor.function = function
@@ -377,7 +377,7 @@ class Builder:
         return getattr(self.spec.teams[member.team], key) if own is None else own
 
     def _start(self, member: TeamMember, node: int) -> _Start:
-        if not flies(self._get_value(member, "type")):
+        if not is_flying(self._get_value(member, "type")):
             return node
         _, x, y = self.ctx.graph.graph.get_node(node)[:3]
         return (x, y, self._get_value(member, "altitude") or 0.0)
@@ -387,7 +387,7 @@ class Builder:
         meta = {**self.spec.teams[member.team].meta, **(member.listed.meta if member.listed else {})}
         return {
             "team": member.team,
-            "type": "aerial" if flies(self._get_value(member, "type")) else "basic",
+            "type": "aerial" if is_flying(self._get_value(member, "type")) else "basic",
             "sensors": list(self._get_value(member, "sensors") or ()),
             "meta": {"team": member.team, **self._convert_parameters(meta, join_path(member.path, "meta"))},
         }
@@ -406,7 +406,7 @@ class Builder:
         return join_path(member.path if is_own else f"teams.{member.team}", key)
 
     def _make_sensor(self, sensor_id: str, sensor: schema.Sensor, path: str) -> Any:
-        with at(path):
+        with locate_errors(path):
             if sensor.function is not None:
                 return self.ctx.sensor.from_function(sensor_id, self._make_function(sensor, path))
             return self.ctx.sensor.from_declaration(sensor_id, list_given_values(sensor))
@@ -435,7 +435,9 @@ class Builder:
         given = self.given.get(member.name, self.given.get(member.team))
         if given is not None:
             where = self._find_strategy_path(member)
-            own: Function = self._call_and_note(given, where, partial(made, given, {}, self.ctx, where, "strategy"))
+            own: Function = self._call_and_note(
+                given, where, partial(make_from_function, given, {}, self.ctx, where, "strategy")
+            )
             return own
         path = self._find_place(member, "strategy")
         strategy = self._get_value(member, "strategy")
@@ -454,7 +456,9 @@ class Builder:
         """Return the strategy, plan or rule that a function is or makes."""
         function = self.library.get(code.function, path, RULES if what == "rule" else None)
         parameters = self._make_given(function, code.with_, path)
-        found: Function = self._call_and_note(function, path, partial(made, function, parameters, self.ctx, path, what))
+        found: Function = self._call_and_note(
+            function, path, partial(make_from_function, function, parameters, self.ctx, path, what)
+        )
         return found
 
     def _make_plans(self) -> dict[str, Plan]:
@@ -496,7 +500,7 @@ class Builder:
     def _add_rule(self, given: str | schema.Rule, number: int) -> None:
         game = self.ctx.game
         path = f"rules.{number}"
-        with at(path):
+        with locate_errors(path):
             calls = self._calls
             full = expand(schema.Rule, given)
             rule = self._make_rule(given, path)
@@ -504,7 +508,7 @@ class Builder:
                 self._lasting.add(number)
             before = game.rules
             game.add(rule, phase=full.phase, name=full.name)
-            if rule_spec_of(rule).prepare is not None:
+            if get_rule_spec(rule).prepare is not None:
                 self._calls += 1
                 if not _is_ours(rule):
                     self._by_seed.append(path)
@@ -521,7 +525,7 @@ class Builder:
         capacity = _convert_capacity(given.capacity, "conflicts.capacity", graph.get_node)
         of_edges = _convert_capacity(given.edge_capacity, "conflicts.edge_capacity", graph.get_edge)
         if isinstance(given.resolve, schema.PriorityOrder):
-            with at("conflicts.resolve.by_priority"):
+            with locate_errors("conflicts.resolve.by_priority"):
                 resolve = rules.by_priority(given.resolve.by_priority)
         elif ":" in given.resolve:
             resolve = self.library.get(given.resolve, path)
@@ -531,7 +535,7 @@ class Builder:
             capacity, given.among, edge_capacity=of_edges, allow_swaps=given.allow_swaps, resolve=resolve
         )
         for key, has_edges in (("capacity", False), ("edge_capacity", True)):
-            with at(f"conflicts.{key}"):
+            with locate_errors(f"conflicts.{key}"):
                 conflicts.limits(self.ctx.graph.columns(), has_edges=has_edges)
         found: IConflicts = conflicts
         return found
@@ -558,7 +562,9 @@ class Builder:
         if set(value) == {"node_at"}:
             where = join_path(path, "node_at")
             self._calls += 1  # depends on a map that may change
-            return node_at(self.ctx, convert_plain(value["node_at"], schema.LatLon | tuple[float, float], where), where)
+            return find_node(
+                self.ctx, convert_plain(value["node_at"], schema.LatLon | tuple[float, float], where), where
+            )
         return {key: self._convert_value(one, join_path(path, key)) for key, one in value.items()}
 
     def _call(self, call: Code, path: str) -> Any:
@@ -567,8 +573,10 @@ class Builder:
         given = self._make_given(function, call.with_, path)
         first = (self.ctx,) if find_first_parameter(function) == "ctx" else ()
         if find_first_parameter(function) == "state":
-            return self._call_and_note(function, path, partial(made, function, given, self.ctx, path, "strategy"))
-        if not given and needs(function, len(first)):
+            return self._call_and_note(
+                function, path, partial(make_from_function, function, given, self.ctx, path, "strategy")
+            )
+        if not given and is_needing_more(function, len(first)):
             return function
         return self._call_and_note(function, path, partial(call_function, function, given, first, path))
 
@@ -592,7 +600,7 @@ def _convert_capacity(given: object, path: str, find: Callable[[int], object]) -
         where = join_path(path, key)
         if not str(key).removeprefix("-").isdecimal():
             raise ScenarioError(where, "is not an id. Give ids and numbers, such as {3: 1}.")
-        with at(where):
+        with locate_errors(where):
             find(int(key))
         limits[int(key)] = number
     return limits
@@ -649,7 +657,7 @@ def write_out(spec: Spec, library: CodeLibrary) -> Values:
         sensor |= {name: value for name, value in defaults.items() if sensor[name] is None}
     for one in list_code(spec):
         if one.what != "resolver":
-            _write_defaults(plain, one, library.known(one.reference, one.short))
+            _write_defaults(plain, one, library.get_known(one.reference, one.short))
     return plain
 
 
@@ -677,7 +685,7 @@ def make_digests(spec: Spec, library: CodeLibrary, map: MapSnapshot) -> dict[str
             part["plan"] = None
     written = {key: json.dumps(as_json(value), sort_keys=True).encode() for key, value in parts.items()}
     found = {key: sha256(value).hexdigest() for key, value in written.items()}
-    return {**found, "map": digest_of(map.columns, map.obstacles.corners)}
+    return {**found, "map": compute_digest(map.columns, map.obstacles.corners)}
 
 
 def _write_defaults(plain: Values, one: NamedCode, function: Function | None) -> None:
@@ -692,7 +700,7 @@ def _write_defaults(plain: Values, one: NamedCode, function: Function | None) ->
     if function is not None:
         first = find_first_parameter(function)
         is_called = given or (
-            first == "ctx" if one.what == "sensor" else not needs(function, int(first in GIVEN_LATER))
+            first == "ctx" if one.what == "sensor" else not is_needing_more(function, int(first in GIVEN_LATER))
         )
         if is_called:
             given = {**list_plain_defaults(function), **given}

@@ -27,9 +27,9 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownAttribute, nearest
 from gamms.limits import refuse_above
 from gamms.plain import Plain
-from gamms.scenario.documents import ScenarioError, at, copy_plain, join_path
+from gamms.scenario.documents import ScenarioError, copy_plain, join_path, locate_errors
 from gamms.text import parse_syntax, shown
-from gamms.typing.actions import make_strategy, makes_strategies
+from gamms.typing.actions import is_factory, make_strategy
 from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = (
@@ -88,7 +88,7 @@ class CodeReference(NamedTuple):
         return self.function or "map_strategy"
 
 
-def allowed(packages: Iterable[str]) -> tuple[str, ...]:
+def check_packages(packages: Iterable[str]) -> tuple[str, ...]:
     """Check the packages that a caller allows.
 
     Raises:
@@ -126,7 +126,7 @@ def is_defined_in(value: object, package: str) -> bool:
     return all(maker is plain or is_own(maker) for maker, plain in makers)
 
 
-def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
+def find_path(text: str, folder: Path | None, path: str, what: str) -> Path:
     """Return the path of a file in the folder of a scenario or below, whether it exists or not.
 
     Raises:
@@ -160,7 +160,7 @@ def find(text: str, sources: CodeSources, path: str, *, short: str | None = None
     return _check_reference(_locate_reference(text, sources, path, short), is_imported_allowed=False)
 
 
-def chosen(text: str, path: str) -> tuple[CodeReference, Path]:
+def find_function(text: str, path: str) -> tuple[CodeReference, Path]:
     """Find the code that a person names, in a file anywhere or a module, and return it with its folder.
 
     Raises:
@@ -212,7 +212,7 @@ def locate_files(function: Function, given: Parameters, sources: CodeSources, pa
         text = found.get(key)
         where = join_path(path, f"with.{key}")
         if isinstance(text, str):
-            file = inside(text, sources.folder, where, "file")
+            file = find_path(text, sources.folder, where, "file")
             if key not in new and not file.is_file():
                 raise ScenarioError(where, f"there is no file {text!r} in {sources.folder}.")
             found[key] = str(file)
@@ -237,7 +237,7 @@ def _locate_reference(text: str, sources: CodeSources, path: str, short: str | N
         hint = " Parameters belong into with: {…}." if "(" in text else ""
         raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.{hint}")
     if is_file:
-        file = inside(left, folder, path, "Python file")
+        file = find_path(left, folder, path, "Python file")
         if not file.is_file():
             raise ScenarioError(path, f"there is no file {left!r} in {folder}.{_suggest_file(left, folder)}")
         dotted = ".".join(PureWindowsPath(left).with_suffix("").parts)
@@ -261,7 +261,7 @@ def _locate_reference(text: str, sources: CodeSources, path: str, short: str | N
     stem = left.replace(".", "/")
     for name in (f"{stem}/__init__.py", f"{stem}.py") if folder is not None else ():
         if folder is not None and folder.joinpath(name).is_file():
-            return _check_folder(folder, found._replace(file=inside(name, folder, path, "Python file")))
+            return _check_folder(folder, found._replace(file=find_path(name, folder, path, "Python file")))
     return found._replace(owner=_find_owner(found, sources))
 
 
@@ -269,7 +269,7 @@ def _check_folder(folder: Path, found: CodeReference) -> CodeReference:
     """Check that no parent package of a module leads out of the folder."""
     *packages, _ = found.module.split(".")
     for depth in range(1, len(packages) + 1):
-        inside("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
+        find_path("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
     return found._replace(owner=name_private_package(folder))
 
 
@@ -389,7 +389,7 @@ def _list_names(file: Path, path: str) -> tuple[set[str], set[str]]:
 
     "*" among its own names means that only running the file could tell.
     """
-    with at(path):
+    with locate_errors(path):
         refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"reading {file}")
     try:
         tree = parse_syntax(file.read_bytes(), str(file))
@@ -434,13 +434,13 @@ class CodeLibrary:
         Raises:
             ScenarioError: it does not exist; the error names the path.
         """
-        found = self.known(text, short)
+        found = self.get_known(text, short)
         if found is None:
             found = import_function(find(text, self.sources, path, short=short), self.folder)
             self._known[_describe_reference(text, short)] = found
         return found
 
-    def known(self, text: str, short: str | None = None) -> Function | None:
+    def get_known(self, text: str, short: str | None = None) -> Function | None:
         """Return the function of a reference if it has been imported; else None."""
         return self._known.get(_describe_reference(text, short))
 
@@ -523,7 +523,7 @@ def _read_stamp(file: Path) -> tuple[int, int]:
     return (0, 0)
 
 
-def made(function: Function, given: Parameters, ctx: Context, path: str, what: str) -> Function:
+def make_from_function(function: Function, given: Parameters, ctx: Context, path: str, what: str) -> Function:
     """Return the strategy, plan or rule that a function is or makes.
 
     A function whose first parameter has a name in `_ARGUMENTS` is one itself. A function whose first parameter is
@@ -544,13 +544,13 @@ def made(function: Function, given: Parameters, ctx: Context, path: str, what: s
     name = getattr(function, "__name__", function)
     if what == "rule" and first == "state":
         raise ScenarioError(path, f"{name} takes a state: it is not a rule, but a strategy.")
-    if what == "strategy" and first not in ("state", "ctx") and first not in given and needs(function):
+    if what == "strategy" and first not in ("state", "ctx") and first not in given and is_needing_more(function):
         check_parameters(function, given, 1, path)
         asked = partial(function, **given) if given else function
-        with nullcontext() if makes_strategies(asked) is False else _raise_scenario_errors(path, f"{name} raised"):
+        with nullcontext() if is_factory(asked) is False else _raise_scenario_errors(path, f"{name} raised"):
             found: Function = make_strategy(ctx, asked)
         return update_wrapper(asked, function) if given and found is asked else found
-    if first in _ARGUMENTS[what] or (first != "ctx" and not given and needs(function)):
+    if first in _ARGUMENTS[what] or (first != "ctx" and not given and is_needing_more(function)):
         check_parameters(function, given, 1, path)
         return update_wrapper(partial(function, **given), function) if given else function
     one = call_function(function, given, (ctx,) if first == "ctx" else (), path)
@@ -597,7 +597,7 @@ def find_first_parameter(function: Function) -> str:
     return next((one.name for one in _list_parameters(function) or ()), "")
 
 
-def needs(function: Function, first: int = 0) -> bool:
+def is_needing_more(function: Function, first: int = 0) -> bool:
     """Return whether a function needs more than its first `first` parameters."""
     known = _list_parameters(function)
     variable = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)

@@ -29,22 +29,22 @@ from gamms.scenario import maps
 from gamms.scenario import spec as schema
 from gamms.scenario.code import CodeReference, find_offered_function, list_plain_defaults
 from gamms.scenario.documents import describe_path, join_path
-from gamms.scenario.placement import members
+from gamms.scenario.placement import list_members
 from gamms.scenario.spec import (
     Spec,
     Values,
     as_builtins,
-    default_of,
     find_mappings,
-    given_keys,
+    get_default,
     has_mapping,
-    key_texts,
-    keys_of,
+    list_given_keys,
+    list_key_texts,
+    list_keys,
     list_mappings,
     to_plain,
 )
 from gamms.scenario.validation import NamedCode, find_sensor_type, list_code
-from gamms.text import as_digits, entries_of, make_printable_line, paragraphs_of, parse_syntax, summary_of
+from gamms.text import as_digits, find_summary, make_printable_line, parse_entries, parse_syntax, split_paragraphs
 from gamms.typing.agent_engine import IAgentEngine
 from gamms.typing.game import ChannelOptions
 from gamms.typing.sensor_engine import DetectionOptions, PlaceOptions, SensorOptions
@@ -141,48 +141,48 @@ class OddDocument:
             "## 1 Purpose and patterns",
             _escape(self._spec.description or "The scenario has no key description, which would say it here."),
             "## 2 Entities, state variables, and scales",
-            *self._entities(),
+            *self._write_entities(),
             "## 3 Process overview and scheduling",
-            *self._processes(),
+            *self._write_processes(),
             "## 4 Design concepts",
-            *self._concepts(),
+            *self._write_concepts(),
             "## 5 Initialization",
-            *self._initialization(),
+            *self._write_initialization(),
             "## 6 Input data",
-            *self._inputs(),
+            *self._write_inputs(),
             "## 7 Submodels",
-            *self._submodels(),
+            *self._write_submodels(),
             "## 8 Keys of the scenario",
-            *self._keys(),
+            *self._write_keys(),
         ]
         return "\n\n".join(part for part in parts if part) + "\n"
 
     # -- overview -------------------------------------------------------------------------------------------------
 
-    def _entities(self) -> Iterator[str]:
+    def _write_entities(self) -> Iterator[str]:
         yield "### Map"
-        yield _table(("fact", "value"), self._facts_of_map())
+        yield _write_table(("fact", "value"), self._list_map_facts())
         yield "### Teams and agents"
         rows = []
-        for name, agents in members(self._spec).items():
+        for name, agents in list_members(self._spec).items():
             team = self._spec.teams[name]
             decides = team.plan if team.plan is not None else team.strategy
             kinds = ", ".join(dict.fromkeys(str((one.listed and one.listed.type) or team.type) for one in agents))
             names = _cut(", ".join(one.name for one in agents))
             rows.append((name, str(len(agents)), names, kinds.replace("None", "basic"), _name_code(decides)))
-        yield _table(("team", "agents", "names", "type", "decided by"), rows)
+        yield _write_table(("team", "agents", "names", "type", "decided by"), rows)
         yield "### State variables"
         header = ("of", "variable", "meaning", "changes are known to, while the game is played")
-        yield _table(header, _list_variables(), is_prose=True)
+        yield _write_table(header, _list_variables(), is_prose=True)
         yield "### Scales"
         settings = self._spec.settings
         seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else None
         time = "a turn" if seconds is None else f"a turn of {as_digits(seconds)} seconds"
         limit = "until a rule ends it" if self._spec.max_turns is None else f"for at most {self._spec.max_turns} turns"
         yield f"Time passes in steps of {time}; a game is played {limit}."
-        yield f"`speed_unit` is {_escape(settings.speed_unit)}: {_as_prose(_texts_of(schema.Settings)['speed_unit'])}"
+        yield f"`speed_unit` is {_escape(settings.speed_unit)}: {_as_prose(_get_texts(schema.Settings)['speed_unit'])}"
 
-    def _facts_of_map(self) -> Iterator[tuple[str, str]]:
+    def _list_map_facts(self) -> Iterator[tuple[str, str]]:
         yield "kind", maps.find_map_kind(self._spec.map)
         yield "as written", _write_value(self._raw.get("map"))
         if self._map is None:
@@ -197,13 +197,13 @@ class OddDocument:
         yield "extent", " and ".join(f"{axis} from {low[i]:.2f} to {high[i]:.2f}" for i, axis in enumerate("xy"))
         yield "coordinates", columns.crs or "of a plane"
         yield "obstacles", f"{len({*self._map.obstacles.ids.tolist()}):,}"
-        yield "SHA-256 of streets and obstacles", maps.digest_of(columns, self._map.obstacles.corners)
+        yield "SHA-256 of streets and obstacles", maps.compute_digest(columns, self._map.obstacles.corners)
         if self._map.attribution:
             yield "source", self._map.attribution
 
-    def _processes(self) -> Iterator[str]:
-        yield f"{_as_prose(paragraphs_of(turn.__doc__)[1])} Each turn has these phases, in this order:"
-        yield _table(("phase", "what happens"), _list_phases())
+    def _write_processes(self) -> Iterator[str]:
+        yield f"{_as_prose(split_paragraphs(turn.__doc__)[1])} Each turn has these phases, in this order:"
+        yield _write_table(("phase", "what happens"), _list_phases())
         order = self._spec.settings.order
         if order is not None:
             groups = "; then ".join(" and ".join(group) for group in order)
@@ -215,57 +215,59 @@ class OddDocument:
             phase = rule.phase if isinstance(rule, schema.Rule) else "after"
             rows.append((str(number), _escape(code.wanted), phase, self._explain(named, code)))
         yield "Rules are applied in this order:" if rows else "The game has no rules."
-        yield _table(("", "rule", "phase", "what it does"), rows, is_prose=True)
+        yield _write_table(("", "rule", "phase", "what it does"), rows, is_prose=True)
 
     # -- design concepts ------------------------------------------------------------------------------------------
 
-    def _concepts(self) -> Iterator[str]:
+    def _write_concepts(self) -> Iterator[str]:
         yield "### Adaptation, objectives, learning, and prediction"
         yield "Agents adapt through the strategies and plans of section 7, which hold their objectives."
         yield "### Sensing: who knows what"
-        yield from self._sensing()
+        yield from self._write_sensing()
         yield "### Interaction"
         if self._spec.conflicts is None:
             yield "All moves are made: agents do not stand in each other's way. Rules let agents meet."
         else:
-            yield _as_prose(" ".join(paragraphs_of(conflicts.Conflicts.__doc__)))
-            yield self._table_of("conflicts")
+            yield _as_prose(" ".join(split_paragraphs(conflicts.Conflicts.__doc__)))
+            yield self._write_part_table("conflicts")
         yield "### Stochasticity"
-        yield f"{summary_of(draws.__doc__)} The seed of the scenario is {_write_value(self._spec.seed)}."
-        yield _table(("drawn", "because of"), self._list_draws())
+        yield f"{find_summary(draws.__doc__)} The seed of the scenario is {_write_value(self._spec.seed)}."
+        yield _write_table(("drawn", "because of"), self._list_draws())
         yield "### Observation"
-        yield summary_of(Result.__doc__)
-        yield _table(("part of the result", "content"), entries_of(Result.__doc__).items(), is_prose=True)
+        yield find_summary(Result.__doc__)
+        yield _write_table(("part of the result", "content"), parse_entries(Result.__doc__).items(), is_prose=True)
 
-    def _sensing(self) -> Iterator[str]:
+    def _write_sensing(self) -> Iterator[str]:
         rows = []
-        for path, sensor in self._sensors():
+        for path, sensor in self._list_sensors():
             name = str(sensor.type or sensor.function)
-            given = {key: value for key, value in given_keys(sensor).items() if key not in ("type", "function")}
+            given = {key: value for key, value in list_given_keys(sensor).items() if key not in ("type", "function")}
             rows.append((_escape(path), _escape(name), _escape(_write_value(given)), self._explain_sensor(sensor)))
         yield "Agents have these sensors:" if rows else "Agents have no sensors."
-        yield _table(("sensor", "kind", "parameters", "what it reports"), rows, is_prose=True)
+        yield _write_table(("sensor", "kind", "parameters", "what it reports"), rows, is_prose=True)
         bearers = []
         for name, team in self._spec.teams.items():
             bearers.append((f"team {name}", ", ".join(team.sensors or ()) or "none"))
             own = [one for one in team.agents if one.sensors is not None]
             bearers += [(one.name, ", ".join(one.sensors or ()) or "none") for one in own]
-        yield _table(("agents", "their sensors"), bearers)
+        yield _write_table(("agents", "their sensors"), bearers)
         if self._spec.channels:
             yield "Agents send messages by these channels:"
-            yield _table(("channel", "keys"), ((name, _write_value(given_keys(one))) for name, one in self._channels()))
+            yield _write_table(
+                ("channel", "keys"), ((name, _write_value(list_given_keys(one))) for name, one in self._list_channels())
+            )
         else:
             yield "Agents send no messages."
         known = ", ".join(map(str, self._spec.facts)) or "none"
         yield f"Facts that all strategies know: {_escape(known)}."
         for key in ("information", "team_memory"):
             value = _write_value(getattr(self._spec.settings, key))
-            yield f"`{key}` is {_escape(value)}: {_as_prose(_texts_of(schema.Settings)[key])}"
+            yield f"`{key}` is {_escape(value)}: {_as_prose(_get_texts(schema.Settings)[key])}"
 
-    def _sensors(self) -> list[tuple[str, schema.Sensor]]:
+    def _list_sensors(self) -> list[tuple[str, schema.Sensor]]:
         return [(path, one) for path, one in self._used[schema.Sensor] if isinstance(one, schema.Sensor)]
 
-    def _channels(self) -> Iterable[tuple[str, schema.Channel]]:
+    def _list_channels(self) -> Iterable[tuple[str, schema.Channel]]:
         return self._spec.channels.items()
 
     def _list_draws(self) -> Iterator[tuple[str, str]]:
@@ -273,11 +275,11 @@ class OddDocument:
         drawn = [name for name, team in self._spec.teams.items() if _is_placed(team)]
         if drawn:
             yield "the nodes on which agents start", ", ".join(f"teams.{name}" for name in drawn)
-        for path, sensor in self._sensors():
+        for path, sensor in self._list_sensors():
             for key in ("detection", "position_noise_m", "false_alarm_rate"):
                 if getattr(sensor, key) is not None:
                     yield "reports of sensors", join_path(path, key)
-        for name, channel in self._channels():
+        for name, channel in self._list_channels():
             if channel.loss:
                 yield "messages that are lost", f"channels.{name}.loss"
         if self._spec.conflicts is not None and self._spec.conflicts.resolve == "at_random":
@@ -288,99 +290,101 @@ class OddDocument:
 
     # -- details --------------------------------------------------------------------------------------------------
 
-    def _initialization(self) -> Iterator[str]:
+    def _write_initialization(self) -> Iterator[str]:
         rows = []
         for name, team in self._spec.teams.items():
-            given = given_keys(team)
+            given = list_given_keys(team)
             placing = {key: given[key] for key in _PLACING if key in given}
             listed = {one.name: "drawn" if one.node is None else as_builtins(one.node) for one in team.agents}
             rows.append((name, _write_value(placing), _write_value(listed) if listed else "-"))
         yield "Agents start as the keys of their teams say; nodes that these leave open are drawn."
-        yield _table(("team", "keys", "nodes of listed agents"), rows)
+        yield _write_table(("team", "keys", "nodes of listed agents"), rows)
         if self._starts:
             yield f"With the seed {_write_value(self._spec.seed)} they start on these nodes:"
             nodes = {name: int(found[0]) for name, found in self._starts.items()}
-            by_team = [(team, {one.name: nodes[one.name] for one in own}) for team, own in members(self._spec).items()]
-            yield _table(("team", "nodes"), ((team, _write_value(own)) for team, own in by_team))
+            by_team = [
+                (team, {one.name: nodes[one.name] for one in own}) for team, own in list_members(self._spec).items()
+            ]
+            yield _write_table(("team", "nodes"), ((team, _write_value(own)) for team, own in by_team))
         for key in ("facts", "data"):
             values = getattr(self._spec, key)
             yield f"Initial `{key}`:" if values else f"There are no initial `{key}`."
-            yield _table((key, "value"), ((str(name), _write_value(value)) for name, value in values.items()))
+            yield _write_table((key, "value"), ((str(name), _write_value(value)) for name, value in values.items()))
 
-    def _inputs(self) -> Iterator[str]:
+    def _write_inputs(self) -> Iterator[str]:
         files = dict.fromkeys(code.file for _, code in self._code if code.file is not None)
         map_file = maps.map_file(self._spec.map, self._folder)
         if map_file is not None:
             files = {map_file: None, **files}
-        rows = [(_name_file(file, self._folder), _hash_of(file)) for file in files]
+        rows = [(_name_file(file, self._folder), _compute_hash(file)) for file in files]
         yield "The game reads these files:" if rows else "The game reads no files but that of the scenario."
-        yield _table(("file", "SHA-256"), rows)
+        yield _write_table(("file", "SHA-256"), rows)
 
-    def _submodels(self) -> Iterator[str]:
+    def _write_submodels(self) -> Iterator[str]:
         if not self._code:
             yield "The scenario names no functions."
         for named, code in self._code:
             yield f"### {_escape(describe_path(named.path, self._raw))}: {_escape(code.text)}"
             yield self._explain(named, code, in_full=True)
-            yield self._parameters(named, code)
+            yield self._write_parameters(named, code)
         conflict = self._spec.conflicts
         if conflict is not None and isinstance(conflict.resolve, str) and ":" not in conflict.resolve:
             function = find_offered_function(conflict.resolve, "gamms.rules")
             yield f"### conflicts.resolve: {_escape(conflict.resolve)}"
-            yield _as_prose(summary_of(getattr(function, "__doc__", "")))
+            yield _as_prose(find_summary(getattr(function, "__doc__", "")))
 
     def _explain(self, named: NamedCode, code: CodeReference, *, in_full: bool = False) -> str:
-        found = paragraphs_of(_docs_of(named, code)) or [f"{code.text} has no docstring."]
+        found = split_paragraphs(_find_docs(named, code)) or [f"{code.text} has no docstring."]
         return "\n\n".join(map(_as_prose, found if in_full else found[:1]))
 
     def _explain_sensor(self, sensor: schema.Sensor) -> str:
         if sensor.type is None:
             return "See section 7."
         kind = find_sensor_type(sensor.type)
-        return _as_prose(summary_of(getattr(sensors, kind.name.lower()).__doc__ if kind else ""))
+        return _as_prose(find_summary(getattr(sensors, kind.name.lower()).__doc__ if kind else ""))
 
-    def _parameters(self, named: NamedCode, code: CodeReference) -> str:
+    def _write_parameters(self, named: NamedCode, code: CodeReference) -> str:
         function = find_offered_function(named.reference, named.short)
         defaults = {} if function is None else list_plain_defaults(function)
-        texts = entries_of(_docs_of(named, code))
+        texts = parse_entries(_find_docs(named, code))
         rows = []
         for name in dict.fromkeys([*named.given, *defaults]):
             value = _write_value(named.given.get(name, defaults.get(name)))
             origin = "given" if name in named.given else "default"
             rows.append((_escape(name), _escape(value), origin, _as_prose(texts.get(name, ""))))
-        return _table(("parameter", "value", "", "meaning"), rows, is_prose=True)
+        return _write_table(("parameter", "value", "", "meaning"), rows, is_prose=True)
 
-    def _keys(self) -> Iterator[str]:
+    def _write_keys(self) -> Iterator[str]:
         yield "All keys of scenario files, with their values here and their defaults."
         for kind in list_mappings():
             yield f"### Keys of {kind.__name__}"
-            yield _as_prose(summary_of(kind.__doc__))
+            yield _as_prose(find_summary(kind.__doc__))
             rows = []
-            texts = _texts_of(kind)
-            for key, field in keys_of(kind).items():
+            texts = _get_texts(kind)
+            for key, field in list_keys(kind).items():
                 values = [(path, getattr(part, field.name)) for path, part in self._used[kind]]
-                values = [(path, value) for path, value in values if value != default_of(field)]
+                values = [(path, value) for path, value in values if value != get_default(field)]
                 given = [f"{path}: {_write_part(value)}" if path else _write_part(value) for path, value in values]
-                default = "required" if field.required else _write_part(default_of(field))
+                default = "required" if field.required else _write_part(get_default(field))
                 here = "; ".join(given) or "-"
                 rows.append((_escape(key), _escape(_cut(here)), _escape(default), _as_prose(texts[key])))
-            yield _table(("key", "here", "default", "meaning"), rows, is_prose=True)
+            yield _write_table(("key", "here", "default", "meaning"), rows, is_prose=True)
 
-    def _table_of(self, part: str) -> str:
+    def _write_part_table(self, part: str) -> str:
         values = to_plain(getattr(self._spec, part))
-        return _table(("key", "value"), ((key, _write_value(value)) for key, value in values.items()))
+        return _write_table(("key", "value"), ((key, _write_value(value)) for key, value in values.items()))
 
 
 # -- the schema and the values of a scenario ----------------------------------------------------------------------
 
 
-def _texts_of(kind: type) -> dict[str, str]:
+def _get_texts(kind: type) -> dict[str, str]:
     """Return the meaning of the keys of a mapping: by the schema, and by what the keys are arguments of."""
     texts: dict[str, str] = {}
     for part in reversed(kind.__mro__):
         for source in _EXPLAINED.get(part, ()):
-            texts |= entries_of(source.__doc__)
-    return {**texts, **key_texts(kind)}
+            texts |= parse_entries(source.__doc__)
+    return {**texts, **list_key_texts(kind)}
 
 
 def _is_placed(team: schema.Team) -> bool:
@@ -403,7 +407,7 @@ def _list_variables() -> Iterator[tuple[str, str, str, str]]:
         elif column.name in _CHANGED_BY:
             known = events.EVENTS[_CHANGED_BY[column.name]].audience.value
         yield column.axis, _escape(column.attribute or column.name), _MEANINGS.get(column.name, ""), known
-    meanings = entries_of(GameState.__doc__)
+    meanings = parse_entries(GameState.__doc__)
     for field in fields(GameState):
         event = field.metadata["done"].event if "done" in field.metadata else None
         if event is not None:
@@ -423,7 +427,7 @@ def _list_phases() -> list[tuple[str, str]]:
     return found[1:]
 
 
-def _docs_of(named: NamedCode, code: CodeReference) -> str | None:
+def _find_docs(named: NamedCode, code: CodeReference) -> str | None:
     """Return the docstring of a function that a scenario names; code of users is parsed, and not run."""
     function = find_offered_function(named.reference, named.short)
     if function is not None:
@@ -440,7 +444,7 @@ def _name_file(file: Path, folder: Path | None) -> str:
     return file.relative_to(folder).as_posix() if folder and file.is_relative_to(folder) else file.name
 
 
-def _hash_of(file: Path) -> str:
+def _compute_hash(file: Path) -> str:
     with file.open("rb") as stream:
         return file_digest(stream, "sha256").hexdigest()
 
@@ -477,7 +481,7 @@ def _as_prose(text: str) -> str:
     return "".join(kinds)
 
 
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]], *, is_prose: bool = False) -> str:
+def _write_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, is_prose: bool = False) -> str:
     """Return a table; "" without rows. The cells are texts, or, with `is_prose`, Markdown."""
     lines = ["| " + " | ".join(row if is_prose else map(_escape, row)) + " |" for row in rows]
     if not lines:

@@ -53,7 +53,7 @@ def join_path(path: str, key: object) -> str:
 
 
 @contextmanager
-def at(path: str) -> Iterator[None]:
+def locate_errors(path: str) -> Iterator[None]:
     """Turn errors in the block into a `ScenarioError` at a path.
 
     Raises:
@@ -68,7 +68,7 @@ def at(path: str) -> Iterator[None]:
 
 
 @contextmanager
-def named(file: object, raw: Plain = None) -> Iterator[None]:
+def name_errors(file: object, raw: Plain = None) -> Iterator[None]:
     """Add the file, or None, and the place in words to errors in the block.
 
     Raises:
@@ -81,7 +81,7 @@ def named(file: object, raw: Plain = None) -> Iterator[None]:
 
 
 @contextmanager
-def on_map(number: int | None) -> Iterator[None]:
+def add_map_number(number: int | None) -> Iterator[None]:
     """Add the number of the map to errors in the block; None: there is only one map.
 
     Raises:
@@ -213,7 +213,7 @@ def _find_current_key(keys: tuple[Plain, ...], key: Plain) -> Plain:
     return names.get(key, key)
 
 
-def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Plain]:
+def apply_changes(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Plain]:
     """Copy a mapping, with current names of keys, and with another value at each dotted path.
 
     A part of a path is a key, or of a list item the index, the name, or the name of its function, if no other item has
@@ -245,27 +245,27 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
     return new
 
 
-def differences(first: Plain, second: Plain, path: str = "") -> Iterator[str]:
+def list_differences(first: Plain, second: Plain, path: str = "") -> Iterator[str]:
     """Yield a line for each place where two plain values differ.
 
     Names and mappings in lists are compared by their labels, such as the names of agents and rules, if both lists have
     unique ones; all other items by their numbers.
     """
     with_labels = _has_labels(first) and _has_labels(second)
-    one = _labeled(first, with_labels=with_labels)
-    other = _labeled(second, with_labels=with_labels)
+    one = _label_items(first, with_labels=with_labels)
+    other = _label_items(second, with_labels=with_labels)
     if one is None or other is None or type(first) is not type(second):
         if first != second or isinstance(first, bool) != isinstance(second, bool):
-            yield f"{path}: {_written(first)}, and {_written(second)}"
+            yield f"{path}: {_write_value(first)}, and {_write_value(second)}"
         return
     for key in dict.fromkeys([*one, *other]):
         place = join_path(path, key)
         if key not in other:
-            yield f"{place}: {_written(one[key])}, and not there"
+            yield f"{place}: {_write_value(one[key])}, and not there"
         elif key not in one:
-            yield f"{place}: not there, and {_written(other[key])}"
+            yield f"{place}: not there, and {_write_value(other[key])}"
         else:
-            yield from differences(one[key], other[key], place)
+            yield from list_differences(one[key], other[key], place)
     orders = [[str(key) for key in keys if key in one and key in other] for keys in (one, other)]
     if isinstance(first, list) and orders[0] != orders[1]:
         yield f"{path}: in the order {', '.join(orders[0])}, and {', '.join(orders[1])}"
@@ -279,7 +279,7 @@ def _has_labels(value: Plain) -> bool:
     return all(labels) and len(set(labels)) == len(labels)
 
 
-def _labeled(value: Plain, *, with_labels: bool) -> dict[Plain, Plain] | None:
+def _label_items(value: Plain, *, with_labels: bool) -> dict[Plain, Plain] | None:
     """Return the items of a mapping or list by their keys, labels or numbers; None for another value."""
     if isinstance(value, dict):
         return value
@@ -289,7 +289,7 @@ def _labeled(value: Plain, *, with_labels: bool) -> dict[Plain, Plain] | None:
     return dict(zip(keys, value, strict=True))
 
 
-def _written(value: Plain) -> str:
+def _write_value(value: Plain) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return make_printable(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}… ({len(text):,} characters)")
 
@@ -321,11 +321,11 @@ def _list_parts(here: Plain) -> list[str]:
     if isinstance(here, dict):
         return [str(key) for key in here]
     if isinstance(here, list):
-        return [_label_of(one) for one in here]
+        return [_find_label(one) for one in here]
     return []
 
 
-def _label_of(item: Plain) -> str:
+def _find_label(item: Plain) -> str:
     """Return the name of an item of a list, or its rule; "" if it has neither."""
     if not isinstance(item, dict):
         return str(item)
@@ -358,7 +358,7 @@ def read(file: Path) -> Plain:
         OSError: the file cannot be read.
     """
     text = read_text(file)
-    return from_json(text) if file.suffix.lower() == ".json" else from_yaml(text)
+    return parse_json(text) if file.suffix.lower() == ".json" else parse_yaml(text)
 
 
 def read_text(file: Path) -> str:
@@ -389,7 +389,7 @@ def read_text(file: Path) -> str:
         raise ScenarioError("", f"the file is not UTF-8 text: {error}.") from None
 
 
-def from_json(text: str) -> Plain:
+def parse_json(text: str) -> Plain:
     """Return the plain values in a text of JSON.
 
     Raises:
@@ -405,7 +405,7 @@ def from_json(text: str) -> Plain:
         raise ScenarioError("", f"this is not JSON: {error}.") from None
 
 
-def from_yaml(text: str) -> Plain:
+def parse_yaml(text: str) -> Plain:
     """Return the plain values in a text of YAML 1.2 without tags and with a bounded number of aliases.
 
     Raises:
@@ -422,7 +422,7 @@ def from_yaml(text: str) -> Plain:
                 documents += 1
                 if documents > 1:
                     raise ScenarioError("", f"{_describe_line(event)}: a file holds a single document.")
-                value = _YamlComposer(events).composed(next(events), "", 1)
+                value = _YamlComposer(events).compose_value(next(events), "", 1)
     except yaml.YAMLError as error:
         raise ScenarioError("", f"this is not YAML: {_describe_flaw(error, text)}") from None
     return value
@@ -480,7 +480,7 @@ class _YamlComposer:
         self._made = 0
         self._anchored: dict[str, tuple[Plain, int]] = {}  # each with its number of values
 
-    def composed(self, event: "yaml.Event", path: str, depth: int) -> Plain:
+    def compose_value(self, event: "yaml.Event", path: str, depth: int) -> Plain:
         """Return the value that starts with an event."""
         import yaml
 
@@ -527,12 +527,12 @@ class _YamlComposer:
         ends = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
         while not isinstance(event := next(self._events), ends):
             if is_map:
-                key = _check_event_key(self.composed(event, path, depth + 1), event, path)
+                key = _check_event_key(self.compose_value(event, path, depth + 1), event, path)
                 if key == "<<":
                     raise ScenarioError(path, f"{_describe_line(event)}: << is not read: give an alias for each value.")
-                _add_once(found, key, self.composed(next(self._events), join_path(path, key), depth + 1), path)
+                _add_once(found, key, self.compose_value(next(self._events), join_path(path, key), depth + 1), path)
             else:
-                items.append(self.composed(event, join_path(path, len(items)), depth + 1))
+                items.append(self.compose_value(event, join_path(path, len(items)), depth + 1))
         return found if is_map else items
 
 

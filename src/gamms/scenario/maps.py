@@ -12,8 +12,8 @@ from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
-from gamms.scenario.code import CodeLibrary, call_function, inside
-from gamms.scenario.documents import ScenarioError, at
+from gamms.scenario.code import CodeLibrary, call_function, find_path
+from gamms.scenario.documents import ScenarioError, locate_errors
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, expand, list_given_values
 from gamms.text import shown
 
@@ -30,7 +30,7 @@ def make_log_settings() -> Values:
     return {"level": logging.getLevelName(level) if level else "WARNING"}
 
 
-def digest_of(columns: GraphColumns, walls: FloatArray) -> str:
+def compute_digest(columns: GraphColumns, walls: FloatArray) -> str:
     """Return the SHA-256 of streets and obstacles, in hexadecimal.
 
     Args:
@@ -70,7 +70,7 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
         return None
     text = expand(MapFile, map.file).path
     path = "map.file" if isinstance(map.file, str) else "map.file.path"
-    file = inside(text, folder, path, "map")
+    file = find_path(text, folder, path, "map")
     if not file.is_file():
         raise ScenarioError(path, f"there is no file {text!r} in {folder}.")
     return file
@@ -103,12 +103,12 @@ def find_mode(map: Map, folder: Path | None) -> "ModeFunction | list[ModeFunctio
     path = f"map.{kind}.modes"
     known = osm.modes()
     if given.modes is not None:
-        with at(path):
-            known |= osm.modes(inside(given.modes, folder, path, "file of modes"))
+        with locate_errors(path):
+            known |= osm.modes(find_path(given.modes, folder, path, "file of modes"))
         if given.osm_type is None:
             raise ScenarioError(path, f"name one of its modes as osm_type.{nearest('', known)}")
     found: list[ModeFunction] = []
-    with at(f"map.{kind}.osm_type"):
+    with locate_errors(f"map.{kind}.osm_type"):
         for one in given.osm_type if isinstance(given.osm_type, list) else [given.osm_type]:
             if isinstance(one, str) and one not in known:
                 raise BadValue(f"there is no mode of travel {one!r}.{explain_name(one, known)}")
@@ -123,7 +123,7 @@ def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
         ScenarioError: the map cannot be loaded.
     """
     kind = find_map_kind(map)
-    with create_context(logger_config=make_log_settings()) as ctx, at(f"map.{kind}"):
+    with create_context(logger_config=make_log_settings()) as ctx, locate_errors(f"map.{kind}"):
         if map.grid is not None:
             ctx.graph.attach_networkx_graph(Grid(**list_given_values(map.grid)))
         elif map.helsinki is not None:
@@ -139,7 +139,7 @@ def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         for number, part in enumerate(map.closed):
-            with at(f"map.closed.{number}"):
+            with locate_errors(f"map.closed.{number}"):
                 name, area = (part, None) if isinstance(part, str) else (None, part)
                 ctx.graph.close_roads(name=name, inside=area)
         return ctx.graph.storage.snapshot()
@@ -226,7 +226,7 @@ def _make_street_options(
     options = {name: one for name, one in list_given_values(given).items() if name not in ours}
     if given.elevation is not None:
         where = f"map.{'file' if isinstance(given, MapFile) else 'place'}.elevation"
-        options["elevation"] = inside(given.elevation, folder, where, "file of heights")
+        options["elevation"] = find_path(given.elevation, folder, where, "file of heights")
     return options if mode is None else {**options, "osm_type": mode}
 
 

@@ -15,7 +15,7 @@ from gamms.ir.graph import IntArray, as_mode, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
-from gamms.scenario.documents import ScenarioError, at, join_path
+from gamms.scenario.documents import ScenarioError, join_path, locate_errors
 from gamms.scenario.spec import Agent, LatLon, ModeAttribute, Place, Spec, Team, TeamDistance
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType
@@ -39,7 +39,7 @@ class TeamMember(NamedTuple):
     listed: Agent | None  # its entry in the list of agents; None for a counted one
 
 
-def members(spec: Spec) -> dict[str, list[TeamMember]]:
+def list_members(spec: Spec) -> dict[str, list[TeamMember]]:
     """Return the agents of each team of a scenario, in order: first the listed ones, then the counted.
 
     Raises:
@@ -49,7 +49,7 @@ def members(spec: Spec) -> dict[str, list[TeamMember]]:
     total = 0  # bytes
     for name, team in spec.teams.items():
         path = f"teams.{name}"
-        with at(f"{path}.count"):
+        with locate_errors(f"{path}.count"):
             total += team.count * (_AGENT_BYTES + _SENSOR_BYTES * len(team.sensors or ()))
             refuse_above(total, f"{shown(team.count)} agents")
         listed = [TeamMember(one.name, name, f"{path}.agents.{number}", one) for number, one in enumerate(team.agents)]
@@ -73,7 +73,7 @@ class AgentPlacement:
     Args:
         ctx: the context.
         spec: the scenario.
-        agents: the agents of each team; see `members`.
+        agents: the agents of each team; see `list_members`.
 
     Attributes:
         map: the nodes.
@@ -107,7 +107,7 @@ class AgentPlacement:
         return rows
 
 
-def flies(given: str | None) -> bool:
+def is_flying(given: str | None) -> bool:
     """Return whether this names the type of aerial agents, in upper or lower case."""
     return as_member(AgentType, given) is AgentType.AERIAL
 
@@ -115,18 +115,18 @@ def flies(given: str | None) -> bool:
 def get_mode(team: Team, agent: Agent | None) -> str | None:
     """Return the mode of an agent, its own or that of its team; None: it may use all edges, or it flies."""
     given = team.mode if agent is None or agent.mode is None else agent.mode
-    if flies((agent and agent.type) or team.type):
+    if is_flying((agent and agent.type) or team.type):
         return None
     return as_mode({"attribute": given.attribute, "turns": given.turns} if isinstance(given, ModeAttribute) else given)
 
 
-def node_at(ctx: Context, given: Place, path: str) -> int:
+def find_node(ctx: Context, given: Place, path: str) -> int:
     """Return the node for an id, [x, y], a street, or a latitude and longitude.
 
     Raises:
         ScenarioError: the node does not exist, or the map has no degrees.
     """
-    with at(path):
+    with locate_errors(path):
         if isinstance(given, LatLon):
             return int(ctx.graph.nearest_node(lat=given.lat, lon=given.lon))
         if isinstance(given, tuple):
@@ -167,7 +167,7 @@ class NodePlaces:
         found: BoolArray = np.diff(offsets) > 1  # besides the node itself
         return found
 
-    def far_from(self, rows: IntArray, metres: float) -> WordArray:
+    def find_far(self, rows: IntArray, metres: float) -> WordArray:
         """Return sets of nodes at a straight-line distance of at least `metres` from each row, (rows, words)."""
         keys = [(row, metres) for row in rows.tolist()]
         if (len(self._far) + len(keys)) * len(self.ids) // 8 > _MOST_BYTES:
@@ -212,7 +212,7 @@ class _TeamPlacement:
         """The rows of given nodes, by the number of the member."""
         given = [(number, one.listed.node, f"{one.path}.node") for number, one in enumerate(self.members) if one.listed]
         map = self.map
-        return {number: map.row_of[node_at(map.ctx, node, path)] for number, node, path in given if node is not None}
+        return {number: map.row_of[find_node(map.ctx, node, path)] for number, node, path in given if node is not None}
 
     def place(self, seeds: Sequence[int], others: Mapping[str, IntArray]) -> IntArray:
         """Return the rows of this team's starting nodes, (seeds, agents); `others` has the rows of earlier teams."""
@@ -224,12 +224,12 @@ class _TeamPlacement:
         if not (self.spec.apart or self.away):
             if len(free) > len(self._free_rows):
                 raise ScenarioError(self.path, self._describe_refusal(len(self._free_rows), len(free)))
-            rows[:, free] = kernels.places_of_agents(self._make_keys(seeds, free, 0), self._free_rows)
+            rows[:, free] = kernels.draw_places(self._make_keys(seeds, free, 0), self._free_rows)
             return rows
         allowed = np.repeat(self._near[None], len(seeds), axis=0)
         for one in self.away:
             for of_agent in others[one.team].T:
-                allowed &= self.map.far_from(of_agent, one.at_least)
+                allowed &= self.map.find_far(of_agent, one.at_least)
         left = np.arange(len(seeds))
         most = np.zeros(len(seeds), np.int64)
         for attempt in range(_TRIES if self.spec.apart else 1):
@@ -271,7 +271,7 @@ class _TeamPlacement:
         """Remove a node from each set, and nodes too near to it."""
         allowed[np.arange(len(rows)), rows >> 4] &= ~(np.uint16(1) << (rows & 15).astype(np.uint16))
         if self.spec.apart:
-            allowed &= self.map.far_from(rows, self.spec.apart)
+            allowed &= self.map.find_far(rows, self.spec.apart)
 
     @cached_property
     def _free_rows(self) -> IntArray:
@@ -296,10 +296,10 @@ class _TeamPlacement:
         """The set of nodes where the team may start, before other teams are considered, (words,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
         for mode, path in self._modes.items():
-            with at(path):
+            with locate_errors(path):
                 allowed &= self.map.can_leave(mode)
         if self.spec.near is not None and self.spec.within is not None:
-            centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
+            centre = self.map.row_of[find_node(self.map.ctx, self.spec.near, f"{self.path}.near")]
             x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
             allowed &= np.hypot(self.map.xy[:, 0] - x, self.map.xy[:, 1] - y) <= self.spec.within
         return as_words(allowed)
@@ -338,7 +338,7 @@ def _draw_rows(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, .
     """
     ends = counts.cumsum(axis=1, dtype=np.int64)
     at = np.arange(len(sets))
-    number = kernels.below_of_words(words, ends[:, -1])[:, None]
+    number = kernels.draw_from_many_words(words, ends[:, -1])[:, None]
     word = (ends <= number).sum(axis=1)
     before = ends[at, word] - counts[at, word]
     bits = sets[at, word][:, None] >> _BITS & np.uint16(1)

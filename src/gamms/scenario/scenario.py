@@ -33,9 +33,9 @@ from gamms.recorder import Recording
 from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, make_digests, write_out
-from gamms.scenario.code import ON_REQUEST, CodeLibrary, CodeReference, CodeSources, allowed
-from gamms.scenario.documents import ScenarioError, named, on_map
-from gamms.scenario.placement import AgentPlacement, members, node_at
+from gamms.scenario.code import ON_REQUEST, CodeLibrary, CodeReference, CodeSources, check_packages
+from gamms.scenario.documents import ScenarioError, add_map_number, name_errors
+from gamms.scenario.placement import AgentPlacement, find_node, list_members
 from gamms.scenario.spec import LatLon, Place, Spec, convert_plain, to_plain
 from gamms.scenario.validation import check_code, check_sense, find_unread_data
 from gamms.text import shown
@@ -96,10 +96,12 @@ class Scenario(Surface, Immutable):
         **given: object,
     ) -> None:
         within = None if folder is None else as_path(folder, "folder").absolute()
-        self._put_public(folder=within, file=None if file is None else as_path(file, "file"), allow=allowed(allow))
+        self._put_public(
+            folder=within, file=None if file is None else as_path(file, "file"), allow=check_packages(allow)
+        )
         self._put_public(key_variable=None if key_variable is None else as_text(key_variable, "key_variable"))
         self._library = CodeLibrary(CodeSources(self.folder, self.allow, self.key_variable))
-        with named(self.file, given):
+        with name_errors(self.file, given):
             self._raw: dict[str, Any] = documents.copy_plain(given)
             self._put_public(spec=convert_plain(documents.rename_keys(self._raw), Spec))
             check_sense(self.spec)
@@ -121,9 +123,9 @@ class Scenario(Surface, Immutable):
         Raises:
             ScenarioError: a path does not exist, or a value is not allowed there.
         """
-        with named(self.file, self._raw):
-            raw = documents.changed(self._raw, changes)
-        with named(self.file, raw):
+        with name_errors(self.file, self._raw):
+            raw = documents.apply_changes(self._raw, changes)
+        with name_errors(self.file, raw):
             new = from_plain(raw, self.folder, self.file, self.allow, self.key_variable)
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
@@ -137,7 +139,7 @@ class Scenario(Surface, Immutable):
         Raises:
             ScenarioError: the map cannot be loaded.
         """
-        with named(self.file, self._raw):
+        with name_errors(self.file, self._raw):
             return self._loaded().columns
 
     def map_snapshot(self) -> MapSnapshot:
@@ -146,7 +148,7 @@ class Scenario(Surface, Immutable):
         Raises:
             ScenarioError: the map cannot be loaded.
         """
-        with named(self.file, self._raw):
+        with name_errors(self.file, self._raw):
             return self._loaded()
 
     def starts(self, seeds: Iterable[int]) -> dict[str, IntArray]:
@@ -157,9 +159,9 @@ class Scenario(Surface, Immutable):
             ScenarioError: with one of the seeds, not all agents can be placed.
         """
         chosen = [as_int(seed, "A seed") for seed in as_items(seeds, "seeds", "integers")]
-        with named(self.file, self._raw), create_context(logger_config=maps.make_log_settings()) as ctx:
+        with name_errors(self.file, self._raw), create_context(logger_config=maps.make_log_settings()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
-            return AgentPlacement(ctx, self.spec, members(self.spec)).place(chosen)
+            return AgentPlacement(ctx, self.spec, list_members(self.spec)).place(chosen)
 
     def node_at(self, place: int | str | Sequence[float] | Mapping[str, float] | LatLon | None) -> int:
         """Return the node for `[x, y]`, `{"lat": …, "lon": …}`, a street, or a node id.
@@ -167,9 +169,9 @@ class Scenario(Surface, Immutable):
         Raises:
             ScenarioError: the node does not exist, or the value is not a place.
         """
-        with named(self.file, self._raw), create_context(logger_config=maps.make_log_settings()) as ctx:
+        with name_errors(self.file, self._raw), create_context(logger_config=maps.make_log_settings()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
-            return node_at(ctx, place if isinstance(place, LatLon) else convert_plain(place, Place, "place"), "place")
+            return find_node(ctx, place if isinstance(place, LatLon) else convert_plain(place, Place, "place"), "place")
 
     def code(self) -> list[CodeReference]:
         """Return the code that `build` would import, without running any of it.
@@ -177,7 +179,7 @@ class Scenario(Surface, Immutable):
         Raises:
             ScenarioError: some code does not exist.
         """
-        with named(self.file, self._raw):
+        with name_errors(self.file, self._raw):
             return check_code(self.spec, self._library.sources)
 
     def warnings(self) -> list[str]:
@@ -201,7 +203,7 @@ class Scenario(Surface, Immutable):
         """
         names = [as_text(name, "a name of given") for name in as_items(given, "given", "names")]
         decided = set[str]()
-        for name, team in members(self.spec).items():
+        for name, team in list_members(self.spec).items():
             strategies = [self.spec.teams[name].plan, self.spec.teams[name].strategy]
             strategies += [one.listed.strategy for one in team if one.listed]
             if any(strategies) or not {name, *(one.name for one in team)}.isdisjoint(names):
@@ -215,11 +217,11 @@ class Scenario(Surface, Immutable):
             ScenarioError: a check failed.
         """
         found = self.code()
-        agents = members(self.spec)
+        agents = list_members(self.spec)
         done = ["keys, types and names", f"{len(found)} references to code (found, not run)"]
         if maps.is_data(self.spec.map):
             with (
-                named(self.file, self._raw),
+                name_errors(self.file, self._raw),
                 create_context(seed=self.spec.seed, logger_config=maps.make_log_settings()) as ctx,
             ):
                 ctx.graph.storage.copy_from(self._loaded())
@@ -247,7 +249,7 @@ class Scenario(Surface, Immutable):
         is_loaded = is_built or maps.is_data(self.spec.map)
         map = self.map_snapshot() if is_loaded else None
         starts = self.starts([self.spec.seed]) if is_loaded and self.spec.seed is not None else {}
-        with named(self.file, self._raw):
+        with name_errors(self.file, self._raw):
             return OddDocument(self.spec, self._raw, found, self.folder, map, starts).write()
 
     def differences(self, other: "Scenario") -> list[str]:
@@ -258,7 +260,7 @@ class Scenario(Surface, Immutable):
         """
         if not isinstance(other, Scenario):
             raise BadType(f"differences needs another Scenario, not {shown(other)}.")
-        return [*documents.differences(to_plain(self.spec), to_plain(other.spec))]
+        return [*documents.list_differences(to_plain(self.spec), to_plain(other.spec))]
 
     def digests(self) -> dict[str, str]:
         """Return the SHA-256 of each part of the game, in hexadecimal; this imports its code and loads the map.
@@ -270,7 +272,7 @@ class Scenario(Surface, Immutable):
             ScenarioError: a part cannot be built as it is written.
         """
         if self._digests is None:
-            with named(self.file, self._raw):
+            with name_errors(self.file, self._raw):
                 self._digests = make_digests(self.spec, self._library, self._loaded())
         return dict(self._digests)
 
@@ -315,12 +317,12 @@ class Scenario(Surface, Immutable):
     ) -> tuple[Context, Builder]:
         """Return a context with the game in it, and its builder; see `build`."""
         given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
-        by_team = members(self.spec)
+        by_team = list_members(self.spec)
         known = [*by_team, *(member.name for member in chain.from_iterable(by_team.values()))]
         unknown = next((name for name in given if name not in known), None)
         if unknown is not None:
             raise UnknownName("team or agent", unknown, known)
-        with named(self.file, self._raw):
+        with name_errors(self.file, self._raw):
             if not self._loaded.cache_info().currsize:
                 self.code()
             map = self._loaded()
@@ -337,7 +339,7 @@ class Scenario(Surface, Immutable):
             },
         )
         try:
-            with named(self.file, self._raw):
+            with name_errors(self.file, self._raw):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 ctx.game.internals.digests = self.digests
                 ctx.game.internals.map_number = self._map_number or 0
@@ -351,7 +353,7 @@ class Scenario(Surface, Immutable):
             raise
 
         def draw_again() -> None:
-            with named(self.file, self._raw):
+            with name_errors(self.file, self._raw):
                 builder.draw_again()
 
         ctx.game.internals.draw_start = draw_again
@@ -440,7 +442,7 @@ class Scenario(Surface, Immutable):
         """Return the scenario on each of several maps."""
         found = []
         for number, one in enumerate(as_items(maps, "maps", "maps of scenarios")):
-            with on_map(number):
+            with add_map_number(number):
                 found.append(self.replace(map=one))
             found[-1]._map_number = number
         if not found:
@@ -455,16 +457,16 @@ class Scenario(Surface, Immutable):
         ctx, builder = self._build_context(seeds[0], strategies)
         try:
             others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
-            varying = builder.varying(self._make_builder(one, strategies) for one in others)
-            functions = partial(builder.functions_at, varying) if varying else None
+            varying = builder.list_varying(self._make_builder(one, strategies) for one in others)
+            functions = partial(builder.get_functions, varying) if varying else None
             differs = builder.has_other_values(varying)
-            place = on_map(self._map_number)(builder.place) if are_drawn else None
+            place = add_map_number(self._map_number)(builder.place) if are_drawn else None
             build = partial(self.build, strategies=strategies)
             show = open_window = None
             if vis_engine is not None:
                 show = partial(build, vis_engine=vis_engine)
                 open_window = partial(_open_window, vis_engine=vis_engine)
-            edges = builder.edges_before_code()
+            edges = builder.list_removed_edges()
             return BatchSource(ctx.game, place, build, show, open_window, functions, differs, edges)
         except BaseException:
             ctx.terminate()
@@ -498,7 +500,7 @@ def _make_sources(
     sources: list[BatchSource] = []
     try:
         for scenario in scenarios:
-            with on_map(scenario._map_number):
+            with add_map_number(scenario._map_number):
                 sources.append(scenario._make_source(seeds, strategies, vis_engine))
     except BaseException:
         for source in sources:
@@ -520,7 +522,7 @@ def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variabl
         OSError: it cannot be read.
     """
     file = as_path(path, "path")
-    with named(file):
+    with name_errors(file):
         return from_plain(documents.read(file), file.absolute().parent, file, allow, key_variable)
 
 

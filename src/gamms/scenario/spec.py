@@ -18,7 +18,7 @@ from msgspec.structs import FieldInfo
 
 from gamms.errors import nearest
 from gamms.scenario.documents import ScenarioError, join_path
-from gamms.text import entries_of, shown, summary_of
+from gamms.text import find_summary, parse_entries, shown
 
 Metres = Annotated[float, Meta(ge=0.0, description="Map units; metres on maps of streets.")]
 Count = Annotated[int, Meta(ge=0)]
@@ -418,8 +418,8 @@ def schema() -> Values:
     found: Values = {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(Spec)}
     for kind in list_mappings():
         part = found["$defs"][kind.__name__]
-        part["description"] = summary_of(kind.__doc__)
-        for key, text in key_texts(kind).items():
+        part["description"] = find_summary(kind.__doc__)
+        for key, text in list_key_texts(kind).items():
             part["properties"][key].setdefault("description", text)
     return found
 
@@ -429,19 +429,19 @@ def list_mappings() -> list[type[msgspec.Struct]]:
     found: list[type[msgspec.Struct]] = [Spec]
     position = 0
     while position < len(found):
-        for field in keys_of(found[position]).values():
+        for field in list_keys(found[position]).values():
             inner = dict.fromkeys(one for _, one in _find_mappings(field.type, ""))
             found += [one for one in inner if one not in found]
         position += 1
     return found
 
 
-def key_texts(kind: type) -> dict[str, str]:
+def list_key_texts(kind: type) -> dict[str, str]:
     """Return the meaning of the keys of a mapping that its docstrings explain."""
     texts: dict[str, str] = {}
     for part in reversed(kind.__mro__):
-        texts |= entries_of(part.__doc__)
-    return {key: text for key, text in texts.items() if key in keys_of(kind)}
+        texts |= parse_entries(part.__doc__)
+    return {key: text for key, text in texts.items() if key in list_keys(kind)}
 
 
 def convert_plain(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or a union of types
@@ -489,32 +489,32 @@ def find_mappings(spec: Spec) -> dict[type, list[tuple[str, msgspec.Struct]]]:
         path, value = waiting.pop()
         if isinstance(value, msgspec.Struct):
             found[type(value)].append((path, value))
-        parts = [(join_path(path, key), one) for key, one in _items_of(value)]
+        parts = [(join_path(path, key), one) for key, one in _list_items(value)]
         waiting += reversed(parts)
     return found
 
 
 def has_mapping(value: object) -> bool:
     """Return whether a value is a mapping of the schema, or holds one."""
-    return isinstance(value, msgspec.Struct) or any(has_mapping(one) for _, one in _items_of(value))
+    return isinstance(value, msgspec.Struct) or any(has_mapping(one) for _, one in _list_items(value))
 
 
-def _items_of(value: object) -> Iterable[tuple[object, object]]:
+def _list_items(value: object) -> Iterable[tuple[object, object]]:
     if isinstance(value, msgspec.Struct):
-        return [(key, getattr(value, field.name)) for key, field in keys_of(type(value)).items()]
+        return [(key, getattr(value, field.name)) for key, field in list_keys(type(value)).items()]
     if isinstance(value, dict):
         return value.items()
     return enumerate(value) if isinstance(value, (list, tuple)) else ()
 
 
-def given_keys(part: msgspec.Struct) -> Values:
+def list_given_keys(part: msgspec.Struct) -> Values:
     """Return the values of a mapping that differ from their defaults, by their keys, as plain values."""
     plain = to_plain(part)
-    keys = keys_of(type(part))
-    return {key: plain[key] for key, one in keys.items() if getattr(part, one.name) != default_of(one)}
+    keys = list_keys(type(part))
+    return {key: plain[key] for key, one in keys.items() if getattr(part, one.name) != get_default(one)}
 
 
-def default_of(field: FieldInfo) -> Any:  # Any: of any type
+def get_default(field: FieldInfo) -> Any:  # Any: of any type
     """Return the default of a key."""
     return field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
 
@@ -549,7 +549,7 @@ _TYPES = {
 def _explain_error(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
     """Return the error for a value that is not of a type, at the innermost place that is wrong."""
     for option in _list_options(kind):
-        fields = keys_of(option) if isinstance(value, dict) else {}
+        fields = list_keys(option) if isinstance(value, dict) else {}
         for key in value if fields else ():
             if key not in fields:
                 hint = _explain_key(key, value, option, path)
@@ -567,8 +567,8 @@ def _explain_error(value: Any, kind: Any, path: str, message: str) -> ScenarioEr
 
 def _explain_key(key: str, value: Mapping[str, Any], kind: object, path: str) -> str:
     """Return the hint for an unknown key of a mapping: where it belongs, or the most similar key, or all keys."""
-    fields = keys_of(kind)
-    if path and key in keys_of(Spec):
+    fields = list_keys(kind)
+    if path and key in list_keys(Spec):
         return " It belongs at the top of the file, beside map and teams."
     if kind is Rule and "rule" not in value:
         return nearest(key, fields) or f" Write {{rule: {key}, with: {{…}}}}."
@@ -597,10 +597,10 @@ def _describe_form(key: str, value: Mapping[str, Any], kind: object) -> str:
 
     def rank(found: tuple[str, type]) -> tuple[bool, bool]:
         place, inner = found
-        return place.partition(".")[0] not in value, not any(field.required for field in keys_of(inner).values())
+        return place.partition(".")[0] not in value, not any(field.required for field in list_keys(inner).values())
 
     place, inner = min(_find_places(key, kind), key=rank)
-    needed = [f"{name}: …" for name, field in keys_of(inner).items() if field.required and name != key]
+    needed = [f"{name}: …" for name, field in list_keys(inner).items() if field.required and name != key]
     form = f"{{{', '.join([*needed, f'{key}: …'])}}}"
     names = place.split(".")
     for name in reversed(names):
@@ -612,9 +612,9 @@ def _describe_form(key: str, value: Mapping[str, Any], kind: object) -> str:
 
 def _find_places(key: str, kind: object, path: str = "") -> Iterator[tuple[str, type]]:
     """Yield the place and the type of each mapping inside of a type of mapping that has a key."""
-    for name, field in keys_of(kind).items():
+    for name, field in list_keys(kind).items():
         for place, inner in _find_mappings(field.type, join_path(path, name)):
-            if key in keys_of(inner):
+            if key in list_keys(inner):
                 yield place, inner
             yield from _find_places(key, inner, place)
 
@@ -622,7 +622,7 @@ def _find_places(key: str, kind: object, path: str = "") -> Iterator[tuple[str, 
 def _find_mappings(kind: object, path: str) -> Iterator[tuple[str, type]]:
     """Yield the place and the type of each mapping of the schema that a value of a type may be or hold."""
     for option in _list_options(kind):
-        if keys_of(option):
+        if list_keys(option):
             yield path, cast("type", option)
         elif get_origin(option) is dict:
             yield from _find_mappings(get_args(option)[1], join_path(path, "NAME"))
@@ -646,7 +646,7 @@ def _list_parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Itera
         yield from zip(count(), value, arguments)
 
 
-def keys_of(kind: object) -> dict[str, FieldInfo]:
+def list_keys(kind: object) -> dict[str, FieldInfo]:
     """Return the keys of a mapping of the schema; nothing for another type."""
     if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
         return {}
@@ -680,10 +680,10 @@ def _describe_valid_values(value: object, kind: object, message: str) -> str:
 def _explain_form(value: object, kind: object) -> str:
     """Return the hint for a value that is not in the form of a mapping or a list: the form that it probably means."""
     options = _list_options(kind)
-    mapping = next((option for option in options if keys_of(option)), None)
+    mapping = next((option for option in options if list_keys(option)), None)
     if mapping is not None and not isinstance(value, dict):
-        keys = f" Its keys are {', '.join(keys_of(mapping))}."
-        if isinstance(value, str) and value in keys_of(mapping):
+        keys = f" Its keys are {', '.join(list_keys(mapping))}."
+        if isinstance(value, str) and value in list_keys(mapping):
             return f"{keys} Write {{{value}: …}}."
         is_kind = mapping is Sensor and isinstance(value, str) and value.isidentifier()
         return f"{keys} Write {{type: {value}}}." if is_kind else keys

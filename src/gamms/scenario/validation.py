@@ -26,13 +26,13 @@ from gamms.scenario.code import (
     find,
     find_first_parameter,
     find_offered_function,
+    is_needing_more,
     list_offered_functions,
     list_plain_defaults,
     locate_files,
-    needs,
 )
-from gamms.scenario.documents import MOST_BYTES, ScenarioError, at, join_path
-from gamms.scenario.placement import flies, members
+from gamms.scenario.documents import MOST_BYTES, ScenarioError, join_path, locate_errors
+from gamms.scenario.placement import is_flying, list_members
 from gamms.scenario.spec import Code, Spec, Values, convert_plain, expand, list_given_values
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
@@ -78,7 +78,7 @@ def check_sense(spec: Spec) -> None:
         ScenarioError: a check failed.
     """
     maps.check_names(spec.map)
-    members(spec)
+    list_members(spec)
     for name, sensor in spec.sensors.items():
         _check_sensor(f"sensors.{name}", sensor, spec)
     earlier: set[str] = set()
@@ -95,12 +95,12 @@ def check_sense(spec: Spec) -> None:
 
 def _check_settings(spec: Spec) -> None:
     """Check the values of settings, each alone."""
-    with at("seed"):
+    with locate_errors("seed"):
         as_int(spec.seed or 0, "A seed")
-    with at("max_turns"):
+    with locate_errors("max_turns"):
         check_setting("max_turns", spec.max_turns)
     for name in spec.settings.__struct_fields__:
-        with at(f"settings.{name}"):
+        with locate_errors(f"settings.{name}"):
             check_setting(name, getattr(spec.settings, name))
 
 
@@ -145,7 +145,7 @@ def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
         kind = find_sensor_type(sensor.type or "")
         if kind is None:
             raise _make_type_error(path, "sensor", sensor.type or "", [one.name for one in KINDS])
-        known = ["type", *sorted(KINDS[kind].names() - {"sensor_range"})]
+        known = ["type", *sorted(KINDS[kind].list_names() - {"sensor_range"})]
     for key in (key.rstrip("_") for key in given):
         if key not in known:
             what = f"a {sensor.type} sensor" if sensor.type else "a function"
@@ -167,11 +167,11 @@ def _check_place(path: str, place: int | list[float], what: str, *, flies: bool)
 
 
 def _check_channel(path: str, name: str, channel: schema.Channel, spec: Spec) -> None:
-    with at(path):
+    with locate_errors(path):
         declared = as_channel(name, schema.to_plain(channel))
     for team in declared.teams or ():
         _check_known_team(team, spec, f"{path}.teams")
-    known = {*spec.teams, *chain.from_iterable((one.name for one in agents) for agents in members(spec).values())}
+    known = {*spec.teams, *chain.from_iterable((one.name for one in agents) for agents in list_members(spec).values())}
     relays = declared.relay if isinstance(declared.relay, tuple) else ()
     named = [("relay", relays), ("eavesdroppers", declared.eavesdroppers)]
     named += [(f"jammers.{i}.agent", (one.agent,)) for i, one in enumerate(declared.jammers) if one.agent is not None]
@@ -201,7 +201,9 @@ def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> 
 
 def _is_on_ground(team: schema.Team) -> bool:
     """Return whether an agent of a team does not fly."""
-    return bool(team.count and not flies(team.type)) or any(not flies(one.type or team.type) for one in team.agents)
+    return bool(team.count and not is_flying(team.type)) or any(
+        not is_flying(one.type or team.type) for one in team.agents
+    )
 
 
 def _check_equipment(where: str, one: schema.AgentKeys, team: schema.Team, spec: Spec) -> None:
@@ -219,12 +221,12 @@ def _check_equipment(where: str, one: schema.AgentKeys, team: schema.Team, spec:
         raise ScenarioError(f"{where}.strategy", "is never asked, because the team has a plan. Give one of them.")
     if one.type is not None and as_member(AgentType, one.type) is None:
         raise _make_type_error(where, "agent", one.type, list(AgentType.__members__))
-    is_aerial = flies(one.type or team.type)
+    is_aerial = is_flying(one.type or team.type)
     if is_aerial and one.speed is None and team.speed is None and (one is not team or team.count):
         raise ScenarioError(f"{where}.speed", "is missing: an aerial agent needs it, in map units per turn.")
     if one.mode is not None and is_aerial:
         raise ScenarioError(f"{where}.mode", "is for agents on the ground: this one flies over all edges.")
-    if one.altitude is not None and not is_aerial and (one is not team or not flies(team.type)):
+    if one.altitude is not None and not is_aerial and (one is not team or not is_flying(team.type)):
         raise ScenarioError(f"{where}.altitude", "is for agents of type aerial.")
 
 
@@ -253,12 +255,12 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
 
 def _check_role(given: Plain, spec: Spec, path: str) -> None:
     """Check a role that a rule takes instead of a team: its form, its team, and the names of its agents."""
-    with at(path):
+    with locate_errors(path):
         role = as_team_or_role(given)
     _check_known_team(role.team, spec, join_path(path, "team"))
     if any(code.what == "rule" and ":" in code.reference for code in list_code(spec)):
         return  # it may create the agents
-    known = [one.name for one in members(spec)[str(role.team)]]
+    known = [one.name for one in list_members(spec)[str(role.team)]]
     for name in sorted(role.names or ()):
         if name not in known:
             hint = nearest(name, known) or f" Its agents are: {', '.join(islice(known, _FEW))}."
@@ -449,7 +451,9 @@ def list_resolvers() -> list[str]:
     """Return the names of the resolvers of conflicts that GAMMS offers, by_priority first."""
     functions = list_offered_functions(RULES).items()
     made = [
-        name for name, one in functions if find_kind(one, find_first_parameter(one)) == "resolver" and not needs(one)
+        name
+        for name, one in functions
+        if find_kind(one, find_first_parameter(one)) == "resolver" and not is_needing_more(one)
     ]
     return ["by_priority", *made]
 

@@ -20,7 +20,7 @@ from gamms.sensor.ground import map_view
 from gamms.sensor.nearby import Coordinates, get_caches
 from gamms.sensor.sensor import Sensor, refuse_set_data
 from gamms.sensor.sighting_errors import LookDraws
-from gamms.sensor.views import find_ground, on_ground
+from gamms.sensor.views import find_ground, place_on_ground
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -83,7 +83,7 @@ class FlyingSensor(Sensor):
     @quat.setter
     def quat(self, quat: Sequence[float]) -> None:
         w, x, y, z = as_numbers(quat, name := f"quat of {self.sensor_id!r}", "(w, x, y, z)")
-        unit = kernels.unit_quaternion((w, x, y, z))
+        unit = kernels.normalize_quaternion((w, x, y, z))
         if unit is None:
             raise BadValue(f"{name} must not be zero: it has no direction. (1, 0, 0, 0) is no rotation.")
         self._quat = unit
@@ -154,10 +154,10 @@ class FlyingSensor(Sensor):
     def _find_in_reach(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Return the indices of offsets (points, 3) that lie in range and in the cone."""
         # Compares squares, which are the same on every machine and in batches.
-        near = np.flatnonzero(kernels.squares(*offsets.T) <= self.range * self.range)
+        near = np.flatnonzero(kernels.compute_squares(*offsets.T) <= self.range * self.range)
         if self.fov >= 2.0 * pi:
             return near
-        return near[kernels.in_view([*offsets[near].T], axis, self.fov)]
+        return near[kernels.find_in_view([*offsets[near].T], axis, self.fov)]
 
 
 class AerialSensor(FlyingSensor):
@@ -207,7 +207,7 @@ class AerialSensor(FlyingSensor):
             return Surroundings({}, [])
         x, y, _ = pose.position.tolist()
         ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
-        ground, is_outside = on_ground(self.ctx, ids, xy)
+        ground, is_outside = place_on_ground(self.ctx, ids, xy)
         rows = self._find_in_reach(ground - pose.position, pose.axis)
         if self._is_occluded:
             rows = rows[is_outside[rows]]
@@ -257,7 +257,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         `data` is unchanged.
         """
         pose = self.pose()
-        with self.notice.rolled_back():
+        with self.notice.undo_looks():
             return self._make_results([self._find_seen(pose) for _ in node_ids])
 
     def _find_seen(self, pose: Pose | None) -> dict[str, _Sighting]:
@@ -295,7 +295,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             return np.zeros(0, np.int64), np.zeros(0)
         x, y, _ = pose.position.tolist()
         ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
-        ground, is_outside = on_ground(self.ctx, ids, xy)
+        ground, is_outside = place_on_ground(self.ctx, ids, xy)
         offsets = ground - pose.position
         rows = self._find_in_reach(offsets, pose.axis)
         rows = rows[offsets[rows].any(axis=1)]
@@ -315,18 +315,18 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         nearby = get_caches(self.ctx).nearby
         near = np.zeros(0, np.int64)
         if pose is None:
-            return near, nearby.in_space(near)
+            return near, nearby.get_positions(near)
         positions = self.ctx.agent.positions
         own = self._owner if self._at is None else None
         x, y, _ = pose.position.tolist()
-        near = nearby.living_near(x, y, self.range)
+        near = nearby.find_living(x, y, self.range)
         names = positions.names
-        there = nearby.in_space(near)
+        there = nearby.get_positions(near)
         offsets = there.xyz - pose.position
         reached = self._find_in_reach(offsets, pose.axis)
         reached = reached[offsets[reached].any(axis=1)]
         listed: list[int] = near[reached].tolist()
-        wanted = set(self.notice.wanted([row for row in listed if names[row] != own], positions.teams))
+        wanted = set(self.notice.select_wanted([row for row in listed if names[row] != own], positions.teams))
         at = reached[[row in wanted for row in listed]]
         if self._is_occluded:
             at = at[there.is_outside[at]]
@@ -335,7 +335,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             distances = _measure_lengths(there.xyz[at] - pose.position)
             seen = [names[row] for row in near[at].tolist()]
             at = at[self.notice.is_noticed(look, seen, distances)]
-        return near[at], there.of(at)
+        return near[at], there.select(at)
 
 
 class OccludedAerialAgentSensor(AerialAgentSensor):
@@ -346,5 +346,5 @@ class OccludedAerialAgentSensor(AerialAgentSensor):
 
 
 def _measure_lengths(offsets: FloatArray) -> FloatArray:
-    found: FloatArray = np.sqrt(kernels.squares(*offsets.T))
+    found: FloatArray = np.sqrt(kernels.compute_squares(*offsets.T))
     return found

@@ -74,7 +74,7 @@ class SensorKind(NamedTuple):
             hasattr(type(sensor), name) or hasattr(sensor, name) for name in wanted
         )
 
-    def keywords_of(self, sensor: ISensor) -> dict[str, Any]:
+    def list_keywords(self, sensor: ISensor) -> dict[str, Any]:
         """Return keywords that create an equal sensor."""
         given = {name: getattr(sensor, ATTRIBUTES_OF.get(name, name)) for name in self.keywords}
         for setting in self.settings:
@@ -87,7 +87,7 @@ class SensorKind(NamedTuple):
         return given
 
     def apply(self, sensor: ISensor, keywords: dict[str, Any]) -> None:
-        """Set a sensor to keywords that `keywords_of` returned."""
+        """Set a sensor to keywords that `list_keywords` returned."""
         for name in self.keywords:
             setattr(sensor, ATTRIBUTES_OF.get(name, name), keywords[name])
         for setting in self.settings:
@@ -100,14 +100,14 @@ class SensorKind(NamedTuple):
                 setattr(owner, name, value)
 
     def change(self, sensor: ISensor, keywords: Mapping[str, Any]) -> None:
-        """Set a sensor to the plain values among keywords that `keywords_of` returned; other settings stay."""
-        now = self.keywords_of(sensor)
+        """Set a sensor to the plain values among keywords that `list_keywords` returned; other settings stay."""
+        now = self.list_keywords(sensor)
         plain = select_plain(now)
         if not is_same(plain, dict(keywords)):
             kept = {name: value for name, value in now.items() if name in self.keywords or name not in plain}
             self.apply(sensor, kept | dict(keywords))
 
-    def names(self) -> set[str]:
+    def list_names(self) -> set[str]:
         """Return all keywords that this kind takes."""
         range_m = ["range_m"] if "sensor_range" in self.keywords else []
         return {*self.keywords, *range_m, *(setting.rpartition(".")[2] for setting in self.settings)}
@@ -205,7 +205,7 @@ Quaternion = tuple[float, float, float, float]
 def _make_declaration(kind: str, options: dict[str, Any], **settings: object) -> SensorDeclaration:
     """Return the declaration of a sensor without its defaults; its options are checked against its kind."""
     row = KINDS[get_kind(kind)]
-    known = row.names() - {"sensor_range"}
+    known = row.list_names() - {"sensor_range"}
     for name in options:
         if name not in known:
             hint = nearest(SYNONYMS.get(name, name), known) or f" It takes: {', '.join(sorted(known))}."

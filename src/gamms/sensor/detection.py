@@ -20,7 +20,7 @@ from gamms.ir.sensor_results import AgentLook, Coverage, LookResults, flatten_li
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, LookDraws, PossibleFalseAlarms, find_delayed, forget_delayed
 from gamms.typing import IContext
-from gamms.typing.routes import made_last
+from gamms.typing.routes import get_cached
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
 Detection = float | Sequence[tuple[float, float]] | Chance | None
@@ -104,7 +104,7 @@ class DetectionModel(Guarded):
         """Count looks from a mark on."""
         self._looks = mark.copy()
 
-    def repeated(self) -> "DetectionModel":
+    def repeat_look(self) -> "DetectionModel":
         """Return a copy whose next look repeats the draws of the last look of this turn; this object is unchanged."""
         twin = copy(self)
         twin._looks = {owner: (turn, look - 1) for owner, (turn, look) in self._looks.items()}
@@ -122,7 +122,7 @@ class DetectionModel(Guarded):
         )
 
     @contextmanager
-    def rolled_back(self) -> Iterator[None]:
+    def undo_looks(self) -> Iterator[None]:
         """Undo the looks of a running strategy, so that they do not change later draws."""
         self._phase.read_last_turn()
         if not self._phase.is_deciding:
@@ -131,13 +131,13 @@ class DetectionModel(Guarded):
         looks = self._looks.copy()
         self._is_trial = True
         try:
-            with self._phase.suspended():
+            with self._phase.suspend():
                 yield
         finally:
             self._looks = looks
             self._is_trial = False
 
-    def wanted(self, rows: list[int], teams: Sequence[Any]) -> list[int]:
+    def select_wanted(self, rows: list[int], teams: Sequence[Any]) -> list[int]:
         """Return the rows whose agents are on a reported team; `teams` by row."""
         if self.team is None and self.exclude is None:
             return rows
@@ -158,9 +158,9 @@ class DetectionModel(Guarded):
         self, look: LookDraws, names: list[str], distances: FloatArray
     ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
         """Draw which agents are detected, (agents,)."""
-        chances = self.chances(distances)
+        chances = self.compute_chances(distances)
         noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
-        noticed = kernels.fraction_many(look.bits(names, "detection")) < chances
+        noticed = kernels.convert_to_fractions(look.draw_bits(names, "detection")) < chances
         return noticed
 
     @property
@@ -169,13 +169,13 @@ class DetectionModel(Guarded):
         return self._chance is not None or self.has_errors
 
     @refuse_while_deciding
-    def delayed(self, ctx: IContext, look: LookDraws, seen: dict[str, Any]) -> dict[str, Any]:
+    def delay_report(self, ctx: IContext, look: LookDraws, seen: dict[str, Any]) -> dict[str, Any]:
         """Return the report for the present look, by agent names, after the delay."""
         return (
             find_delayed(ctx, look, seen, self.delay_turns, is_noted=not self._is_trial) if self.delay_turns else seen
         )
 
-    def chances(self, distances: FloatArray) -> FloatArray:
+    def compute_chances(self, distances: FloatArray) -> FloatArray:
         """Return the detection probabilities at distances (agents,)."""
         if self._chance is None:
             return np.ones(len(distances))
@@ -236,15 +236,15 @@ class DetectingSensor(Sensor):
             return super().coverage(node_id, owner)
         looking = self._copy_for_view()
         looking._owner = self._owner if owner is None else owner
-        with self._phase.suspended(changes_world=False):
+        with self._phase.suspend(changes_world=False):
             node_ids, distances = looking._find_covered(node_id)
             positions = self.ctx.agent.positions
             living = self.ctx.agent.positions.living.tolist()
-        shown_rows = set(living if self._notice is None else self._notice.wanted(living, positions.teams))
+        shown_rows = set(living if self._notice is None else self._notice.select_wanted(living, positions.teams))
         not_shown = tuple(name for row, name in enumerate(positions.names) if row not in shown_rows)
         if self._notice is None:
             return Coverage(node_ids, np.ones(len(distances)), not_shown, is_convex=self._is_convex)
-        chances = self._notice.chances(distances)
+        chances = self._notice.compute_chances(distances)
         if self._notice.delay_turns:  # it shows nothing of the present
             chances = np.zeros(len(distances))
         is_exact = not self._notice.has_errors
@@ -264,15 +264,15 @@ class DetectingSensor(Sensor):
         notice = self.notice
         if notice.false_alarm_rate and (count := look.count_false_alarms(notice.false_alarm_rate)):
             node_ids = self._find_covered(node_id)[0]
-            row_of = self.ctx.agent.positions.row_of
+            row_of = self.ctx.agent.positions.find_row
             others = {*seen, look.owner} if self._at is None else {*seen}
-            alarms = look.false_alarms(count, self._find_reportable(), others, node_ids) if len(node_ids) else {}
+            alarms = look.draw_false_alarms(count, self._find_reportable(), others, node_ids) if len(node_ids) else {}
             seen = seen | {name: self._make_sighting(node) for name, node in alarms.items()}
             seen = {name: seen[name] for name in sorted(seen, key=row_of)}
         if notice.position_noise_m and seen:
-            errors = look.noise([*seen], notice.position_noise_m)
+            errors = look.draw_noise([*seen], notice.position_noise_m)
             seen = dict(zip(seen, self._displace_sightings([*seen.values()], errors), strict=True))
-        return notice.delayed(self.ctx, look, seen)
+        return notice.delay_report(self.ctx, look, seen)
 
     def _list_names(self) -> tuple[str, ...]:
         """Return the names of the agents seen last, if they were reported without errors."""
@@ -285,14 +285,14 @@ class DetectingSensor(Sensor):
         teams = [None if given is None else (*check_teams(given),) for given in (notice.team, notice.exclude)]
 
         def make() -> PossibleFalseAlarms:
-            rows = notice.wanted(self._find_reportable_rows(), positions.teams)
+            rows = notice.select_wanted(self._find_reportable_rows(), positions.teams)
             names = [positions.names[row] for row in rows]
-            return PossibleFalseAlarms(names, kernels.name_keys(names))
+            return PossibleFalseAlarms(names, kernels.compute_name_keys(names))
 
         # NOTE: shared by the looks of all agents until one dies or changes its team (benchmarks: false
         # alarms).
         slot = "false alarms", type(self).__name__, repr(teams)
-        return made_last(self.ctx.graph.routes, slot, (positions, positions.structure_version, teams), make)
+        return get_cached(self.ctx.graph.routes, slot, (positions, positions.structure_version, teams), make)
 
     def _find_reportable_rows(self) -> list[int]:
         """Return the rows of the agents that may be reported falsely, of any team."""
@@ -345,7 +345,7 @@ class DetectingSensor(Sensor):
 
     def _copy_for_view(self) -> Self:
         twin = super()._copy_for_view()
-        twin._notice = None if self._notice is None else self._notice.repeated()
+        twin._notice = None if self._notice is None else self._notice.repeat_look()
         return twin
 
 

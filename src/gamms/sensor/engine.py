@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 
 from gamms.arguments import as_declared, as_mapping, as_member, as_name
 from gamms.compat import Surface
-from gamms.core.copies import ONLY_PLAIN, NotPlain, copied
+from gamms.core.copies import ONLY_PLAIN, NotPlain, copy_deep
 from gamms.deciding import ContextPart, Guarded, copy_part, get_phase, refuse_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
@@ -131,7 +131,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         self._refuse_name(sensor_id)
         sensor = kind.create(self.ctx, sensor_id, sensor_type, options)  # type: ignore[arg-type] # a dict
         if options:
-            self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.names() - SHARED_KEYWORDS)
+            self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.list_names() - SHARED_KEYWORDS)
             fov = options.get("fov")
             if isinstance(fov, float | int) and _ALL_ROUND < fov < inf:
                 self.ctx.logger.warning(
@@ -252,13 +252,13 @@ class SensorStorage(Guarded):
         self._settings_now: SensorSettings | None = None
         self._changes = -1, -1  # change counters at the last look-up of the settings
 
-    def described(self) -> list[dict[str, Any]]:
+    def describe_sensors(self) -> list[dict[str, Any]]:
         """Return `id` and `type` of every sensor, and for built-in kinds the `keywords` that create it."""
         described: list[dict[str, Any]] = []
         for sensor_id, sensor in self._engine._sensors.items():
             kind = KINDS.get(sensor.type)
             is_ours = kind is None or kind.is_of(sensor)
-            keywords = kind.keywords_of(sensor) if kind is not None and is_ours else {}
+            keywords = kind.list_keywords(sensor) if kind is not None and is_ours else {}
             type_name = (sensor.type if is_ours else SensorType.CUSTOM).name
             described.append({"id": sensor_id, "type": type_name, "keywords": keywords})
         return described
@@ -353,7 +353,7 @@ class SensorStorage(Guarded):
             slots = attributes[1] if isinstance(attributes, tuple) else {}
             for sensed in slots.get("_last", sensor._last) if isinstance(sensor, Sensor) else ():
                 memo[id(sensed)] = sensed  # later looks do not change earlier data
-        self._engine._sensors |= {name: _copy_of(*one, memo) for name, one in sensors.items()}
+        self._engine._sensors |= {name: _copy_sensor(*one, memo) for name, one in sensors.items()}
         self._engine._warned |= other._warned
 
     def hide(self, before: SensorsSnapshot, known: Collection[str]) -> None:
@@ -415,7 +415,7 @@ def _is_built_in(sensor: ISensor) -> bool:
 def _find_keywords(sensor: ISensor) -> dict[str, Any] | None:
     if isinstance(sensor, FunctionSensor):
         return {"function": sensor.function}
-    return KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None
+    return KINDS[sensor.type].list_keywords(sensor) if _is_built_in(sensor) else None
 
 
 def _set(sensor: ISensor, keywords: dict[str, Any]) -> None:
@@ -449,10 +449,10 @@ def _find_attributes(sensor: ISensor, *, only_plain: bool) -> Any:
     slots["_last"] = sensor._last.copy()
     function = {"_function": sensor.function} if isinstance(sensor, FunctionSensor) else {}
     plain = {name: value for name, value in (others or {}).items() if name not in function}
-    return copied(plain, ONLY_PLAIN) | function, slots
+    return copy_deep(plain, ONLY_PLAIN) | function, slots
 
 
-def _copy_of(sensor: ISensor, attributes: object, memo: dict[int, Any]) -> ISensor:
+def _copy_sensor(sensor: ISensor, attributes: object, memo: dict[int, Any]) -> ISensor:
     """Return a copy; a custom sensor that cannot be copied is shared."""
     if isinstance(sensor, Sensor):
         return copy_part(sensor, memo, attributes)
@@ -479,8 +479,8 @@ def _check_type(kind: object, sensor_id: str) -> SensorType:
 
 def _suggest_keyword(kind: SensorType, name: str) -> str:
     """Return a hint to replace a keyword that a kind ignores."""
-    known = KINDS[kind].names()
-    others = [other.name for other, one in KINDS.items() if name in one.names()]
+    known = KINDS[kind].list_names()
+    others = [other.name for other, one in KINDS.items() if name in one.list_names()]
     if others:
         return f" These kinds take it: {', '.join(others)}."
     if SYNONYMS.get(name) in known:

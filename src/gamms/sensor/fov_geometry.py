@@ -25,7 +25,7 @@ _JUMP = 0.05
 _RIM = 1e-9  # share of a radius: points on the border are inside in spite of rounding
 
 
-def disc(x: float, y: float, radius: float) -> FloatArray:
+def make_disc(x: float, y: float, radius: float) -> FloatArray:
     """Return the corners (48, 2) of a disc around a place; (0, 2) if the radius is infinite."""
     return _compute_arc(x, y, radius, _AROUND)
 
@@ -36,7 +36,7 @@ def make_sector(x: float, y: float, radius: float, heading: tuple[float, float],
     Without a heading, (0.0, 0.0), the sector is a disc. Returns no corners, (0, 2), if the radius is infinite.
     """
     if fov >= 2.0 * pi or heading == (0.0, 0.0):
-        return disc(x, y, radius)
+        return make_disc(x, y, radius)
     ahead = atan2(heading[1], heading[0])
     arc = _compute_arc(x, y, radius, np.linspace(ahead - fov / 2.0, ahead + fov / 2.0, _CORNERS))
     return np.vstack([[(x, y)], arc]) if len(arc) else arc
@@ -102,9 +102,9 @@ def make_footprint(position: Point, axis: Point, radius: float, fov: float) -> F
     """
     x, y, z = position
     if fov >= pi or radius == 0.0:
-        return disc(x, y, radius)
+        return make_disc(x, y, radius)
     cone = _Cone(axis, fov / 2.0)
-    rim = cone.rays(np.concatenate([_TURNS, cone.turns_that_fall(-z / radius)]))
+    rim = cone.make_rays(np.concatenate([_TURNS, cone.find_turns(-z / radius)]))
     reach = _measure_to_ground(z, rim)
     meets = (reach >= 0.0) & (reach < inf)
     if radius == inf and not meets.all():
@@ -112,7 +112,7 @@ def make_footprint(position: Point, axis: Point, radius: float, fov: float) -> F
     meets &= reach <= radius * (1.0 + _RIM)
     corners = np.array([x, y]) + rim[meets, :2] * reach[meets, None]
     if abs(z) < radius < inf:
-        edge = disc(0.0, 0.0, np.sqrt(radius * radius - z * z))  # the radius on the ground
+        edge = make_disc(0.0, 0.0, np.sqrt(radius * radius - z * z))  # the radius on the ground
         is_seen = edge @ cone.axis[:2] - z * cone.axis[2] >= radius * np.cos(fov / 2.0)
         corners = np.vstack([corners, np.array([x, y]) + edge[is_seen]])
     outline = geometry.find_hull(corners)
@@ -126,14 +126,14 @@ def make_shadow(position: Point, axis: Point, radius: float, fov: float) -> Floa
     """
     x, y, z = position
     if fov >= pi or radius == inf:
-        return disc(x, y, radius)
-    rays = np.vstack([_Cone(axis, share * fov / 2.0).rays(_TURNS) for share in _RINGS])
+        return make_disc(x, y, radius)
+    rays = np.vstack([_Cone(axis, share * fov / 2.0).make_rays(_TURNS) for share in _RINGS])
     reach = _measure_to_ground(z, rays)
     reach = np.where((reach >= 0.0) & (reach <= radius), reach, radius)
     return geometry.find_hull(np.vstack([[(x, y)], np.array([x, y]) + rays[:, :2] * reach[:, None]]))
 
 
-def polylines(edges: Iterable[OSMEdge]) -> tuple[FloatArray, IntArray]:
+def join_polylines(edges: Iterable[OSMEdge]) -> tuple[FloatArray, IntArray]:
     """Return points (points, 2) and offsets (lines + 1,) of edges; straight edges are left out."""
     flats = [flat for edge in edges if len(flat := edge.points) >= 4]
     offsets = np.cumsum([0, *(len(flat) // 2 for flat in flats)], dtype=np.int64)
@@ -156,13 +156,13 @@ class _Cone:
         self._ahead = np.cos(half) * self.axis
         self._across = np.cross(self.axis, self._aside)
 
-    def rays(self, turns: FloatArray) -> FloatArray:
+    def make_rays(self, turns: FloatArray) -> FloatArray:
         """Return unit rays (turns, 3) at angles around the axis."""
         around = np.outer(np.cos(turns), self._aside) + np.outer(np.sin(turns), self._across)
         rays: FloatArray = self._ahead + around
         return rays
 
-    def turns_that_fall(self, slope: float) -> FloatArray:
+    def find_turns(self, slope: float) -> FloatArray:
         """Return the angles around the axis (0 or 2,) at which rays have `slope` as their z."""
         tilt = np.hypot(self._aside[2], self._across[2])
         if abs(slope - self._ahead[2]) >= tilt:

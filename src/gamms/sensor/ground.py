@@ -26,7 +26,7 @@ from gamms.sensor.views import (
     Place,
     View,
     Viewpoint,
-    coordinates,
+    find_coordinates,
     find_in_sight,
     find_nodes_ahead,
     is_unhidden,
@@ -112,7 +112,7 @@ class GroundSensor(Sensor):
 
     def _make_viewpoint(self, place: Place) -> Viewpoint:
         """Return a place from which it looks, with its coordinates."""
-        return Viewpoint.at(self.ctx, place, self._find_tunnel(place) if self._is_occluded else 0)
+        return Viewpoint.from_place(self.ctx, place, self._find_tunnel(place) if self._is_occluded else 0)
 
     def _find_tunnel(self, place: Place) -> int:
         """Return the tunnel of a place (x, y), which is that of its owner on an edge; 0 on the surface."""
@@ -167,10 +167,12 @@ class GroundSensor(Sensor):
         if not self._is_occluded:
             return replace(view, outline=whole)
         views = self._memory.views_past_obstacles
-        return replace(view, outline=views.area((x, y), (radius, heading, fov), self._observer_height), reach=whole)
+        return replace(
+            view, outline=views.compute_area((x, y), (radius, heading, fov), self._observer_height), reach=whole
+        )
 
     def _find_coordinates(self, place: Place) -> tuple[float, float]:
-        return coordinates(self.ctx, place)
+        return find_coordinates(self.ctx, place)
 
 
 class OccludedSensor(GroundSensor):
@@ -228,7 +230,7 @@ class MapSensor(GroundSensor):
         """Return a function that returns the views shared by sensors that look alike, valid while agents decide."""
         views = self._memory.views
         view = self.range, self.fov, ALL_AROUND
-        return lambda: sight.NodeViews(views.known(view[0]), view)
+        return lambda: sight.NodeViews(views.get_views(view[0]), view)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` is unchanged."""
@@ -265,7 +267,7 @@ class OccludedMapSensor(OccludedSensor, MapSensor):
 def map_view(data: dict[str, Any]) -> SensorView:
     """Return the view of a sensor of nodes and edges, from its `data`, without a field of view."""
     nodes = np.array([(node.x, node.y) for node in data.get("nodes", {}).values()], np.float64).reshape(-1, 2)
-    return SensorView(nodes, *fov_geometry.polylines(data.get("edges", ())))
+    return SensorView(nodes, *fov_geometry.join_polylines(data.get("edges", ())))
 
 
 class NeighborSensor(Sensor):
@@ -290,7 +292,7 @@ class NeighborSensor(Sensor):
         mode = self._find_mode()
         routes = self.ctx.graph.routes if mode is None else self.ctx.graph.routes.select_mode(mode).routes
         offsets, targets = routes.neighborhoods()
-        places, ends = kernels.chosen_runs(offsets, routes.rows(nodes))
+        places, ends = kernels.select_runs(offsets, routes.rows(nodes))
         return LookResults(ends, self.ctx.graph.columns().node_ids[targets[places]])
 
     @property
@@ -379,12 +381,12 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
         It returns None if there is none.
         """
-        return partial(self._memory.nearby.shared_look, self.range)
+        return partial(self._memory.nearby.get_shared_look, self.range)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are indices in `names`. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        with self._phase.suspended(changes_world=False) if self._notice is None else self._notice.rolled_back():
+        with self._phase.suspend(changes_world=False) if self._notice is None else self._notice.undo_looks():
             ids = as_node_ids(node_ids, "node_ids", self.ctx.graph)
             return self._make_results([self._find_seen(self.place(id), id, heading) for id in ids])
 
@@ -400,13 +402,13 @@ class AgentSensor(DetectingSensor, GroundSensor):
         nearby = self._memory.nearby
         own = self._owner if self._at is None else None
         if heading == ALL_AROUND and (notice is None or notice.reports_all) and not self._is_occluded:
-            return nearby.by_name(place, self.range, own)
+            return nearby.find_by_name(place, self.range, own)
         positions, rows, look = self._find_agents(place, heading)
-        seen = positions.found(rows)
+        seen = positions.name_rows(rows)
         if look is not None and not self.notice.has_errors:
             look = None
         if look is None and positions.travellers:
-            seen.update(nearby.on_edges(positions, rows))
+            seen.update(nearby.find_on_edges(positions, rows))
         if own is not None:
             seen.pop(own, None)
         return seen if look is None else self._report(look, node_id, seen)
@@ -464,33 +466,33 @@ class AgentSensor(DetectingSensor, GroundSensor):
         nearby = self._memory.nearby
         view = self._make_viewpoint(place)
         if heading == ALL_AROUND:
-            positions, rows = nearby.around(view, self.range)
+            positions, rows = nearby.find_around(view, self.range)
         else:
-            positions, rows = nearby.ahead(view, self.range, heading, self.fov)
+            positions, rows = nearby.find_ahead(view, self.range, heading, self.fov)
         notice = self._notice
         if notice is not None:
-            rows = notice.wanted(rows, positions.teams)
+            rows = notice.select_wanted(rows, positions.teams)
         if self._is_occluded:
             rows = self._remove_hidden(view, rows, positions)
         if notice is None or not notice.needs_look:
             return positions, rows, None
         look = notice.look(self.ctx, self._owner)
         if notice.needs_chance:
-            distances = np.hypot(*(nearby.xy(rows) - (view.x, view.y)).T)
+            distances = np.hypot(*(nearby.get_xy(rows) - (view.x, view.y)).T)
             names = [positions.names[row] for row in rows]
             rows = _select_rows(rows, notice.is_noticed(look, names, distances))
         return positions, rows, look
 
     def _remove_hidden(self, view: Viewpoint, rows: list[int], positions: Positions) -> list[int]:
         """Return the rows of agents that no obstacle hides; visibility tables know nodes, but not places on edges."""
-        xy = self._memory.nearby.xy
+        xy = self._memory.nearby.get_xy
         height = self._observer_height
-        between = [row for row in rows if positions.on_edge(row) is not None] if positions.travellers else []
+        between = [row for row in rows if positions.get_edge_position(row) is not None] if positions.travellers else []
         on_nodes = sorted({*rows}.difference(between)) if between else rows
-        nodes = NodeColumns(positions.node_ids_of(on_nodes), xy(on_nodes))
+        nodes = NodeColumns(positions.find_node_ids(on_nodes), xy(on_nodes))
         seen = _select_rows(on_nodes, find_in_sight(self.ctx, view, nodes, self.range, height))
         if between:
-            places = NodeColumns(positions.node_ids_of(between), xy(between))
+            places = NodeColumns(positions.find_node_ids(between), xy(between))
             seen += _select_rows(between, is_unhidden(self.ctx, view, places, height))
         return sorted(seen)
 

@@ -25,8 +25,8 @@ from gamms.sensor.views import (
     Place,
     ViewCache,
     Viewpoint,
-    coordinates,
-    on_ground,
+    find_coordinates,
+    place_on_ground,
 )
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph
@@ -45,7 +45,7 @@ class Coordinates(NamedTuple):
     is_flying: BoolArray  # (agents,)
     is_outside: BoolArray  # (agents,)  not in a tunnel
 
-    def of(self, rows: IntArray) -> "Coordinates":
+    def select(self, rows: IntArray) -> "Coordinates":
         """Return the positions of some agents."""
         return Coordinates(self.xyz[rows], self.is_flying[rows], self.is_outside[rows])
 
@@ -57,7 +57,7 @@ class NodePositions(dict[int, tuple[float, float]]):
         self._ctx = ctx
 
     def __missing__(self, node: int) -> tuple[float, float]:
-        place = coordinates(self._ctx, node)
+        place = find_coordinates(self._ctx, node)
         self[node] = place
         return place
 
@@ -86,20 +86,20 @@ class NearbyAgents(sight.AgentIndex):
         self._version = 0  # of these
         self._revision: int | None = None  # of the graph
 
-    def living_near(self, x: float, y: float, radius: float) -> IntArray:
+    def find_living(self, x: float, y: float, radius: float) -> IntArray:
         """Return the rows of the living agents above and below a disc, ascending; other living agents may be included.
 
         Raises:
             UnknownName (KeyError): the node of an agent was removed.
         """
         positions = self._catch_up()
-        reach = kernels.widened(radius)
+        reach = kernels.widen_distance(radius)
         rows = set(self._find_rows_within(positions, x, y, reach))
         is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
         rows.update(positions.flyers[is_near].tolist())
         return np.array(sorted(rows.difference(positions.inactive)), np.int64)
 
-    def in_space(self, rows: IntArray) -> Coordinates:
+    def get_positions(self, rows: IntArray) -> Coordinates:
         """Return the 3D positions of some agents, (rows,).
 
         Raises:
@@ -107,25 +107,25 @@ class NearbyAgents(sight.AgentIndex):
         """
         positions = self._ctx.agent.positions
         # An agent on an edge has the height and the tunnel of the last node that it passed.
-        xyz, is_on_surface = on_ground(self._ctx, positions.node_ids_of(rows), self.xy(rows))
+        xyz, is_on_surface = place_on_ground(self._ctx, positions.find_node_ids(rows), self.get_xy(rows))
         is_flying = np.isin(rows, positions.flyers)
         xyz[is_flying] = positions.flyer_xyz[np.searchsorted(positions.flyers, rows[is_flying])]
         return Coordinates(xyz, is_flying, is_on_surface | is_flying)
 
-    def xy(self, rows: Sequence[int] | IntArray) -> FloatArray:
+    def get_xy(self, rows: Sequence[int] | IntArray) -> FloatArray:
         """Return the map positions of some agents (rows, 2); agents on an edge are between its ends.
 
         Raises:
             UnknownName (KeyError): the node of an agent was removed.
         """
         positions = self._ctx.agent.positions
-        xy = self._ctx.graph.graph.positions(positions.node_ids_of(rows))
+        xy = self._ctx.graph.graph.positions(positions.find_node_ids(rows))
         for number, row in enumerate(rows if positions.travellers else ()):
             if row in positions.travellers:
-                xy[number] = self._travellers.place(positions, int(row)) or xy[number]
+                xy[number] = self._travellers.find_position(positions, int(row)) or xy[number]
         return xy
 
-    def by_name(self, place: Place, radius: float, own: str | None) -> dict[str, int]:
+    def find_by_name(self, place: Place, radius: float, own: str | None) -> dict[str, int]:
         """Return a fresh dict of the living agents within a radius of a place: name -> reported value.
 
         Args:
@@ -142,26 +142,26 @@ class NearbyAgents(sight.AgentIndex):
             looks = self.sights.get(radius)
             found = self.find_sight(radius) if looks is None else looks
             if type(place) is int:
-                return found.seen_from(place, own or "")
+                return found.find_around_node(place, own or "")
             x, y = self._find_coordinates(place)
-            return found.by_name(x, y, own or "")
+            return found.find_by_name(x, y, own or "")
         rows = self._find_rows_within(positions, *self._find_coordinates(place), radius)
-        nodes = positions.found(rows)
-        nodes.update(self.on_edges(positions, rows))
+        nodes = positions.name_rows(rows)
+        nodes.update(self.find_on_edges(positions, rows))
         nodes.pop(own or "", None)
         return nodes
 
-    def have_travellers(self) -> bool:
+    def load_all_positions(self) -> bool:
         """Take all positions; return whether agents may be on edges."""
         return bool(self._catch_up().travellers)
 
-    def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
+    def find_on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
         """Return name -> reported value of the given agents that are on edges."""
         travellers = positions.travellers
         moving = [row for row in rows if row in travellers] if travellers else []
-        return {positions.names[row]: self._travellers.sighting(positions, row) for row in moving}
+        return {positions.names[row]: self._travellers.make_sighting(positions, row) for row in moving}
 
-    def around(self, view: Viewpoint, radius: float) -> tuple[Positions, list[int]]:
+    def find_around(self, view: Viewpoint, radius: float) -> tuple[Positions, list[int]]:
         """Return the positions, and the rows of the agents within `radius` of a viewpoint, the border included.
 
         Raises:
@@ -170,29 +170,29 @@ class NearbyAgents(sight.AgentIndex):
         positions = self._catch_up()
         return positions, self._find_rows_within(positions, view.x, view.y, radius)
 
-    def ahead(
+    def find_ahead(
         self, view: Viewpoint, radius: float, heading: tuple[float, float], fov: float
     ) -> tuple[Positions, list[int]]:
-        """Return the result of `around` for agents in a field of view of `fov` radians around a heading (cos, sin)."""
+        """Return `find_around` for agents in a field of view of `fov` radians around a heading (cos, sin)."""
         positions = self._catch_up()
         x = view.x
         y = view.y
-        rows = self.find_sight(radius).rows_ahead(x, y, *kernels.cone(heading, fov))
+        rows = self.find_sight(radius).find_rows_ahead(x, y, *kernels.compute_cone(heading, fov))
         if positions.travellers:
-            moving = self._travellers.within(positions, (x, y), radius)
-            dx, dy = (self.xy(moving) - (x, y)).T
-            rows = sorted([*rows, *compress(moving, kernels.in_cone(dx, dy, heading, fov).tolist())])
+            moving = self._travellers.find_within(positions, (x, y), radius)
+            dx, dy = (self.get_xy(moving) - (x, y)).T
+            rows = sorted([*rows, *compress(moving, kernels.find_in_cone(dx, dy, heading, fov).tolist())])
         return positions, rows
 
     def _find_rows_within(self, positions: Positions, x: float, y: float, radius: float) -> list[int]:
-        rows = self.find_sight(radius).rows(x, y)
+        rows = self.find_sight(radius).find_rows(x, y)
         if positions.travellers:
-            rows = sorted([*rows, *self._travellers.within(positions, (x, y), radius)])
+            rows = sorted([*rows, *self._travellers.find_within(positions, (x, y), radius)])
         return rows
 
     def _find_coordinates(self, place: Place) -> tuple[float, float]:
         if isinstance(place, tuple):
-            return coordinates(self._ctx, place)
+            return find_coordinates(self._ctx, place)
         return self.places_of_nodes[
             place if type(place) is int else as_node_id(place, "The id of a node", self._ctx.graph)
         ]
@@ -218,7 +218,7 @@ class NearbyAgents(sight.AgentIndex):
         if graph is None:
             graph = self._ctx.graph.graph
             self._graph = graph
-            with self.phase.suspended(changes_world=False):
+            with self.phase.suspend(changes_world=False):
                 self.revised = getattr(graph, "revised", graph)
         revision = graph.revision
         positions = self._ctx.agent.positions
@@ -254,7 +254,7 @@ class NearbyAgents(sight.AgentIndex):
         try:
             if is_new:
                 self.places_of_nodes.renew(nodes)
-            self.agents.fill(positions.noted_names(), nodes)
+            self.agents.fill(positions.get_names(), nodes)
         except UnknownName:
             self._revision = None
             lost = next(row for row, node in enumerate(nodes) if not self._ctx.graph.graph.has_node(node))
@@ -267,7 +267,7 @@ class NearbyAgents(sight.AgentIndex):
             one.is_built = False
 
     def _enter(self, positions: Positions, rows: Collection[int]) -> None:
-        node_of = positions.block.node_of
+        node_of = positions.block.get_node
         sights = list(self.sights.values())
         for row in rows:
             self.agents.put(row, node_of(row), is_seen=_is_on_node(positions, row))
@@ -279,7 +279,7 @@ def _is_on_node(positions: Positions, row: int) -> bool:
     """Return whether an agent is alive and not on an edge."""
     if row in positions.inactive:
         return False
-    return row not in positions.travellers or positions.on_edge(row) is None
+    return row not in positions.travellers or positions.get_edge_position(row) is None
 
 
 class AgentsOnEdges:
@@ -297,12 +297,12 @@ class AgentsOnEdges:
         self._edges: dict[int, tuple[Line, float]] = {}  # by row: the present or last edge, and its length
         self._places: dict[int, tuple[float, float] | None] = {}  # by row
 
-    def place(self, positions: Positions, row: int) -> tuple[float, float] | None:
+    def find_position(self, positions: Positions, row: int) -> tuple[float, float] | None:
         """Return the position of an agent on an edge, or at its node if the edge was removed; None for others."""
         self._catch_up(positions)
         return self._locate_agent(positions, row)
 
-    def within(self, positions: Positions, place: tuple[float, float], radius: float) -> list[int]:
+    def find_within(self, positions: Positions, place: tuple[float, float], radius: float) -> list[int]:
         """Return the rows of the living agents on edges within `radius` of a place, the border included, ascending."""
         self._catch_up(positions)
         x, y = place
@@ -318,11 +318,11 @@ class AgentsOnEdges:
                 found.append(row)
         return found
 
-    def sighting(self, positions: Positions, row: int) -> int:
+    def make_sighting(self, positions: Positions, row: int) -> int:
         """Return the reported value of an agent: its last node, with its position on the edge."""
-        node: int = positions.block.node_of(row)
-        progress = positions.on_edge(row)
-        xy = None if progress is None else self.place(positions, row)
+        node: int = positions.block.get_node(row)
+        progress = positions.get_edge_position(row)
+        xy = None if progress is None else self.find_position(positions, row)
         if progress is None or xy is None or not self._edges[row][0].lengths:
             return node
         edge = progress.source, progress.target, progress.edge
@@ -330,8 +330,8 @@ class AgentsOnEdges:
 
     def _locate_agent(self, positions: Positions, row: int) -> tuple[float, float] | None:
         if row not in self._places:
-            progress = positions.on_edge(row)
-            self._places[row] = None if progress is None else self._edges[row][0].at(progress.share)[:2]
+            progress = positions.get_edge_position(row)
+            self._places[row] = None if progress is None else self._edges[row][0].find_point(progress.share)[:2]
         return self._places[row]
 
     def _catch_up(self, positions: Positions) -> None:
@@ -351,7 +351,7 @@ class AgentsOnEdges:
         self._key = key
         self._places = {}
         for row in rows:
-            progress = positions.on_edge(row)
+            progress = positions.get_edge_position(row)
             if progress is None:
                 self._boxes[:, row] = np.nan
                 continue
@@ -360,12 +360,12 @@ class AgentsOnEdges:
                 points = edge.points
                 length = edge.length
             except UnknownName:  # the edge was removed: the agent counts as on its node
-                points = coordinates(self._ctx, progress.source)
+                points = find_coordinates(self._ctx, progress.source)
                 length = 0.0
             xs = points[::2]
             ys = points[1::2]
             self._boxes[:, row] = min(xs), min(ys), max(xs), max(ys)
-            self._edges[row] = Line.of(points), length
+            self._edges[row] = Line.from_flat(points), length
 
 
 class SensorCaches:

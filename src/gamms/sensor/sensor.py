@@ -122,10 +122,10 @@ class Sensor(ContextPart, ISensor):
         """The data of the last look; settable. While agents decide, it is read-only, and only its owner may read it."""
         phase = self._phase
         phase.read_last_turn()
-        if phase.agent is not None and self._owner not in (None, *phase.names()):
+        if phase.agent is not None and self._owner not in (None, *phase.list_names()):
             phase.refuse(f"read the data of sensor {self.sensor_id!r} of agent {self._owner!r}")
         refuse_unknown_look(self._last[0], f"sensor {self.sensor_id!r}")
-        return phase.shown(self._last[0])
+        return phase.protect_value(self._last[0])
 
     @data.setter
     def data(self, data: object) -> None:
@@ -168,7 +168,7 @@ class Sensor(ContextPart, ISensor):
     @refuse_while_deciding
     def data_from(self, place: Any, owner: str | None) -> Any:
         """Return the `data` that an agent would get now; the look is not counted."""
-        return self._looking_from(place, owner)._data_for_owner()
+        return self._look_from(place, owner)._get_data_for_owner()
 
     @refuse_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
@@ -176,7 +176,7 @@ class Sensor(ContextPart, ISensor):
         if not self._is_ours:
             return self.last_view()
         try:
-            return self._looking_from(node_id, owner).last_view()
+            return self._look_from(node_id, owner).last_view()
         except UnknownName:  # a node is gone
             return SensorView()
 
@@ -201,15 +201,15 @@ class Sensor(ContextPart, ISensor):
         """A key shared by all sensors that show the same nodes from the same node; None: there are no others."""
         return None
 
-    def _looking_from(self, place: object, owner: str | None) -> Self:
+    def _look_from(self, place: object, owner: str | None) -> Self:
         """Return a copy that has looked from a place for an agent."""
         twin = self._copy_for_view()
         twin._owner = owner
         twin.sense(place)  # type: ignore[arg-type] # those that look from the air need no node
         return twin
 
-    def _data_for_owner(self) -> Any:
-        return self._phase.shown(self._last[0]) if type(self).data is Sensor.data else self.data
+    def _get_data_for_owner(self) -> Any:
+        return self._phase.protect_value(self._last[0]) if type(self).data is Sensor.data else self.data
 
     def _aim(self, place: object) -> Any:
         """Return the place, range and heading of a look from a place, as `sense` stores them."""

@@ -36,21 +36,21 @@ class LookDraws(NamedTuple):
     turn: int
     number: int  # index of the look among the looks of this owner in this turn, from 0
 
-    def bits(self, names: Iterable[str], purpose: str) -> BitArray:
+    def draw_bits(self, names: Iterable[str], purpose: str) -> BitArray:
         """Return 64 random bits for each name, (names,)."""
-        return self._draw_bits(kernels.name_keys(names), purpose)
+        return self._draw_bits(kernels.compute_name_keys(names), purpose)
 
-    def noise(self, names: Sequence[str], deviation: float) -> FloatArray:
+    def draw_noise(self, names: Sequence[str], deviation: float) -> FloatArray:
         """Return the position errors of agents, (names, 3)."""
-        keys = kernels.name_keys(names)
-        axes = [kernels.normals(self._draw_bits(keys, "position noise", axis).tolist()) for axis in AXES]
+        keys = kernels.compute_name_keys(names)
+        axes = [kernels.convert_to_normals(self._draw_bits(keys, "position noise", axis).tolist()) for axis in AXES]
         return deviation * np.column_stack(axes)
 
     def count_false_alarms(self, rate: float) -> int:
         """Draw the number of false alarms, with mean `rate`."""
-        return kernels.poisson(self._draw_one("false alarms"), rate)
+        return kernels.convert_to_poisson(self._draw_one("false alarms"), rate)
 
-    def false_alarms(
+    def draw_false_alarms(
         self, count: int, among: PossibleFalseAlarms, but: Collection[str], node_ids: IntArray
     ) -> dict[str, int]:
         """Return agent -> the node on which it is reported falsely.
@@ -75,7 +75,9 @@ class LookDraws(NamedTuple):
                 left = np.delete(left, highest)
                 lots = np.delete(lots, highest)
                 if name not in but:
-                    found[name] = int(node_ids[kernels.below(self._draw_one("false alarm", "place", i), len(node_ids))])
+                    found[name] = int(
+                        node_ids[kernels.convert_to_integer(self._draw_one("false alarm", "place", i), len(node_ids))]
+                    )
                     break
         return found
 
@@ -83,10 +85,10 @@ class LookDraws(NamedTuple):
         return kernels.draw_bits_rows(self._make_key(purpose, *which), keys, self.turn, self.number)
 
     def _draw_one(self, purpose: str, *which: str | int) -> int:
-        return kernels.draw_bits(self._make_key(purpose, *which), kernels.name_key(""), self.turn, self.number)
+        return kernels.draw_bits(self._make_key(purpose, *which), kernels.compute_name_key(""), self.turn, self.number)
 
     def _make_key(self, purpose: str, *which: str | int) -> int:
-        return kernels.purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)
+        return kernels.compute_purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)
 
 
 def find_delayed(ctx: IContext, look: LookDraws, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
@@ -99,7 +101,7 @@ def find_delayed(ctx: IContext, look: LookDraws, seen: dict[str, Any], delay: in
         delay: turns.
         is_noted: whether to store the present data for later reports.
     """
-    known = delayed_looks(ctx)
+    known = get_delayed_looks(ctx)
     if known is None and not is_noted:  # a drawing before the game begins
         return {}
     if known is None:
@@ -115,7 +117,7 @@ def find_delayed(ctx: IContext, look: LookDraws, seen: dict[str, Any], delay: in
     return {} if due is None else looks[due].copy()
 
 
-def delayed_looks(ctx: IContext) -> dict[tuple[str, str], dict[int, dict[str, Any]]] | None:
+def get_delayed_looks(ctx: IContext) -> dict[tuple[str, str], dict[int, dict[str, Any]]] | None:
     """Return the pending reports of sensors, which are part of the game; None without a game."""
     game = ctx.current_game
     looks: dict[tuple[str, str], dict[int, dict[str, Any]]] | None
@@ -125,6 +127,6 @@ def delayed_looks(ctx: IContext) -> dict[tuple[str, str], dict[int, dict[str, An
 
 def forget_delayed(ctx: IContext, sensor_id: str) -> None:
     """Drop the pending reports of a sensor."""
-    looks = delayed_looks(ctx) or {}
+    looks = get_delayed_looks(ctx) or {}
     for key in [key for key in looks if key[0] == sensor_id]:
         del looks[key]

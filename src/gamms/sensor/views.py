@@ -71,7 +71,7 @@ class ViewCache:
         kind = radius if fov == FULL_CIRCLE or heading == (0.0, 0.0) else (radius, fov, heading)
         key = place
         if kind == inf:  # the whole graph is the same from every place
-            coordinates(self._ctx, place)
+            find_coordinates(self._ctx, place)
             key = -1
         try:
             return self._seen[kind][key]
@@ -80,7 +80,7 @@ class ViewCache:
         except TypeError:  # not hashable
             return self.look(as_node_id(place, "The id of a node", self._ctx.graph), radius, fov, heading)
 
-    def known(self, radius: float) -> Mapping[Place, View]:
+    def get_views(self, radius: float) -> Mapping[Place, View]:
         """Return the cached views in all directions within a finite radius, by place."""
         is_valid = self._revision is not None and self._revision == self._ctx.graph.graph.revision
         return self._seen.get(radius, {}) if is_valid else {}
@@ -88,7 +88,9 @@ class ViewCache:
     def _find_ahead(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
         graph = self._ctx.graph.graph
         if isinstance(place, tuple):
-            return graph.among(find_nodes_ahead(self._ctx, Viewpoint.at(self._ctx, place), radius, fov, heading).ids)
+            return graph.among(
+                find_nodes_ahead(self._ctx, Viewpoint.from_place(self._ctx, place), radius, fov, heading).ids
+            )
         return graph.within(place, radius, fov, heading)
 
     def _forget(self, revision: object) -> None:
@@ -170,7 +172,7 @@ class OccludedViewCache(ViewCache):
             self._ids[key] = known
         return known
 
-    def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
+    def compute_area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
         """Return the corners (corners, 2) of the visible part of a sector, cut off far outside the map."""
         self._renew()
         key = place, sector, height
@@ -203,7 +205,7 @@ class OccludedViewCache(ViewCache):
     def _find_ids_in_sight(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int
     ) -> IntArray:
-        view = Viewpoint.at(self._ctx, place, tunnel)
+        view = Viewpoint.from_place(self._ctx, place, tunnel)
         table = None if view.node is None else self._ctx.graph.visibility_table(radius, height)
         if table is not None and table.radius == radius and view.node is not None:  # the table already has the range
             ids = table.from_node(view.node)
@@ -228,16 +230,16 @@ class Viewpoint(NamedTuple):
     tunnel: int = 0
 
     @classmethod
-    def at(cls, ctx: IContext, place: Place, tunnel: int = 0) -> Self:
+    def from_place(cls, ctx: IContext, place: Place, tunnel: int = 0) -> Self:
         """Return the viewpoint at a place.
 
         Raises:
             UnknownName (KeyError): the node does not exist.
         """
-        return cls(None if isinstance(place, tuple) else place, *coordinates(ctx, place), tunnel)
+        return cls(None if isinstance(place, tuple) else place, *find_coordinates(ctx, place), tunnel)
 
 
-def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
+def find_coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
     """Return (x, y) of a place.
 
     Raises:
@@ -261,7 +263,7 @@ def select_ahead(nodes: NodeColumns, view: Viewpoint, fov: float, heading: tuple
     if fov == FULL_CIRCLE or heading == (0.0, 0.0):
         return nodes
     ids, xy = nodes
-    is_ahead = kernels.in_cone(xy[:, 0] - view.x, xy[:, 1] - view.y, heading, fov)
+    is_ahead = kernels.find_in_cone(xy[:, 0] - view.x, xy[:, 1] - view.y, heading, fov)
     return NodeColumns(ids[is_ahead], xy[is_ahead])
 
 
@@ -282,11 +284,11 @@ def is_unhidden(ctx: IContext, view: Viewpoint, nodes: NodeColumns, height: floa
     """Return whether no obstacle hides each node or an adjacent place, without a visibility table."""
     here = find_ground(ctx, (view.x, view.y) if view.node is None else view.node)
     there = ctx.graph.graph.ground(nodes.ids)
-    origin = here.eyes(np.array([(view.x, view.y)]), height)[0]
+    origin = here.find_eyes(np.array([(view.x, view.y)]), height)[0]
     if there is None:
         return ctx.graph.visible(origin, raise_to_height(nodes.xy, height))
     is_near: BoolArray = there.tunnels == (view.tunnel if view.node is None else here.tunnels)
-    return is_near & ctx.graph.visible(origin, there.eyes(nodes.xy, height))
+    return is_near & ctx.graph.visible(origin, there.find_eyes(nodes.xy, height))
 
 
 def find_ground(ctx: IContext, place: Place) -> NodeGround:
@@ -305,9 +307,9 @@ def raise_to_height(xy: FloatArray, height: float) -> FloatArray:
     return np.column_stack([xy, np.full(len(xy), height)])
 
 
-def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray, BoolArray]:
+def place_on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the nodes as points (nodes, 3) on the ground, and a mask of the nodes that are not in a tunnel."""
     ground = ctx.graph.graph.ground(ids)
     if ground is None:
         return raise_to_height(xy, 0.0), np.ones(len(xy), np.bool_)
-    return ground.eyes(xy, 0.0), ground.tunnels == 0
+    return ground.find_eyes(xy, 0.0), ground.tunnels == 0

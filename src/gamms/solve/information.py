@@ -81,7 +81,7 @@ def find_sensor_information(table: Table) -> dict[str, str]:
 
 def _find_observability(table: Table, observer: SensorObserver, side: int) -> str:
     """Return "full", "team" or "agent": who in a team can tell all positions from observations."""
-    members = table.members(side).tolist()
+    members = table.list_members(side).tolist()
     groups = [(agent,) for agent in members]
     if not all(observer.is_reliable(agent) for agent in members):
         return "agent"

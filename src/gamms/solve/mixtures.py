@@ -22,10 +22,10 @@ from gamms.solve.solution import (
     TableStrategy,
     check_discount,
     find_rewards,
-    looks_at_winners,
+    is_using_winner,
+    list_teams,
     make_setup,
     read_rewards,
-    teams_of,
 )
 from gamms.solve.stages import Bound, Rewards, ValueIteration
 from gamms.solve.table import Table, explore
@@ -173,7 +173,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
         UnknownName (KeyError): the team does not exist.
         TooLarge: see `solve`; or the first best responses exceed `max_nodes`.
     """
-    teams = teams_of(scenario, team)
+    teams = list_teams(scenario, team)
     share = check_discount(reward, discount)
     most = as_count(iterations, "iterations")
     nodes = as_count(max_nodes, "max_nodes")
@@ -184,7 +184,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
         )
     table = explore(
         make_setup(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states),
-        by_winner=looks_at_winners(reward),
+        by_winner=is_using_winner(reward),
         merges=not callable(reward),
     )
     if table.last_turn is None or table.last_turn > _MOST_TURNS:
@@ -196,7 +196,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
     found: DoubleOracle | None = None
     try:
         for _ in range(most):
-            found = game.next_iteration(found)
+            found = game.compute_next_iteration(found)
             if found.gap <= _LEAST_GAP:
                 break
     except (TooLarge, RecursionError):  # strategies that respond to each other call each other
@@ -216,7 +216,7 @@ class _PureStrategy(Protocol):
     def act(self, turn: int, state: int, seen: int, other: int | None) -> int:
         """Return the joint action; `other` is the other team's, if that team moves first."""
 
-    def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
+    def find_next_history(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
         """Return the number of the history after a turn that has led to state `later`."""
 
 
@@ -227,7 +227,7 @@ class _StayStrategy:
         """Return the first joint action."""
         return 0
 
-    def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:  # noqa: ARG002
+    def find_next_history(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:  # noqa: ARG002
         """Return 0."""
         return 0
 
@@ -248,13 +248,13 @@ class _StrategyGame:
         self._usual = rewards.usual.tolist()
         self._last = last.tolist()
 
-    def next_iteration(self, before: DoubleOracle | None) -> DoubleOracle:
+    def compute_next_iteration(self, before: DoubleOracle | None) -> DoubleOracle:
         """Return the next iteration's mixtures, and add best responses to them; `before` is None at first.
 
         Raises:
             TooLarge: the best responses have too many nodes.
         """
-        payoffs = self.extended(np.zeros((0, 0)) if before is None else before.payoffs)
+        payoffs = self.extend_payoffs(np.zeros((0, 0)) if before is None else before.payoffs)
         _, rows, columns = matrix_game(payoffs)
         upper = _BestResponse(self, 0, columns)
         lower = _BestResponse(self, 1, rows)
@@ -282,7 +282,7 @@ class _StrategyGame:
                 "turns=, a smaller map, a larger max_nodes=, or solve."
             )
 
-    def reward(self, turn: int, row: int) -> float:
+    def compute_reward(self, turn: int, row: int) -> float:
         """Return the first team's reward in a turn, discounted from the start."""
         now: list[float] = self._last if turn == self.turns - 1 else self._usual
         return now[row] * self._rewards.discount**turn
@@ -291,44 +291,46 @@ class _StrategyGame:
         """Return whether the game is over."""
         return bool(turn >= self.turns or self._is_over[state])
 
-    def moves_second(self, side: int) -> bool:
+    def is_second(self, side: int) -> bool:
         """Return whether a team sees the other team's action before it moves."""
         return self.table.order == (1 if side == 0 else -1)
 
-    def row(self, state: int, side: int, own: int, other: int) -> int:
+    def find_row(self, state: int, side: int, own: int, other: int) -> int:
         """Return the table row of a state and the joint actions of a team and of the other team."""
-        return self.table.row_of(state, (own, other) if side == 0 else (other, own))
+        return self.table.find_row(state, (own, other) if side == 0 else (other, own))
 
-    def reward_of_pair(self, first: int, second: int) -> float:
+    def compute_pair_reward(self, first: int, second: int) -> float:
         """Return the first team's reward if the teams play their strategies of these numbers."""
         pair = self.strategies[0][first], self.strategies[1][second]
         seen = [0, 0]
         state = 0
         total = 0.0
-        late = 0 if self.moves_second(0) else 1
+        late = 0 if self.is_second(0) else 1
         for turn in range(self.turns):
             if self.is_over(turn, state):
                 break
             actions = [0, 0]
             actions[1 - late] = pair[1 - late].act(turn, state, seen[1 - late], None)
-            shown_to_late = actions[1 - late] if self.moves_second(late) else None
+            shown_to_late = actions[1 - late] if self.is_second(late) else None
             actions[late] = pair[late].act(turn, state, seen[late], shown_to_late)
-            row = self.table.row_of(state, actions)
-            total += self.reward(turn, row)
+            row = self.table.find_row(state, actions)
+            total += self.compute_reward(turn, row)
             later = self.later[row]
-            seen[1 - late] = pair[1 - late].after(turn, state, seen[1 - late], None, actions[1 - late], later)
-            seen[late] = pair[late].after(turn, state, seen[late], shown_to_late, actions[late], later)
+            seen[1 - late] = pair[1 - late].find_next_history(
+                turn, state, seen[1 - late], None, actions[1 - late], later
+            )
+            seen[late] = pair[late].find_next_history(turn, state, seen[late], shown_to_late, actions[late], later)
             state = later
         return total
 
-    def extended(self, payoffs: FloatArray) -> FloatArray:
+    def extend_payoffs(self, payoffs: FloatArray) -> FloatArray:
         """Return the payoff matrix extended by the new strategies."""
         rows, columns = payoffs.shape
         found = np.zeros((len(self.strategies[0]), len(self.strategies[1])))
         found[:rows, :columns] = payoffs
         for row, column in np.ndindex(found.shape):
             if row >= rows or column >= columns:
-                found[row, column] = self.reward_of_pair(row, column)
+                found[row, column] = self.compute_pair_reward(row, column)
         return found
 
 
@@ -363,7 +365,7 @@ class _BestResponse:
         """Return its joint action; `other` is the other team's, if that team has moved first."""
         return self._choose_action(turn, state, seen, other)[1]
 
-    def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
+    def find_next_history(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
         """Return the number of the history after a turn that has led to state `later`."""
         key = turn, state, seen, other, own, later
         if key not in self._after:
@@ -376,13 +378,19 @@ class _BestResponse:
         is_second = other is not None
         for k, its in self._beliefs[seen]:
             does = self._find_action(turn, state, k, its, own)
-            if does == other if is_second else self._game.later[self._game.row(state, self._side, own, does)] == later:
+            if (
+                does == other
+                if is_second
+                else self._game.later[self._game.find_row(state, self._side, own, does)] == later
+            ):
                 found.append((k, does, its))
         # If no strategy would have done that, all of them stay possible.
         every = found or [(k, self._find_action(turn, state, k, its, own), its) for k, its in self._beliefs[seen]]
-        given = None if is_second or not self._game.moves_second(1 - self._side) else own
+        given = None if is_second or not self._game.is_second(1 - self._side) else own
         return self._number_beliefs(
-            tuple((k, self._others[k].after(turn, state, its, given, does, later)) for k, does, its in every)
+            tuple(
+                (k, self._others[k].find_next_history(turn, state, its, given, does, later)) for k, does, its in every
+            )
         )
 
     def _number_beliefs(self, beliefs: tuple[tuple[int, int], ...]) -> int:
@@ -393,13 +401,13 @@ class _BestResponse:
 
     def _find_action(self, turn: int, state: int, k: int, its: int, own: int) -> int:
         """Return the action of the other team's strategy number `k`."""
-        return self._others[k].act(turn, state, its, own if self._game.moves_second(1 - self._side) else None)
+        return self._others[k].act(turn, state, its, own if self._game.is_second(1 - self._side) else None)
 
     def _compute_worth(self, turn: int, state: int, seen: int) -> float:
         """Return the team's future reward, weighted by the probabilities of the possible strategies."""
         if self._game.is_over(turn, state):
             return 0.0
-        if not self._game.moves_second(self._side):
+        if not self._game.is_second(self._side):
             return self._choose_action(turn, state, seen, None)[0]
         others = {self._find_action(turn, state, k, its, 0) for k, its in self._beliefs[seen]}
         return sum(self._choose_action(turn, state, seen, other)[0] for other in sorted(others))
@@ -423,12 +431,14 @@ class _BestResponse:
         if other is not None:  # if no strategy does that, all of them are assumed to have done it
             does = [one for one in does if one[1] == other] or [(k, other) for k, _ in does]
         for k, action in does:
-            row = self._game.row(state, self._side, own, action)
-            total += self._shares[k] * self._sign * self._game.reward(turn, row)
+            row = self._game.find_row(state, self._side, own, action)
+            total += self._shares[k] * self._sign * self._game.compute_reward(turn, row)
             laters[self._game.later[row]] = None
         for later in laters:
             if not self._game.is_over(turn + 1, later):
-                total += self._compute_worth(turn + 1, later, self.after(turn, state, seen, other, own, later))
+                total += self._compute_worth(
+                    turn + 1, later, self.find_next_history(turn, state, seen, other, own, later)
+                )
         return total
 
 
@@ -455,7 +465,7 @@ class _MixedStrategy(TableStrategy):
             known = 0
         else:
             drawn, known, *last = before
-            known = strategies[drawn].after(last[0], last[1], known, last[2], last[3], number)
+            known = strategies[drawn].find_next_history(last[0], last[1], known, last[2], last[3], number)
         own = strategies[drawn].act(turn, number, known, seen)
         state["memory"][_MEMORY] = (drawn, known, turn, number, seen, own)
         return own
@@ -494,7 +504,7 @@ class PoolResponse:
 
     def __init__(self, setup: GameSetup, other: str, members: Sequence[PoolMember], reward: Reward) -> None:
         self.team = setup.teams[0]
-        by_winner = looks_at_winners(reward)
+        by_winner = is_using_winner(reward)
         whole = explore(setup._replace(teams=(self.team, other), others={}), by_winner=by_winner)
         last = whole.last_turn
         if last is None or last > _MOST_TURNS:
@@ -514,7 +524,7 @@ class PoolResponse:
         seen = [find_sensor_information(table)[self.team] for table in self.tables]
         self.bound: Bound = "exact" if set(seen) == {"full"} else "upper"
 
-    def strategy(self) -> TableStrategy:
+    def make_strategy(self) -> TableStrategy:
         """Return the strategy for `scenario.play(strategies={team: …})`; it draws nothing."""
         return _PoolResponseStrategy(self)
 
@@ -542,7 +552,7 @@ class PoolResponse:
         found: dict[tuple[int, ...], _Belief] = {}
         for member, state in belief:
             table = self.tables[member]
-            later = int(table.usual.after[table.row_of(state, (action, 0))])
+            later = int(table.usual.after[table.find_row(state, (action, 0))])
             if turn + 1 < self._turns and table.offsets[later] < table.offsets[later + 1]:
                 nodes = tuple(np.where(table.alive[later], table.nodes[later], -1).tolist())
                 found[nodes] = (*found.get(nodes, ()), (member, later))
@@ -553,7 +563,7 @@ class PoolResponse:
         found: dict[tuple[int, ...], _Belief] = {}
         for member, state in belief:
             table = self.tables[member]
-            later = table.usual.after[table.row_of(state, (0, 0))]
+            later = table.usual.after[table.find_row(state, (0, 0))]
             numbers = [table.roster.names.index(name) for name in table.earlier[0]]
             nodes = tuple(int(table.nodes[later, number]) for number in numbers if table.alive[state, number])
             found[nodes] = (*found.get(nodes, ()), (member, state))
@@ -573,7 +583,7 @@ class PoolResponse:
             rewards = self._rewards[member]
             is_last = turn == self._turns - 1 and rewards.last is not None
             now = rewards.last if is_last and rewards.last is not None else rewards.usual
-            total += self._shares[member] * float(now[self.tables[member].row_of(state, (action, 0))])
+            total += self._shares[member] * float(now[self.tables[member].find_row(state, (action, 0))])
         for later in self.list_after(turn, belief, action).values():
             total += self._compute_value_before(turn + 1, later)
         return total
@@ -587,7 +597,7 @@ class _PoolResponseStrategy(SolvedStrategy):
         self._response = response
 
     def __repr__(self) -> str:
-        return f"PoolResponse.strategy({shown(self.team)})"
+        return f"PoolResponse.make_strategy({shown(self.team)})"
 
     def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:  # noqa: ARG002
         """Return False: it is not the strategy of a solution, which `best_response` would look up."""
@@ -607,7 +617,7 @@ class _PoolResponseStrategy(SolvedStrategy):
         member, number = possible[0]
         action = response.choose(turn, possible)[1]
         state["memory"][_MEMORY] = possible, action
-        return response.tables[member].actions_of(number, 0, action)[state["name"]]
+        return response.tables[member].name_actions(number, 0, action)[state["name"]]
 
     def _find_joint_action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:  # noqa: ARG002
         return int(self._find_action_probabilities(state["turn"], number, seen).argmax())

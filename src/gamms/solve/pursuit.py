@@ -22,8 +22,8 @@ from gamms.core import pursuit as core
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.game import Game
 from gamms.game.array_functions.declarations import array_strategy
-from gamms.game.array_functions.view import ArrayView, driven_in
-from gamms.game.block.columns import mode_of
+from gamms.game.array_functions.view import ArrayView, find_driven_edges
+from gamms.game.block.columns import get_mode
 from gamms.game.block.in_core import ONE_THAT_SHOWS, ContactOptions
 from gamms.ir.graph import (
     FloatArray,
@@ -31,8 +31,8 @@ from gamms.ir.graph import (
     IntArray,
     as_node_ids,
     find_usable_edges,
-    labels,
     list_forbidden_paths,
+    list_labels,
     split_mode,
 )
 from gamms.ir.obstacles import BoolArray
@@ -73,7 +73,7 @@ class Traffic(NamedTuple):
     def find_place(self, row: int, driven: Sequence[int]) -> int:
         """Return the place of an agent on a node, given the ids of the edges by which it has come."""
         ids = np.array(driven, np.int64)
-        rows: list[int] = kernels.rows_of(self.columns.edge_ids, ids, self.columns.edge_order).tolist()
+        rows: list[int] = kernels.find_rows(self.columns.edge_ids, ids, self.columns.edge_order).tolist()
         return self.routes.find_vertex(row, rows)
 
 
@@ -182,9 +182,9 @@ class PursuitTable:
             [self._compute_rank(place, number) for place in range(size)] for number, size in enumerate(self._sizes)
         ]
         self._ranks = [np.array(own, np.int64) for own in ranks]  # of each pursuer: (places,), see `_number_formations`
-        self.codes = self._find(self.formations())
+        self.codes = self._find(self.list_formations())
 
-    def formations(self) -> IntArray:
+    def list_formations(self) -> IntArray:
         """Return all formations, (formations, pursuers), as places, in the order of their numbers."""
         return _list_formations(self._sizes[0], self.pursuers) if self._are_alike else _list_sequences(self._sizes)
 
@@ -266,7 +266,7 @@ class PursuitTable:
 
     # -- single positions ---------------------------------------------------------------------------------------
 
-    def row(self, node: Node) -> int:
+    def find_row(self, node: Node) -> int:
         """Return the row of a node.
 
         Raises:
@@ -277,7 +277,7 @@ class PursuitTable:
         except (KeyError, TypeError):
             raise UnknownName("node", node, self._row_of) from None
 
-    def code(self, places: Sequence[int], place: int) -> int:
+    def encode_position(self, places: Sequence[int], place: int) -> int:
         """Return the code of a position at the start of a turn.
 
         Args:
@@ -288,7 +288,7 @@ class PursuitTable:
         is_met = any(one.nodes[own] == node for one, own in zip(self.fleet, places, strict=True))
         if is_met or not self.exits[node]:
             return int(self.codes[self.first, self._number_formations(self._sort(places)), place])
-        _, [after] = self.best(
+        _, [after] = self.find_best(
             self.first, np.array([places]), np.array([place])
         )  # a game begins here, and has not ended
         return int(after) + int(np.sign(after))
@@ -306,7 +306,7 @@ class PursuitTable:
         """
         return sum(rank[place] for rank, place in zip(self._ranks, places, strict=True))
 
-    def best(self, side: int, places: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
+    def find_best(self, side: int, places: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
         """Return the places to which the agents of a side move in exact play, and the codes of the positions after it.
 
         Pursuers catch the evader as soon as possible, or delay its escape; the evader does the opposite. Among equal
@@ -395,7 +395,7 @@ def _group_moves(begins: IntArray, ends: IntArray, places: int) -> core.Moves:
     """Group moves by the place where they end."""
     offsets, order = kernels.group_rows(ends, places)
     counts = np.bincount(begins, minlength=places)
-    return core.Moves(offsets.data, kernels.buffer(begins[order]), counts.data)
+    return core.Moves(offsets.data, kernels.as_buffer(begins[order]), counts.data)
 
 
 def _list_formations(places: int, pursuers: int) -> IntArray:
@@ -490,7 +490,7 @@ class PursuitStrategy:
             now = np.stack(
                 [_find_places(view, nodes, *pair)[playing] for pair in zip(agents, roads, strict=True)], axis=1
             )
-            ends, _ = self._table.best(self._side, now[:, :-1], now[:, -1])
+            ends, _ = self._table.find_best(self._side, now[:, :-1], now[:, -1])
             moving = slice(None, -1) if self._side == PURSUERS else slice(-1, None)
             for agent, one, before, after in zip(own, roads[moving], now[:, moving].T, ends.T, strict=True):
                 nodes[playing, agent] = one.nodes[after]
@@ -506,7 +506,7 @@ class PursuitStrategy:
         if self._check_agent is not None and self._check_agent[0] is columns:
             return self._check_agent[1]
         roads = self._table.roads
-        id_of = labels(columns)
+        id_of = list_labels(columns)
         row_of = {id_of.get(label, label): row for row, label in enumerate(roads.labels)}
         there = columns.node_ids.tolist()
         if {*row_of} == {*there}:
@@ -549,7 +549,7 @@ def _find_places(view: ArrayView, nodes: IntArray, agent: int, roads: Roads) -> 
     traffic = roads.traffic
     if traffic is None:
         return own
-    driven = driven_in(view, agent)
+    driven = find_driven_edges(view, agent)
     return np.array([traffic.find_place(row, edges) for row, edges in zip(own.tolist(), driven, strict=True)])
 
 
@@ -598,7 +598,7 @@ def _decide_exactly(
     """Return the actions of the agents of a view; solve the pursuit on a map that is new."""
     pursuers, evaders = _find_sides(view, side)
     agents = [*pursuers.tolist(), *evaders.tolist()[:1]]
-    modes = tuple(mode_of(view.roster.agents[agent]) for agent in agents)
+    modes = tuple(get_mode(view.roster.agents[agent]) for agent in agents)
     maps = _find_maps(view, agents)
     is_first = len(order) == 2 and view.roster.teams[view.roster.team_of[view.agents[0]]] in order[0]
     first = side if is_first else 1 - side
@@ -615,7 +615,7 @@ def _decide_exactly(
 def _find_maps(view: ArrayView, agents: Sequence[int]) -> list[GraphColumns]:
     """Return the map of each of several agents, by their numbers: the same object if they have the same mode."""
     roster = view.roster
-    modes = [mode_of(roster.agents[agent]) for agent in agents]
+    modes = [get_mode(roster.agents[agent]) for agent in agents]
     of_mode = {mode: view.of(np.array([agent])).streets.columns for mode, agent in zip(modes, agents, strict=True)}
     return [of_mode[mode] for mode in modes]
 
@@ -707,7 +707,7 @@ class PursuitSolution(Solution):
     def value_at(self, places: Mapping[str, Any], turn: int = 0) -> float:
         """Return the value of a position at the start of a turn for the team; see `Solution.value_at`."""
         played = as_count(turn, "turn", 0)
-        return self._compute_value(self.outcomes.code(*self._find_rows(places)), played)
+        return self._compute_value(self.outcomes.encode_position(*self._find_rows(places)), played)
 
     def values(self, agent: str, places: Mapping[str, Any] | None = None, turn: int = 0) -> dict[Any, float]:
         """Return the values by the position of an agent, for all nodes; see `Solution.values`."""
@@ -725,7 +725,7 @@ class PursuitSolution(Solution):
         Raises:
             UnknownName (KeyError): an agent or a node does not exist.
         """
-        code = self.outcomes.code(*self._find_rows(start or {}))
+        code = self.outcomes.encode_position(*self._find_rows(start or {}))
         return _count_turns(code) if code > 0 else None
 
     def escapes(self, start: Mapping[str, Any] | None = None) -> int | None:
@@ -737,7 +737,7 @@ class PursuitSolution(Solution):
         Raises:
             UnknownName (KeyError): see `captures`.
         """
-        code = self.outcomes.code(*self._find_rows(start or {}))
+        code = self.outcomes.encode_position(*self._find_rows(start or {}))
         return _count_turns(code) if code < 0 else None
 
     def policy(self, team: str, places: Mapping[str, Any] | None = None, turn: int = 0) -> list[Choice]:
@@ -748,9 +748,9 @@ class PursuitSolution(Solution):
         pursuers = np.array([rows])
         evader = np.array([row])
         if side != self.outcomes.first:
-            moved, _ = self.outcomes.best(self.outcomes.first, pursuers, evader)
+            moved, _ = self.outcomes.find_best(self.outcomes.first, pursuers, evader)
             pursuers, evader = (moved, evader) if side == EVADER else (pursuers, moved[:, 0])
-        ends, _ = self.outcomes.best(side, pursuers, evader)
+        ends, _ = self.outcomes.find_best(side, pursuers, evader)
         nodes = self.outcomes.roads.labels
         names = self._terms.pursuers if side == PURSUERS else (self._terms.evader,)
         return [Choice(1.0, {name: nodes[end] for name, end in zip(names, ends[0].tolist(), strict=True)})]
@@ -804,7 +804,7 @@ class PursuitSolution(Solution):
         nodes = np.flatnonzero(~table.exits)
         worth = _rank_codes(table.codes[table.first][:, nodes])
         formation = int(worth.min(axis=1).argmax())
-        places = table.formations()[formation].tolist()
+        places = table.list_formations()[formation].tolist()
         place = int(nodes[worth[formation].argmin()])
         names = (*self._terms.pursuers, self._terms.evader)
         return {name: table.roads.labels[row] for name, row in zip(names, [*places, place], strict=True)}
@@ -817,7 +817,7 @@ class PursuitSolution(Solution):
                 raise BadValue(
                     f"places[{shown(self._check_agent(name))}] is None: the pursuit is over without this agent."
                 )
-        row = self.outcomes.row
+        row = self.outcomes.find_row
         return [row(now[name]) for name in self._terms.pursuers], row(now[self._terms.evader])
 
     def _check_agent(self, agent: str) -> str:
@@ -912,14 +912,14 @@ def recognize_pursuit(setup: GameSetup, reward: Reward, discount: float) -> Purs
         return None
     ctx = setup.scenario.build(setup.seed, dict.fromkeys(setup.teams, stay))
     with ctx:
-        rules = _PursuitRules.of(ctx)
+        rules = _PursuitRules.from_game(ctx)
         if rules is None or {*rules.teams} != {*setup.teams}:
             return None
         gains = (1.0, 1.0) if reward == "win" else rules.points
         if gains[0] <= 0 or (rules.exits and gains[1] <= 0):
             return None
         sides = [sorted(one.name for one in ctx.game.agents if one.team == team) for team in rules.teams]
-        last = TurnTerms.of(ctx.game, setup.last_turn).last_turn
+        last = TurnTerms.from_game(ctx.game, setup.last_turn).last_turn
         terms = PursuitTerms(rules.teams, tuple(sides[0]), sides[1][0], gains, discount, last)
         roads = find_roads(ctx.graph)
         outcomes = PursuitTable([roads] * (len(sides[0]) + 1), _find_exit_rows(roads, rules.exits), rules.first)
@@ -943,7 +943,7 @@ class _PursuitRules(NamedTuple):
     first: int
 
     @classmethod
-    def of(cls, ctx: Context) -> "_PursuitRules | None":
+    def from_game(cls, ctx: Context) -> "_PursuitRules | None":
         """Return the rules of a game; None: it is not a pursuit in turns with full sight."""
         game: Game = ctx.game
         named = [(name_shipped_rule(rule), rule) for rule in game.rules]

@@ -12,7 +12,7 @@ from gamms import planning, rl
 from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping, explain_call_errors
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.rl.turns import gain_lead
 from gamms.scenario import Scenario
 from gamms.solve.mixtures import PoolResponse
@@ -25,10 +25,10 @@ from gamms.solve.solution import (
     TableSolution,
     check_discount,
     find_rewards,
-    looks_at_winners,
+    is_using_winner,
+    list_teams,
     make_setup,
     solve_table,
-    teams_of,
 )
 from gamms.solve.stages import Bound
 from gamms.solve.table import explore
@@ -115,7 +115,7 @@ def solve(
         UnknownName (KeyError): the team does not exist.
         TooLarge: the game has too many states; the message tells how many, and what would fit.
     """
-    teams = teams_of(scenario, team)
+    teams = list_teams(scenario, team)
     if len(teams) != 2:
         raise BadValue(
             f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) cannot be solved: solve needs two teams. "
@@ -164,7 +164,7 @@ def best_response(
         MissingExtra (ImportError): Stable-Baselines3 is not installed, which "learn" needs.
     """
     as_choice(method, "method", METHODS)
-    teams = teams_of(scenario, team)
+    teams = list_teams(scenario, team)
     others = _group_by_team(against, teams[1:])
     if team in others:
         raise BadValue(f"against contains team {shown(team)}, which responds: give the strategies of the other teams.")
@@ -177,7 +177,7 @@ def best_response(
     setup = make_setup(scenario, (team,), others, turns=turns, seed=seed, max_states=most, limit="budget")
     found = _find_response_to_pool(setup, reward)
     if found is not None:
-        return Response(team, method, found.value, (found.value, found.value), found.strategy(), found)
+        return Response(team, method, found.value, (found.value, found.value), found.make_strategy(), found)
     solution = _find_exact_response(setup, reward, team)
     interval = (solution.value - solution.error, solution.value + solution.error)
     return Response(team, method, solution.value, interval, solution.strategy(), solution)
@@ -242,7 +242,7 @@ def evaluate(
         UnknownName (KeyError): the team does not exist.
         TooLarge, MissingExtra: see `best_response`.
     """
-    teams = teams_of(scenario, team)
+    teams = list_teams(scenario, team)
     named = as_mapping(opponents, "opponents")
     if len(teams) != 2 or not named:
         raise BadValue(
@@ -295,7 +295,7 @@ def nash_conv(
         BadType, BadValue, TooLarge: see `best_response`.
         UnknownName (KeyError): the team does not exist.
     """
-    teams = teams_of(scenario, team)
+    teams = list_teams(scenario, team)
     given = as_mapping(strategies, "strategies")
     for one in given:
         as_known(one, "team", teams)
@@ -353,14 +353,14 @@ def openspiel(
             conflicts.
         MissingExtra (ImportError): OpenSpiel is not installed.
     """
-    with needing("A game of OpenSpiel", "solve"):
+    with require_extra("A game of OpenSpiel", "solve"):
         from gamms.solve.teams_game import TeamsGame
-    teams = teams_of(scenario, team)
+    teams = list_teams(scenario, team)
     share = check_discount(reward, discount)
     if len(teams) != 2:
         raise BadValue(f"A game of {len(teams)} teams cannot become a game of OpenSpiel: it needs two teams.")
     setup = make_setup(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
-    table = explore(setup, by_winner=looks_at_winners(reward))
+    table = explore(setup, by_winner=is_using_winner(reward))
     return TeamsGame(table, find_rewards(table, reward, share, teams[0]))
 
 
@@ -425,7 +425,7 @@ def _learn_response(
     """Return a response whose policy was learned."""
     if reward not in ("score", "turns"):
         raise BadValue(f"method='learn' is for reward='score' or 'turns', not {shown(reward)}: use method='exact'.")
-    with needing("A best response that is learned", "train"):
+    with require_extra("A best response that is learned", "train"):
         from sb3_contrib import MaskablePPO
     gets = gain_lead if reward == "score" else _make_turn_reward
     env = rl.sb3_env(scenario, num_games=_TRAINED_GAMES, team=team, others=others, reward=gets, seed=seed)

@@ -91,7 +91,7 @@ class TableStrategy(ABC):
         number = self._find_state(nodes, state["turn"], memory.get(_MEMORY))
         memory[_MEMORY] = number
         action = self._find_joint_action(ctx, state, number, self._find_seen_action(number, nodes, moved))
-        return self._table.actions_of(number, self._side, action, nodes)[state["name"]]
+        return self._table.name_actions(number, self._side, action, nodes)[state["name"]]
 
     @abstractmethod
     def _find_joint_action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
@@ -106,16 +106,16 @@ class TableStrategy(ABC):
 
     def _draw_number(self, ctx: Context, purpose: str, turn: int) -> float:
         """Return a number in [0, 1) that all agents of the team draw in a turn, from the seed of the game."""
-        with get_phase(ctx).suspended(changes_world=False):  # strategies otherwise may not read the seed
-            key = kernels.purpose_key(ctx.seed, purpose)
-        return kernels.fraction(kernels.draw_bits(key, self._side, turn))
+        with get_phase(ctx).suspend(changes_world=False):  # strategies otherwise may not read the seed
+            key = kernels.compute_purpose_key(ctx.seed, purpose)
+        return kernels.convert_to_fraction(kernels.draw_bits(key, self._side, turn))
 
     def _find_seen_action(self, number: int, nodes: list[int], moved: Mapping[str, int]) -> int | None:
         """Return the joint action of the other team from its agents' nodes before the turn and moves in it."""
         table = self._table
         other = 1 - self._side
         for action in range(int(table.sizes[number, other]) if moved and len(table.setup.teams) == 2 else 0):
-            wanted = table.actions_of(number, other, action, nodes)
+            wanted = table.name_actions(number, other, action, nodes)
             if all(moved.get(name, node) == node for name, node in wanted.items()):
                 return action
         return None  # the other team does not move first, or a conflict has stopped it
@@ -140,13 +140,14 @@ class TableStrategy(ABC):
     def _find_state(self, nodes: list[int], turn: int, before: int | None) -> int:
         """Return the state with agents on these nodes, -1: out; of several, one that can follow the state `before`."""
         table = self._table
-        found = table.states_at(nodes, turn)
+        found = table.find_states(nodes, turn)
         if len(found) > 1 and before is not None:
             later = table.usual.after[table.offsets[before] : table.offsets[before + 1]]
             found = [number for number in found if number in later] or found
         if not found:
             raise BadValue(
-                f"In turn {turn} agents are at positions that the solved game never reaches: {table.named(nodes)}. It "
+                f"In turn {turn} agents are at positions that the solved game never reaches: "
+                f"{table.name_nodes(nodes)}. It "
                 f"was solved from the start of seed={table.setup.seed}, with the rules and strategies given to solve."
             )
         return found[0]
@@ -173,7 +174,7 @@ class SolvedStrategy(TableStrategy):
 
     def _find_action_probabilities(self, turn: int, number: int, seen: int | None) -> FloatArray:
         """Return the probabilities of the team's joint actions in a state; `seen` is the other team's action."""
-        shares = find_action_shares(self._stages, number, self._stages.left(turn, self._side), self._side)
+        shares = find_action_shares(self._stages, number, self._stages.count_turns_left(turn, self._side), self._side)
         return shares[:, 0 if seen is None else seen]
 
     def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:
@@ -195,12 +196,12 @@ class SolvedStrategy(TableStrategy):
         stages = self._make_stages(reward)
         side = 1 - self._side
         table = stages.table
-        if stages.counts_down(self._side):
+        if stages.is_counting_down(self._side):
             raise BadValue(
                 f"{self!r} counts down the turns of a game without a last turn. Solve it with turns= or "
                 "discount=, so that a best response exists."
             )
-        if looks_at_winners(reward) and not table.by_winner:
+        if is_using_winner(reward) and not table.by_winner:
             raise BadValue(
                 f"{self!r} is from a game that was solved without regard to the winner: solve it with reward='win'."
             )
@@ -405,7 +406,7 @@ class TableSolution(Solution):
         nodes = self.table.nodes[:, self._find_interchangeable_agents(self._find_agent(agent))]
         found = {}
         for node in np.unique(nodes).tolist():
-            numbers = self.table.states_at(self._find_nodes({**(places or {}), agent: node}), played)
+            numbers = self.table.find_states(self._find_nodes({**(places or {}), agent: node}), played)
             if len(numbers) == 1:
                 found[node] = self._find_value(numbers[0], played)
         return found
@@ -417,12 +418,13 @@ class TableSolution(Solution):
         nodes = self._find_nodes(given)
         number = self._find_state_number(given, as_count(turn, "turn", 0))
         own, other = (
-            find_action_shares(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side)
+            find_action_shares(self._stages, number, self._stages.count_turns_left(turn, one), one)
+            for one in (side, 1 - side)
         )
         shares = own[:, int(other[:, 0].argmax())]
         chosen = sorted(enumerate(shares.tolist()), key=lambda item: -item[1])
         played = [(share, action) for action, share in chosen if share > 0.0]
-        return [Choice(share, self.table.actions_of(number, side, action, nodes)) for share, action in played]
+        return [Choice(share, self.table.name_actions(number, side, action, nodes)) for share, action in played]
 
     def _find_value(self, number: int, turn: int) -> float:
         last = self.table.last_turn
@@ -447,9 +449,9 @@ class TableSolution(Solution):
 
     def _find_state_number(self, places: Mapping[str, int | None], turn: int) -> int:
         nodes = self._find_nodes(places)
-        found = self.table.states_at(nodes, turn)
-        where = self.table.named(nodes)
-        first = None if found else self.table.first_turn(nodes)
+        found = self.table.find_states(nodes, turn)
+        where = self.table.name_nodes(nodes)
+        first = None if found else self.table.find_first_turn(nodes)
         if first is not None and turn < first:
             raise BadValue(
                 f"There is no value of {where} in turn {turn}: the game reaches it in turn {first} at the earliest, "
@@ -494,7 +496,7 @@ _OPPOSITE: dict[Bound, Bound] = {"lower": "upper", "upper": "lower", "none": "no
 def solve_table(setup: GameSetup, reward: Reward, discount: float, of: str) -> TableSolution:
     """Return the solution of a game with one or two deciding teams; `of` is the team that gets the reward."""
     share = check_discount(reward, discount)
-    table = explore(setup, by_winner=looks_at_winners(reward), merges=not callable(reward))
+    table = explore(setup, by_winner=is_using_winner(reward), merges=not callable(reward))
     stages = ValueIteration(table, find_rewards(table, reward, share, of), TOLERANCE)
     return TableSolution(table, stages, setup.teams[0], reward)
 
@@ -515,7 +517,7 @@ def check_discount(reward: Reward, discount: float) -> float:
     return share
 
 
-def looks_at_winners(reward: Reward) -> bool:
+def is_using_winner(reward: Reward) -> bool:
     """Return whether a reward depends on the winner."""
     return reward not in ("score", "turns")
 
@@ -523,7 +525,7 @@ def looks_at_winners(reward: Reward) -> bool:
 TOLERANCE = 1e-10  # for values of games without a last turn
 
 
-def teams_of(scenario: Scenario, team: str | None) -> tuple[str, ...]:
+def list_teams(scenario: Scenario, team: str | None) -> tuple[str, ...]:
     """Return the teams of a scenario, a given one first.
 
     Raises:
@@ -601,7 +603,7 @@ def _compute_rewards(table: Table, outcomes: Outcomes, reward: Reward, of: str) 
     teams = table.roster.teams
     mine = table.roster.teams.index(of)
     if callable(reward):
-        given = [as_float(reward(transition), "reward") for transition in table.transitions(outcomes)]
+        given = [as_float(reward(transition), "reward") for transition in table.list_transitions(outcomes)]
         return np.array(given, np.float64)
     if reward == "turns":
         return np.full(len(outcomes.after), -1.0)

@@ -78,7 +78,7 @@ class ValueIteration:
             self._sweep_on(tolerance)
         self.error += self._gap
 
-    def left(self, turn: int, team: int) -> int:
+    def count_turns_left(self, turn: int, team: int) -> int:
         """Return the number of turns left after `turn` turns, or of all turns if policies do not depend on it."""
         most = len(self.values) - 1
         last = self.table.last_turn
@@ -86,9 +86,9 @@ class ValueIteration:
             return 0
         if last is not None:
             return max(1, min(most, last - turn))
-        return most - turn if self.counts_down(team) and turn < most else most
+        return most - turn if self.is_counting_down(team) and turn < most else most
 
-    def counts_down(self, team: int) -> bool:
+    def is_counting_down(self, team: int) -> bool:
         """Return whether a team plays as if the game ended after the computed turns, so that it makes progress.
 
         This applies to games without a last turn, and not to a team that only defends.
@@ -98,7 +98,7 @@ class ValueIteration:
         gains = self.rewards.usual * (1 if team == 0 else -1)
         return bool((gains > 0).any())
 
-    def payoffs(self, shape: StateGroup, left: int) -> FloatArray:
+    def compute_payoffs(self, shape: StateGroup, left: int) -> FloatArray:
         """Return the first team's value of each pair of joint actions, (states of the group, actions, actions).
 
         Args:
@@ -159,7 +159,7 @@ class ValueIteration:
         return bool((usual >= 0).all()), bool((usual <= 0).all())
 
     def _play(self, shape: StateGroup, left: int) -> StrategyShares:
-        payoffs = self.payoffs(shape, left)
+        payoffs = self.compute_payoffs(shape, left)
         if self.table.order == 0:
             _, rows, columns = kernels.solve_matrix_games(payoffs)
             shape_of = np.ones(payoffs.shape)
@@ -179,12 +179,12 @@ class ValueIteration:
         """Return the values with this many turns left."""
         values = np.zeros(len(self.table))
         for shape in self.table.shapes:
-            values[shape.states] = self._compute_best(self.payoffs(shape, left), shape, left)
+            values[shape.states] = self._compute_best(self.compute_payoffs(shape, left), shape, left)
         return values
 
     def _compute_best(self, payoffs: FloatArray, shape: StateGroup, left: int) -> FloatArray:  # noqa: ARG002 - for `BestResponseValues`
         """Return the values of the states of a group."""
-        low, high = kernels.saddle_points(payoffs)
+        low, high = kernels.find_saddle_points(payoffs)
         if self.table.order:
             return low if self.table.order < 0 else high
         mixed = np.flatnonzero(high > low)
@@ -207,7 +207,7 @@ class ValueIteration:
                 at = np.flatnonzero(table.level[shape.states] == level)
                 if len(at):
                     part = StateGroup(shape.states[at], shape.rows[at])
-                    values[part.states] = self._compute_best(self.payoffs(part, 0), part, 0)
+                    values[part.states] = self._compute_best(self.compute_payoffs(part, 0), part, 0)
 
     def _sweep_turns(self, last: int) -> None:
         """Compute values backward from the last turn, until they no longer change."""
@@ -303,7 +303,7 @@ class BestResponseValues(ValueIteration):
 
     def play(self, shape: StateGroup, left: int) -> StrategyShares:
         """Return the strategies in a group of states: a best response, and the other team's strategy."""
-        payoffs = self.payoffs(shape, left)
+        payoffs = self.compute_payoffs(shape, left)
         played = self._other.play(shape, min(left, len(self._other.values) - 1))
         own = np.zeros(payoffs.shape)
         games = np.arange(len(payoffs))

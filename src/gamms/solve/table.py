@@ -147,7 +147,7 @@ class Table:
     def __len__(self) -> int:
         return len(self.nodes)
 
-    def members(self, team: int) -> IntArray:
+    def list_members(self, team: int) -> IntArray:
         """Return the numbers of the agents of the first or the second team."""
         return self.roster.members(self.setup.teams[team])
 
@@ -162,7 +162,7 @@ class Table:
             shapes.append(StateGroup(states, self.offsets[states][:, None, None] + grid))
         return shapes
 
-    def actions_of(self, state: int, team: int, action: int, places: Sequence[int] | None = None) -> dict[str, int]:
+    def name_actions(self, state: int, team: int, action: int, places: Sequence[int] | None = None) -> dict[str, int]:
         """Return living agent -> the node that it goes to, for a joint action of the first or the second team.
 
         Args:
@@ -173,7 +173,7 @@ class Table:
         """
         named = range(len(self.roster.names)) if places is None else self._sort(places)[0].tolist()
         chosen = {}
-        for agent in reversed(self.members(team).tolist()):
+        for agent in reversed(self.list_members(team).tolist()):
             action, own = divmod(action, int(self.counts[state, agent]))
             if self.alive[state, agent]:
                 chosen[self.roster.names[named[agent]]] = int(self.legal[state, agent, own])
@@ -184,14 +184,14 @@ class Table:
         nodes = np.array(places)
         if self.sorted_agents is None:
             return np.arange(len(nodes)), nodes
-        order = self.sorted_agents.order(nodes[None], nodes[None] >= 0)[0]
+        order = self.sorted_agents.find_order(nodes[None], nodes[None] >= 0)[0]
         return order, nodes[order]
 
-    def row_of(self, state: int, actions: Sequence[int]) -> int:
+    def find_row(self, state: int, actions: Sequence[int]) -> int:
         """Return the row of a state and the joint actions of the teams."""
         return int(self.offsets[state] + actions[0] * self.sizes[state, 1] + actions[1])
 
-    def states_at(self, places: Sequence[int], turn: int) -> list[int]:
+    def find_states(self, places: Sequence[int], turn: int) -> list[int]:
         """Return the unfinished states with agents on these nodes, -1: out of the game.
 
         States that the game reaches only later are left out, because their remaining turns were not all played.
@@ -208,7 +208,7 @@ class Table:
         last = self.last_turn or 0
         return bool(self.level[state] <= turn or self._turns_played[state] >= last - turn)
 
-    def first_turn(self, places: Sequence[int]) -> int | None:
+    def find_first_turn(self, places: Sequence[int]) -> int | None:
         """Return the number of turns before agents are first on these nodes in an unfinished game; None: never.
 
         Args:
@@ -234,7 +234,7 @@ class Table:
                 break
         return played
 
-    def named(self, places: Sequence[int]) -> dict[str, int | None]:
+    def name_nodes(self, places: Sequence[int]) -> dict[str, int | None]:
         """Return agent -> its node, None: it is out, for nodes in the order of agents."""
         return {name: None if node < 0 else node for name, node in zip(self.roster.names, places, strict=True)}
 
@@ -247,10 +247,10 @@ class Table:
             found.setdefault((levels[state] if self.by_turn else None, *places[state]), []).append(state)
         return found
 
-    def transitions(self, outcomes: Outcomes) -> Iterator[Transition]:
+    def list_transitions(self, outcomes: Outcomes) -> Iterator[Transition]:
         """Yield each row as a `Transition`, for reward functions; not for a table whose ends are merged."""
         teams = self.roster.teams
-        where = [self.named(nodes) for nodes in np.where(self.alive, self.nodes, -1).tolist()]
+        where = [self.name_nodes(nodes) for nodes in np.where(self.alive, self.nodes, -1).tolist()]
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         for source, after, gains, winner in zip(sources.tolist(), *(one.tolist() for one in outcomes), strict=True):
             won = teams[winner] if winner >= 0 else None
@@ -270,7 +270,7 @@ def _list_earlier_agents(world: TurnSimulator, team: Any) -> list[str]:
     order = world.terms.order or []
     own = next((number for number, part in enumerate(order) if team in part), 0)
     teams = list(chain.from_iterable(order[:own]))
-    return [world.roster.names[agent] for agent in np.flatnonzero(world.roster.plays_for(teams)).tolist()]
+    return [world.roster.names[agent] for agent in np.flatnonzero(world.roster.find_players(teams)).tolist()]
 
 
 def _join_outcomes(parts: "list[Outcomes]") -> Outcomes:
@@ -387,7 +387,7 @@ class _Explorer:
                 self._numbers = None
             self._expand(frontier, ids, turn)
             turn += 1
-        why_not = self._world.why_not()
+        why_not = self._world.explain_refusal()
         if why_not:
             raise BadValue(f"This game cannot be solved: {why_not}")
         self._check_again()
@@ -395,7 +395,7 @@ class _Explorer:
 
     def _expand(self, frontier: States, ids: IntArray, turn: int) -> None:
         """Play all turns from the states of a turn."""
-        legal = self._world.legal(frontier, turn)
+        legal = self._world.list_legal(frontier, turn)
         counts = np.ones(legal.shape[:2], np.int64)
         for members in self._members:
             counts[:, members] = np.maximum(1, (legal[:, members] >= 0).sum(axis=2))
@@ -439,7 +439,7 @@ class _Explorer:
         again = np.tile(np.arange(len(rows)), max(1, _DRAWS // len(rows)))  # each with a seed of its own
         other = world.play(states, rows[again], chosen[again], turn, shift)
         same = played if len(again) == len(rows) else played.take(again)
-        differs = same.differs(other, by_winner=self._by_winner)
+        differs = same.find_differing(other, by_winner=self._by_winner)
         if differs.any():
             row = again[np.flatnonzero(differs)[:1]]
             self._explain(states.take(rows[row]), chosen[row], turn, shift)
@@ -465,7 +465,7 @@ class _Explorer:
 
         def goes_differently(shift: Perturbation) -> bool:
             other = self._world.play(states, rows, chosen, turn, shift)
-            return bool(played.differs(other, by_winner=self._by_winner).any())
+            return bool(played.find_differing(other, by_winner=self._by_winner).any())
 
         for name, one in (("turn", SAME._replace(turns=shift.turns)), ("scores", SAME._replace(scores=shift.scores))):
             if goes_differently(one):
@@ -473,7 +473,7 @@ class _Explorer:
         if shift.exchanges:
             raise _HiddenDependence("agents")
         roster = self._world.roster
-        nodes = self._world.places(states)[0][0].tolist()
+        nodes = self._world.get_places(states)[0][0].tolist()
         where = ", ".join(f"{name} on {node}" for name, node in zip(roster.names, nodes, strict=True))
         others = [team for team in roster.teams if team not in self._setup.teams]
         whose = f", a conflict or a strategy of {', '.join(map(shown, others))}" if others else " or a conflict"
@@ -502,7 +502,7 @@ class _Explorer:
 
     def _find(self, states: States, winner: IntArray) -> IntArray:
         """Return the numbers of states with these winners; new ones get the next numbers."""
-        keys = states.keys(winner)
+        keys = states.make_keys(winner)
         if self._merges_ends:
             keys[winner != GOES_ON, :-1] = 0
         if self._numbers is None:
@@ -512,7 +512,7 @@ class _Explorer:
     def _store(self, states: States, new: IntArray, winner: IntArray, numbers: IntArray) -> None:
         """Store new states, in these rows; those in which the game goes on are on the next level."""
         found = self._found
-        nodes, alive = self._world.places(states.take(new))
+        nodes, alive = self._world.get_places(states.take(new))
         found.nodes.append(nodes)
         found.alive.append(alive)
         if len(found.level) > self._setup.max_states:
@@ -555,7 +555,7 @@ class _Explorer:
         later = self._world.play(states, of_rows, chosen, turn)
         reached = self._find(later.states, later.winner)
         if (reached != first.after).any() or (abs(later.gains - first.gains) > TOLERANCE).any():
-            nodes = self._world.places(states)[0][0].tolist()
+            nodes = self._world.get_places(states)[0][0].tolist()
             where = dict(zip(self._world.roster.names, nodes, strict=True))
             raise BadValue(
                 f"This game cannot be solved: from {where} a turn has other outcomes after another history, "

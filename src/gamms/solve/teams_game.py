@@ -39,7 +39,7 @@ class _SharedModel:
         numbers: list[dict[tuple[str, ...], int]] = [{} for _ in range(self.players)]
 
         def number(player: int, seen: Sequence[str]) -> int:
-            own = tuple(seen[agent] for agent in table.members(player).tolist())
+            own = tuple(seen[agent] for agent in table.list_members(player).tolist())
             return numbers[player].setdefault(own, len(numbers[player]))
 
         with open_observer(table) as observer:
@@ -52,11 +52,11 @@ class _SharedModel:
                 seen = observer.observe(state)
                 self.observed[state] = [number(player, seen) for player in range(self.players)]
                 if (first := self.first) is not None:
-                    moves = [table.actions_of(state, first, one) for one in range(table.sizes[state, first])]
+                    moves = [table.name_actions(state, first, one) for one in range(table.sizes[state, first])]
                     self._within.append([number(1 - first, observer.observe(state, moved)) for moved in moves])
         self.num_observations = max(map(len, numbers))
 
-    def observed_within(self, state: int, action: int) -> int:
+    def find_observation(self, state: int, action: int) -> int:
         """Return the number of the second player's observation after the first has moved."""
         return self._within[state][action]
 
@@ -64,7 +64,7 @@ class _SharedModel:
         """Return the model itself, because OpenSpiel copies states."""
         return self
 
-    def reward(self, row: int, turn: int) -> float:
+    def compute_reward(self, row: int, turn: int) -> float:
         """Return the first team's reward in a turn, discounted from the start."""
         last = self.rewards.last if turn == self.turns - 1 else None
         rewards = self.rewards.usual if last is None else last
@@ -160,7 +160,7 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
             self._moved = action
             self._last = 0.0
             self.done[first].append(action)
-            self.seen[1 - first].append(self.model.observed_within(self.number, action))
+            self.seen[1 - first].append(self.model.find_observation(self.number, action))
             return
         self.done[player].append(action)
         actions = [action, action]
@@ -178,14 +178,14 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
     def _play(self, actions: list[int]) -> None:
         """Play a turn with these actions of the players."""
         table = self.model.table
-        row = table.row_of(self.number, actions)
-        self._last = self.model.reward(row, self.turn)
+        row = table.find_row(self.number, actions)
+        self._last = self.model.compute_reward(row, self.turn)
         self._sum += self._last
         self.number = int(table.usual.after[row])
         self.turn = self.turn + 1
 
     def _action_to_string(self, player: int, action: int) -> str:
-        nodes = self.model.table.actions_of(self.number, player, action)
+        nodes = self.model.table.name_actions(self.number, player, action)
         return ", ".join(f"{name} to {node}" for name, node in sorted(nodes.items()))
 
     def rewards(self) -> list[float]:

@@ -18,9 +18,9 @@ from gamms.errors import BadValue, TooLarge
 from gamms.game import Game
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.batch import Batch, find_winners, load_columns, step_with
-from gamms.game.block.columns import AgentTable, make_roster, mode_of
+from gamms.game.block.columns import AgentTable, get_mode, make_roster
 from gamms.game.block.state import Columns
-from gamms.game.cursor.called_functions import first_called
+from gamms.game.cursor.called_functions import find_first_called
 from gamms.game.hidden_state import HiddenState
 from gamms.game.roles import Role
 from gamms.game.settings import NamedRule
@@ -88,11 +88,11 @@ class States:
         """The records as words, (states, words)."""
         return self.records.view(np.uint64).reshape(len(self), -1)
 
-    def keys(self, winner: IntArray) -> WordArray:
+    def make_keys(self, winner: IntArray) -> WordArray:
         """Return records of the states with these winners, (states, words); see `TurnResults`."""
         return np.column_stack((self.words, winner.view(np.uint64)))
 
-    def differs(self, other: "States") -> BoolArray:
+    def find_differing(self, other: "States") -> BoolArray:
         """Return whether each state differs from the one in the same row of `other`, (states,)."""
         found = np.zeros(len(self), np.bool_)
         is_other = self.words != other.words
@@ -123,7 +123,7 @@ class SortedAgents(NamedTuple):
     exchanges: IntArray
 
     @classmethod
-    def of(cls, groups: Sequence[IntArray], agents: int) -> "SortedAgents":
+    def from_groups(cls, groups: Sequence[IntArray], agents: int) -> "SortedAgents":
         """Return groups of a number of agents, with all exchanges of two, and one that exchanges all at once."""
         every = np.arange(agents)
         pairs = [pair for group in groups for pair in combinations(group.tolist(), 2)]
@@ -134,7 +134,7 @@ class SortedAgents(NamedTuple):
             exchanges[-1, group] = group[::-1]
         return cls(groups, exchanges)
 
-    def order(self, nodes: IntArray, alive: BoolArray) -> IntArray:
+    def find_order(self, nodes: IntArray, alive: BoolArray) -> IntArray:
         """Return for each agent the number of the agent whose place it takes in the sorted state, (states, agents).
 
         Args:
@@ -164,13 +164,13 @@ class TurnResults(NamedTuple):
         """Return the results in these rows."""
         return TurnResults(self.states.take(rows), self.gains[rows], self.winner[rows])
 
-    def differs(self, other: "TurnResults", *, by_winner: bool) -> BoolArray:
+    def find_differing(self, other: "TurnResults", *, by_winner: bool) -> BoolArray:
         """Return whether the results of each turn differ, (states,); compare winners if `by_winner`."""
         gains = (abs(self.gains - other.gains) > TOLERANCE).any(axis=1)
         winners = self.winner != other.winner
         if not by_winner:
             winners = (self.winner == GOES_ON) != (other.winner == GOES_ON)
-        found: BoolArray = (self.states.differs(other.states) & (self.winner == GOES_ON)) | gains | winners
+        found: BoolArray = (self.states.find_differing(other.states) & (self.winner == GOES_ON)) | gains | winners
         return found
 
 
@@ -196,10 +196,10 @@ class TurnSimulator(Protocol):
     def start(self) -> States:
         """Return the initial state of the game."""
 
-    def places(self, states: States) -> tuple[IntArray, BoolArray]:
+    def get_places(self, states: States) -> tuple[IntArray, BoolArray]:
         """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each, ordered by name."""
 
-    def legal(self, states: States, turn: int) -> IntArray:
+    def list_legal(self, states: States, turn: int) -> IntArray:
         """Return the ids of legal nodes, (states, agents, most), the current node first, padded with -1."""
 
     def play(
@@ -207,7 +207,7 @@ class TurnSimulator(Protocol):
     ) -> TurnResults:
         """Play a turn from the states in these rows with these actions, (rows, agents)."""
 
-    def why_not(self) -> str:
+    def explain_refusal(self) -> str:
         """Return why the results cannot be relied on, or ""."""
 
     def close(self) -> None:
@@ -228,7 +228,7 @@ class TurnTerms(NamedTuple):
     has_last_rule: bool
 
     @classmethod
-    def of(cls, game: Game, cut: int | None) -> "TurnTerms":
+    def from_game(cls, game: Game, cut: int | None) -> "TurnTerms":
         """Return the terms of a game that is cut after turn `cut`; None: it is not cut."""
         order = game.settings()["order"]
         last = min((turn for turn in (game.last_turn, cut) if turn is not None), default=None)
@@ -295,7 +295,7 @@ def _fits_columns(ctx: Context) -> bool:
     """
     game: Game = ctx.game
     return not (
-        first_called(game, make_roster(game))
+        find_first_called(game, make_roster(game))
         or any(one.phase == "before" or one.spec.is_array_function for one in game.rules)
         or game.settings()["channels"]
         or game.scores
@@ -331,7 +331,7 @@ def _find_interchangeable(ctx: Context, setup: GameSetup) -> list[IntArray]:
     goes_back = any(part.then != "eliminate" for part in parts)
     groups: dict[tuple[Any, ...], list[int]] = {}
     for number, agent in enumerate(AgentTable.of(game.agents).agents):
-        key = agent.team, agent.speed, mode_of(agent), agent.current_node_id if goes_back else None
+        key = agent.team, agent.speed, get_mode(agent), agent.current_node_id if goes_back else None
         groups.setdefault(key, []).append(number)
     return [np.array(group) for group in groups.values() if len(group) > 1]
 
@@ -340,7 +340,7 @@ def _count_positions(ctx: Context, setup: GameSetup, groups: Sequence[IntArray])
     """Return the number of joint positions that agents may reach, with groups sorted; refuse too many."""
     game = ctx.game
     graph = ctx.graph.columns()
-    last = TurnTerms.of(game, setup.last_turn).last_turn
+    last = TurnTerms.from_game(game, setup.last_turn).last_turn
     places = []
     for agent in AgentTable.of(game.agents).agents:
         steps = len(graph.node_ids) if last is None else last * ceil(agent.speed or 1)
@@ -413,14 +413,14 @@ class BatchSimulator:
         game = batch.game
         self.roster = AgentTable.of(game.agents)
         self.rows = len(batch) - 1
-        self.terms = TurnTerms.of(batch.game.ctx.game, setup.last_turn)
+        self.terms = TurnTerms.from_game(batch.game.ctx.game, setup.last_turn)
         batch.step()  # so that rules and strategies have created their memories
         batch.reset()
         self._streets = batch.observe(batch.teams[0]).streets
         self._start = {name: column for name, column in batch.columns().items() if name not in _FIXED}
         can_sort = groups and {*self._start} == _PLACES
-        self.sorted_agents = SortedAgents.of(groups, len(self.roster.names)) if can_sort else None
-        self.start_places: list[int] = self._streets.ids_of(self._start["node"][0]).tolist()
+        self.sorted_agents = SortedAgents.from_groups(groups, len(self.roster.names)) if can_sort else None
+        self.start_places: list[int] = self._streets.get_ids(self._start["node"][0]).tolist()
         self._acting = [batch.observe(team).agents for team in setup.teams]
         self._scored: tuple[Hashable, ...] = ()  # the teams whose scores are fields of a record, after the columns
         self._fields: list[str] = []
@@ -430,7 +430,7 @@ class BatchSimulator:
         """End the batch."""
         self._batch.close()
 
-    def why_not(self) -> str:
+    def explain_refusal(self) -> str:
         """Return "": a batch refuses rules whose memory is not part of its states."""
         return ""
 
@@ -445,12 +445,12 @@ class BatchSimulator:
         load_columns(self._batch, self._start, 0, {}, slice(None))
         return self._read_states(self._batch.columns(), self._batch.scores, slice(0, 1))
 
-    def places(self, states: States) -> tuple[IntArray, BoolArray]:
+    def get_places(self, states: States) -> tuple[IntArray, BoolArray]:
         """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
         columns = dict(zip(self._start, self._fields, strict=False))
-        return self._streets.ids_of(states.records[columns["node"]]), states.records[columns["alive"]]
+        return self._streets.get_ids(states.records[columns["node"]]), states.records[columns["alive"]]
 
-    def legal(self, states: States, turn: int) -> IntArray:
+    def list_legal(self, states: States, turn: int) -> IntArray:
         """Return the ids of legal nodes, (states, agents, most)."""
         parts = []
         for begin in range(0, len(states), self.rows):
@@ -471,7 +471,7 @@ class BatchSimulator:
         most = max(part.shape[2] for part in parts)
         padded = [np.pad(part, ((0, 0), (0, 0), (0, most - part.shape[2])), constant_values=-1) for part in parts]
         legal = np.concatenate(padded)
-        legal[~self.places(states)[1], 1:] = -1
+        legal[~self.get_places(states)[1], 1:] = -1
         return legal
 
     def play(
@@ -542,7 +542,7 @@ class BatchSimulator:
         """
         places = {name: columns[name][games] for name in self._start}
         if self.sorted_agents is not None:
-            order = self.sorted_agents.order(self._streets.ids_of(places["node"]), places["alive"])
+            order = self.sorted_agents.find_order(self._streets.get_ids(places["node"]), places["alive"])
             places = {name: np.take_along_axis(column, order, 1) for name, column in places.items()}
             places["node"][~places["alive"]] = 0
         values = list(places.values())
@@ -564,7 +564,7 @@ class ContextSimulator:
         self._game: Game = ctx.game
         self.roster = AgentTable.of(ctx.game.agents)
         self.start_places = [one.current_node_id if one.alive else -1 for one in self.roster.agents]
-        self.terms = TurnTerms.of(ctx.game, setup.last_turn)
+        self.terms = TurnTerms.from_game(ctx.game, setup.last_turn)
         self._actions: dict[str, int] = {}
         self._legal: dict[str, tuple[int, ...]] = {}
         for team in setup.teams:
@@ -581,9 +581,9 @@ class ContextSimulator:
         """End the context."""
         self._game.ctx.terminate()
 
-    def why_not(self) -> str:
+    def explain_refusal(self) -> str:
         """Return which rule remembers state that is not part of the game, or ""."""
-        return self._hidden.changed("Keep it in ctx.game.data, so that it is part of the states.")
+        return self._hidden.describe_change("Keep it in ctx.game.data, so that it is part of the states.")
 
     def _decide(self, states: dict[str, Any]) -> None:
         """Set the actions to play, and store the legal nodes."""
@@ -597,16 +597,16 @@ class ContextSimulator:
         self._game.restore(self._start)
         return self._read_states([self._capture_state()])
 
-    def places(self, states: States) -> tuple[IntArray, BoolArray]:
+    def get_places(self, states: States) -> tuple[IntArray, BoolArray]:
         """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
         numbers = states.records.tolist()
         nodes = np.array([self._nodes[number] for number in numbers])
         return nodes, np.array([self._alive[number] for number in numbers], np.bool_)
 
-    def legal(self, states: States, turn: int) -> IntArray:
+    def list_legal(self, states: States, turn: int) -> IntArray:
         """Return the ids of legal nodes, (states, agents, most)."""
         found = []
-        nodes_of, _ = self.places(states)
+        nodes_of, _ = self.get_places(states)
         for snapshot, nodes in zip(states.snapshots, nodes_of.tolist(), strict=True):
             self._actions = {}
             self._legal = {}
@@ -642,7 +642,7 @@ class ContextSimulator:
         state = game.internals.state
         state.turn = turn + shift.turns
         if shift.seed:
-            game.ctx.reseed(kernels.purpose_key(snapshot.seed, "solve", shift.seed) >> 1)
+            game.ctx.reseed(kernels.compute_purpose_key(snapshot.seed, "solve", shift.seed) >> 1)
         for place, team in enumerate(self.roster.teams):
             if shift.scores:
                 game.scores[team] += shift.scores * (place + 1)
@@ -664,7 +664,7 @@ class ContextSimulator:
         living = [name in agents and agents[name].alive for name in self.roster.names]
         nodes = [agents[name].current_node_id if name in agents else -1 for name in self.roster.names]
         block = game.ctx.agent.block
-        covered = [block.progress_of(block.row_of(name)) for name in self.roster.names if name in agents]
+        covered = [block.get_progress(block.find_row(name)) for name in self.roster.names if name in agents]
         scores = dict(state.scores) if self.with_scores else None
         # an agent that was not asked yet has an empty memory
         memories = [{name: one for name, one in kept.items() if one} for kept in (state.memories, state.team_memories)]

@@ -16,16 +16,16 @@ from gamms.strategies.knowledge import (
     as_otherwise,
     find_enemies_in_sight,
     get_graph,
+    get_graph_of_mode,
     get_node,
     get_required,
     get_shared_memory,
-    graph_of_mode,
     move_to_agent,
     offer_steps,
 )
 from gamms.strategies.travel import random_walk
 from gamms.typing.game import State, Strategy
-from gamms.typing.routes import get_cached_in_moment, made_last
+from gamms.typing.routes import get_cached, get_cached_in_moment
 
 _REPORTS = dict_of(TEXT, tuple_of(whole(), ID))  # agent -> the turn of a report, and the node
 _BOARD = at(("assign",), record({}, {"mates": _REPORTS, "enemies": _REPORTS}))
@@ -105,7 +105,7 @@ def _find_distances(ctx: Context, mates: dict[str, int], targets: list[int]) -> 
     far = np.empty((len(nodes), len(targets)))
     for mode in dict.fromkeys(modes):
         own = [place for place, one in enumerate(modes) if one == mode]
-        graph = graph_of_mode(ctx, mode)
+        graph = get_graph_of_mode(ctx, mode)
         places = [nodes[place] for place in own]
         if isinstance(graph, RoutesFromNodes):
             far[own] = graph.distance_matrix(places, np.array(targets, np.int64))
@@ -122,8 +122,8 @@ def _match_enemies(ctx: Context, team: Hashable, mates: dict[str, int], enemies:
     def make() -> dict[str, str]:
         costs = np.tile(_find_distances(ctx, mates, list(enemies.values())), rounds)
         names = list(enemies) * rounds
-        pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
+        pairs = zip(mates, kernels.find_least_matching(costs), costs, strict=True)
         return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
 
     # NOTE: all agents of a team share one result per turn (500 agents: 0.2 s instead of 100 s).
-    return made_last(routes, ("assign", team), (mates, enemies), make)
+    return get_cached(routes, ("assign", team), (mates, enemies), make)

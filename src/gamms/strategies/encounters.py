@@ -7,11 +7,11 @@ import numpy as np
 
 from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range, show_as_call
-from gamms.belief.evidence import fits_memory
+from gamms.belief.evidence import fit_memory
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.core import strategies as core
-from gamms.core.belief import likeliest
+from gamms.core.belief import find_likeliest
 from gamms.deciding import get_phase
 from gamms.game.movement.routes import RoutesFromNodes
 from gamms.game.strategy_specs import CoreStep
@@ -24,8 +24,8 @@ from gamms.strategies.knowledge import (
     find_enemies_in_sight,
     find_mates_in_sight,
     get_graph,
+    get_graph_of_mode,
     get_node,
-    graph_of_mode,
     list_legal_on_map,
     move_on,
     move_to,
@@ -36,16 +36,16 @@ from gamms.strategies.knowledge import (
 from gamms.strategies.paces import (
     Pace,
     convert_to_turns,
+    count_turns,
     count_turns_from,
     count_turns_to,
     find_pace,
     group_by_pace,
-    in_turns,
 )
 from gamms.strategies.travel import random_walk, stay
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
-from gamms.typing.routes import get_cached_in_moment, made_last
+from gamms.typing.routes import get_cached, get_cached_in_moment
 
 _FEW = 8  # number of enemies from which the nearest is found by a search
 _NEAR_TURNS = 8.0  # turns within which an agent first searches for a meeting point
@@ -95,7 +95,9 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
             routes = get_graph(ctx, state).routes
             distances = np.array(routes.distances_from_nearest(threats, legal), np.float64)
             ids = np.array(legal, np.int64)
-            state["action"] = legal[core.farthest(kernels.buffer(distances), kernels.buffer(ids), len(legal))]
+            state["action"] = legal[
+                core.find_farthest(kernels.as_buffer(distances), kernels.as_buffer(ids), len(legal))
+            ]
         else:
             fallback(state)
 
@@ -206,7 +208,7 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         here = get_node(state, "safest_exit")
         enemies = find_enemies_in_sight(ctx, state, "safest_exit")
         paces = group_by_pace(ctx, enemies)
-        first, reached = made_last(
+        first, reached = get_cached(
             ctx.graph.routes,
             ("safest_exit", state["team"], ends),
             paces,
@@ -216,7 +218,7 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         graph = get_graph(ctx, state)
 
         def lead(node: int) -> tuple[float, float, int]:
-            own = {end: in_turns(move_on(graph, node).distance(node, end, weight), speed) for end in ends}
+            own = {end: count_turns(move_on(graph, node).distance(node, end, weight), speed) for end in ends}
             return max((first[end] - far if far < inf else -inf, -far, -node) for end, far in own.items())
 
         if here in ends:
@@ -266,11 +268,11 @@ def follow_belief(
         weight, speed, _ = find_pace(ctx, state["name"])
         far = get_graph(ctx, state).distance_matrix([here], ctx.graph.columns().node_ids, weight)
         turns = convert_to_turns(far, speed)[0]
-        row = likeliest(kernels.buffer(chances), kernels.buffer(turns), 0, len(turns))
+        row = find_likeliest(kernels.as_buffer(chances), kernels.as_buffer(turns), 0, len(turns))
         node = None if row < 0 else int(ctx.graph.columns().node_ids[row])
         move_to(ctx, state, node, fallback, "follow_belief")
 
-    offer_steps(strategy, None, fallback, memory=fits_memory, team_memory=fits_memory)
+    offer_steps(strategy, None, fallback, memory=fit_memory, team_memory=fit_memory)
     return strategy
 
 
@@ -281,7 +283,7 @@ def follow_belief(
 def _find_meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tuple[int, ...]) -> int | None:
     """Return the node on the likely path of an enemy that the agent reaches in time, and first among these."""
     paces = group_by_pace(ctx, enemies)
-    nodes, of, arrivals = made_last(
+    nodes, of, arrivals = get_cached(
         ctx.graph.routes, ("intercept", state["team"], goals), paces, lambda: _find_likely_paths(ctx, paces, goals)
     )
     here = state["curr_pos"]
@@ -289,7 +291,7 @@ def _find_meeting_node(ctx: Context, state: State, enemies: dict[str, int], goal
     near = _count_turns(ctx, state, here, nodes)[of]
     late = np.maximum(0.0, near - arrivals)
     best = np.lexsort((of, near, late))[0]
-    if late[best] > 0.0 or kernels.widened(near[best]) >= _NEAR_TURNS:
+    if late[best] > 0.0 or kernels.widen_distance(near[best]) >= _NEAR_TURNS:
         weight, speed, _ = find_pace(ctx, state.get("name"))
         own = convert_to_turns(get_graph(ctx, state).distance_matrix([here], nodes, weight), speed)[0][of]
         late = np.maximum(0.0, own - arrivals)
@@ -315,14 +317,14 @@ def _find_likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tupl
     """Return ids of nodes, ascending; then for each node on an enemy's path its index there, and the arrival time."""
     options = list[tuple[int, float]]()
     for (weight, speed, mode), at in _list_places(paces):
-        graph = graph_of_mode(ctx, mode)
-        far, goal = min((in_turns(graph.distance(at, goal, weight), speed), goal) for goal in goals)
+        graph = get_graph_of_mode(ctx, mode)
+        far, goal = min((count_turns(graph.distance(at, goal, weight), speed), goal) for goal in goals)
         if isinstance(graph, RoutesFromNodes):
             passed = graph.list_lengths(at, goal, weight) or [(at, 0.0)]
-            options += [(node, in_turns(gone, speed)) for node, gone in passed]
+            options += [(node, count_turns(gone, speed)) for node, gone in passed]
             continue
         for node in graph.shortest_path(at, goal, weight) if far < inf else [at]:
-            rest = in_turns(graph.distance(node, goal, weight), speed)
+            rest = count_turns(graph.distance(node, goal, weight), speed)
             options.append((node, far - rest if far < inf else 0.0))
     nodes, of = np.unique([node for node, _ in options], return_inverse=True)
     return nodes, of, np.array([arrival for _, arrival in options])
@@ -334,7 +336,7 @@ def _find_confining_node(ctx: Context, state: State, enemies: dict[str, int]) ->
     graph = get_graph(ctx, state)
     name = _find_first_enemy(ctx, state["curr_pos"], enemies)
     far = {
-        node: in_turns(move_on(graph, node).distance(node, enemies[name], weight), speed)
+        node: count_turns(move_on(graph, node).distance(node, enemies[name], weight), speed)
         for node in sorted(list_legal_on_map(ctx, state))
     }
     nearest = [node for node, turns in far.items() if turns == min(far.values())]
@@ -346,7 +348,7 @@ def _find_confining_node(ctx: Context, state: State, enemies: dict[str, int]) ->
     ids = nodes.tolist()
     theirs = count_turns_from(ctx, name, [enemies[name]])[0]
     for (weight, speed, mode), group in group_by_pace(ctx, find_mates_in_sight(ctx, state)).items():
-        near = graph_of_mode(ctx, mode).distances([*group.values()], weight=weight)
+        near = get_graph_of_mode(ctx, mode).distances([*group.values()], weight=weight)
         own = np.minimum(own, convert_to_turns(np.array([near.get(id, inf) for id in ids]), speed))
     sizes = (theirs < own).sum(axis=1).tolist()
     return min(zip(sizes, nearest, strict=True))[1]
@@ -356,13 +358,13 @@ def _find_first_enemy(ctx: Context, node: int, enemies: dict[str, int]) -> str:
     """Return the name of the enemy that needs the fewest turns from a node to its own node; ties go to the first."""
     names = list[str]()
     for (weight, speed, mode), group in group_by_pace(ctx, enemies).items():
-        graph = graph_of_mode(ctx, mode)
+        graph = get_graph_of_mode(ctx, mode)
         is_searched = len(group) > _FEW and 0.0 < speed < inf
         nearest = graph.routes.nearest(node, group.values(), weight) if is_searched else None
         if nearest is None:
             names += group
         else:  # enemies at equal distances, up to rounding, may need equal numbers of turns
-            within = kernels.widened(graph.distance(node, nearest, weight))
+            within = kernels.widen_distance(graph.distance(node, nearest, weight))
             near = graph.distances(node, weight=weight, cutoff=within)
             names += [name for name, at in group.items() if at in near]
     return min(sorted(names), key=lambda name: count_turns_to(ctx, name, node, enemies[name]))
@@ -370,10 +372,10 @@ def _find_first_enemy(ctx: Context, node: int, enemies: dict[str, int]) -> str:
 
 def _find_first_arrivals(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:
     """Return how many turns the fastest of some agents needs to reach each node of `ends`."""
-    places = [(graph_of_mode(ctx, pace.mode), pace, at) for pace, at in _list_places(paces)]
+    places = [(get_graph_of_mode(ctx, pace.mode), pace, at) for pace, at in _list_places(paces)]
 
     def turns(end: int) -> list[float]:
-        return [in_turns(graph.distance(at, end, pace.weight), pace.speed) for graph, pace, at in places]
+        return [count_turns(graph.distance(at, end, pace.weight), pace.speed) for graph, pace, at in places]
 
     return {end: min(turns(end), default=inf) for end in ends}
 
@@ -381,7 +383,7 @@ def _find_first_arrivals(ctx: Context, paces: Paces, ends: Sequence[int]) -> dic
 def _find_nodes_in_reach(ctx: Context, paces: Paces) -> set[int]:
     """Return the nodes that at least one of some agents can reach in this turn."""
     near = [
-        graph_of_mode(ctx, mode).distances([*group.values()], weight=weight, cutoff=speed)
+        get_graph_of_mode(ctx, mode).distances([*group.values()], weight=weight, cutoff=speed)
         for (weight, speed, mode), group in paces.items()
     ]
     return set[int]().union(*near)

@@ -15,7 +15,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
 from gamms.game.movement.routes import RoutesFromNodes, RoutesWithTurns
-from gamms.game.movement.travel import find_usable_graph, graph_of
+from gamms.game.movement.travel import find_usable_graph, get_mode_graph
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, get_strategy_spec
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import as_node_id, split_mode
@@ -96,7 +96,7 @@ def list_legal_nodes(state: State, caller: str) -> Sequence[int]:
     return legal
 
 
-def get_graph(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
+def get_graph(ctx: IContext, state: State) -> Any:  # Any: see `get_mode_graph`
     """Return the graph of the edges that an agent may use by its mode; without a mode or a name, the whole graph.
 
     If the agent obeys turn restrictions, it is `RoutesWithTurns`.
@@ -104,7 +104,7 @@ def get_graph(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
     agent = ctx.agent.get_agent(state["name"]) if "name" in state else None
     mode = getattr(agent, "mode", None)
     if mode is None or not split_mode(mode)[1]:
-        return graph_of(ctx, mode)
+        return get_mode_graph(ctx, mode)
     known: Any = state.get("fork")  # without a game, in a custom loop, the agent begins on its node
     driven = () if known is None else known.list_driven(state)
     place: Any = state.get("edge")
@@ -112,14 +112,14 @@ def get_graph(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
     return RoutesWithTurns(graph, mode, state["curr_pos"], driven, place, is_in_game=known is not None)
 
 
-def graph_of_mode(ctx: IContext, mode: str | None) -> Any:  # Any: see `graph_of`
+def get_graph_of_mode(ctx: IContext, mode: str | None) -> Any:  # Any: see `get_mode_graph`
     """Return the graph of the edges that other agents of a mode may use; if they obey turns, `RoutesFromNodes`."""
     if mode is None or not split_mode(mode)[1]:
-        return graph_of(ctx, mode)
+        return get_mode_graph(ctx, mode)
     return RoutesFromNodes(find_usable_graph(ctx, mode), mode)
 
 
-def move_on(graph: object, node: int) -> Any:  # Any: see `graph_of`
+def move_on(graph: object, node: int) -> Any:  # Any: see `get_mode_graph`
     """Return the graph of an agent, see `get_graph`, after it has moved to a node."""
     return graph.move_on(node) if isinstance(graph, RoutesWithTurns) else graph
 
@@ -141,13 +141,13 @@ def has_speed(ctx: IContext, state: State) -> bool:
 
 def choose_weight(ctx: IContext, state: State) -> str | None:
     """Return the edge weight by which an agent on the ground chooses its paths."""
-    if not goes_far(ctx, state):
+    if not is_going_far(ctx, state):
         return "length"
     game = cast("Context", ctx).game
     return "length" if game.speed_unit == "edges" else game.weight
 
 
-def goes_far(ctx: IContext, state: State) -> bool:
+def is_going_far(ctx: IContext, state: State) -> bool:
     """Return whether an agent on the ground has a speed and a path to go, because it may not go to any node at once."""
     return has_speed(ctx, state) and cast("Context", ctx).game.legal == "edges"
 
@@ -186,7 +186,7 @@ def _list_agents_in_sight(ctx: IContext, state: State) -> list[tuple[str, int, H
     return [(name, seen[name], getattr(there[name], "team", None)) for name in sorted(seen) if name in there]
 
 
-def nodes_in_view(ctx: IContext, state: State) -> set[int]:
+def find_nodes_in_view(ctx: IContext, state: State) -> set[int]:
     """Return the nodes on which the agent's sensors would show agents with a positive probability."""
     agent = ctx.agent.get_agent(state["name"])
     found = set[int]()

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.context import Context
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.strategies.knowledge import graph_of_mode
+from gamms.strategies.knowledge import get_graph_of_mode
 
 
 class Pace(NamedTuple):
@@ -56,7 +56,7 @@ def group_by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str,
     return found
 
 
-def in_turns(far: float, speed: float) -> float:
+def count_turns(far: float, speed: float) -> float:
     """Return the number of turns for a distance; infinite for an infinite distance, at any speed."""
     if speed and far < inf:
         return far / speed
@@ -72,7 +72,7 @@ def convert_to_turns(far: FloatArray, speed: FloatArray | float) -> FloatArray:
 def count_turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
     """Return the number of turns that an agent needs between two nodes; infinite if there is no path."""
     weight, speed, mode = find_pace(ctx, name)
-    return in_turns(graph_of_mode(ctx, mode).distance(source, target, weight), speed)
+    return count_turns(get_graph_of_mode(ctx, mode).distance(source, target, weight), speed)
 
 
 def count_turns_from(
@@ -81,4 +81,4 @@ def count_turns_from(
     """Return the turns that an agent needs to nodes (sources, targets); None: all nodes of `ctx.graph.columns()`."""
     weight, speed, mode = find_pace(ctx, name)
     ends = ctx.graph.columns().node_ids if targets is None else targets
-    return convert_to_turns(graph_of_mode(ctx, mode).distance_matrix(sources, ends, weight), speed)
+    return convert_to_turns(get_graph_of_mode(ctx, mode).distance_matrix(sources, ends, weight), speed)

@@ -146,7 +146,7 @@ def _make_strategy(
         return strategy
 
     def play_pool(state: State) -> None:
-        with get_phase(ctx).suspended(changes_world=False):
+        with get_phase(ctx).suspend(changes_world=False):
             seed = cast("HostContext", ctx).seed
         options[spec.draw(seed, get_required(state, "team", "pool"))](state)
 

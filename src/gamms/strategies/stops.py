@@ -9,7 +9,7 @@ from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import NoPath
 from gamms.game.movement.routes import RoutesWithTurns
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.travel import get_mode_graph
 from gamms.game.strategy_specs import CoreStep
 from gamms.plain import ID, NUMBER, list_of, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
@@ -57,7 +57,7 @@ def route(
             nearest = get_graph(ctx, state).routes.nearest(here, stops.nodes)
             memory[key] = 0 if nearest is None else stops.nodes.index(nearest)
         at = _stop_after(memory.pop(way_key, None), state, memory.get(key, 0))
-        at = stops.next(at, here)
+        at = stops.find_next(at, here)
         memory[key] = at
         target = stops.nodes[at] if at < len(stops.nodes) else None
         way = None
@@ -101,14 +101,14 @@ def _find_path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -
         None if no path leads to the next stop.
     """
     unit, speed, mode = find_pace(ctx, state["name"])
-    graph = graph_of(ctx, mode)
+    graph = get_mode_graph(ctx, mode)
     reach = speed + 1.0 if unit is None else speed  # the agent may have covered part of an edge before
     last = state["curr_pos"]
     far = 0.0
     steps = [(last, at, -state.get("offset_m", 0.0))]
     if state.get("edge") is not None:
         last, far = _end_of_edge(ctx, state, stops.nodes[at])
-        at = stops.next(at, last)
+        at = stops.find_next(at, last)
         steps.append((last, at, far))
     while at < len(stops.nodes) and far < reach and len(steps) < _MOST_NODES:
         weight: str | None = "length"
@@ -119,7 +119,7 @@ def _find_path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -
         path = _find_path(graph, last, stops.nodes[at], weight)
         for node in path:
             far += graph.distance(last, node, unit)
-            at = stops.next(at, node)
+            at = stops.find_next(at, node)
             steps.append((node, at, far))
             last = node
             if far >= reach:
@@ -182,9 +182,9 @@ class StopList:
         self._ids = memoryview(array("q", nodes))
         self._next = memoryview(array("q", self.following))
 
-    def next(self, at: int, here: int) -> int:
+    def find_next(self, at: int, here: int) -> int:
         """Return the index of the next stop, for an agent on node `here` whose next stop was `at`."""
-        return core.next_stop(self._ids, self._next, 0, len(self.nodes), at, here)
+        return core.find_next_stop(self._ids, self._next, 0, len(self.nodes), at, here)
 
 
 def _find_following(nodes: tuple[int, ...], begin: int, *, repeat: bool) -> int:

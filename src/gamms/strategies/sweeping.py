@@ -12,17 +12,17 @@ from gamms.plain import ID, NODE, at, optional, set_of
 from gamms.strategies.knowledge import (
     as_otherwise,
     check_nodes,
+    find_nodes_in_view,
     get_graph,
     get_node,
     get_required,
     get_shared_memory,
     move_to,
-    nodes_in_view,
     offer_steps,
 )
 from gamms.strategies.travel import stay
 from gamms.typing.game import NodeId, State, Strategy
-from gamms.typing.routes import get_cached_in_moment, made_last
+from gamms.typing.routes import get_cached, get_cached_in_moment
 
 
 @show_as_call
@@ -61,7 +61,7 @@ def sweep(
         memory = get_required(state, "memory", "sweep")
         board = get_shared_memory(state, "sweep")
         visited = board.setdefault("visited", set())
-        visited |= {here, *(nodes_in_view(ctx, state) if sees else ())}
+        visited |= {here, *(find_nodes_in_view(ctx, state) if sees else ())}
         if again and visited.issuperset(_divide_nodes(ctx, None, chosen, 1)[0]):
             visited.clear()
             visited.add(here)
@@ -111,7 +111,7 @@ def _divide_nodes(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, 
         ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
         return [set(part.tolist()) for part in _bisect_nodes(np.array(ids), ctx.graph.graph.positions(ids), number)]
 
-    return made_last(ctx.graph.routes, ("sweep", team, chosen), number, make)
+    return get_cached(ctx.graph.routes, ("sweep", team, chosen), number, make)
 
 
 def _bisect_nodes(ids: IntArray, xy: FloatArray, number: int) -> list[IntArray]:

@@ -22,8 +22,8 @@ from gamms.strategies.knowledge import (
     get_graph,
     get_node,
     get_required,
-    goes_far,
     is_aerial,
+    is_going_far,
     list_legal_nodes,
     list_legal_on_map,
     move_to,
@@ -198,7 +198,7 @@ def random_waypoints(
         is_there = target == here
         weight = choose_weight(ctx, state)
         far = inf if target is None or is_there else get_graph(ctx, state).distance(here, target, weight)
-        left = core.turns_left(is_there, left, far)
+        left = core.count_turns_left(is_there, left, far)
         if left < 0:
             options = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
             target = _draw_waypoint(ctx, state, options)
@@ -217,7 +217,7 @@ def _draw_waypoint(ctx: Context, state: State, options: Sequence[int]) -> int:
     graph = get_graph(ctx, state)
     weight = choose_weight(ctx, state)
     drawn = options[draw_below(state, len(options), "random_waypoints")]
-    is_near = not goes_far(ctx, state) and drawn in list_legal_on_map(ctx, state)
+    is_near = not is_going_far(ctx, state) and drawn in list_legal_on_map(ctx, state)
     if is_near or graph.distance(here, drawn, weight) < inf:
         return drawn
     near = graph.distances(source=here, weight=weight)

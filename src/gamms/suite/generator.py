@@ -100,7 +100,7 @@ class _TaskMap:
         pairs = ((self._draw_node("red", trial), self._draw_node("blue", trial)) for trial in range(_TRIES))
         return next(pair for pair in pairs if least <= np.hypot(*np.subtract(*(xy_of[node] for node in pair))) <= most)
 
-    def scenario(
+    def make_scenario(
         self, strategies: tuple[Plain, Plain], counts: tuple[int, int], rules: list[Plain], task: Values
     ) -> Scenario:
         """Return the scenario of a red and a blue team around their bases; both have sensors, and blue has a tower."""
@@ -143,7 +143,7 @@ def _name_function(function: str, **given: Plain) -> Values:
 def _make_pursuit(ground: _TaskMap, team: str = "red") -> GeneratedTask:
     limit = {"rule": "time_limit", "with": {"turns": ground.turns, "winner": "blue"}}
     rules: list[Plain] = [ground.tag("red", "blue"), "last_team", limit]
-    made = ground.scenario((_name_function("assign"), _name_function("flee")), (4, 2), rules, {"team": team})
+    made = ground.make_scenario((_name_function("assign"), _name_function("flee")), (4, 2), rules, {"team": team})
     if team == "red":
         opponents = {
             "flee": _name_function("flee"),
@@ -166,7 +166,7 @@ def _make_breach(ground: _TaskMap, team: str = "red") -> GeneratedTask:
     rules: list[Plain] = [ground.tag("blue", "red"), reach, "last_team", limit]
     radius = _SIGHT_M[ground.map]
     strategies = _name_function("safest_exit", exits=[goal]), _name_function("guard", node=goal, radius=radius)
-    made = ground.scenario(strategies, (3, 2), rules, {"team": team, "goal": goal})
+    made = ground.make_scenario(strategies, (3, 2), rules, {"team": team, "goal": goal})
     if team == "red":
         guards = {
             "guard": strategies[1],
@@ -192,7 +192,7 @@ def _make_flags(ground: _TaskMap) -> GeneratedTask:
         {"rule": "time_limit", "with": {"turns": ground.turns}},
     ]
     players = [{"function": "gamms.demo.strategies:player", "with": {"defenders": number}} for number in (1, 0, 3)]
-    made = ground.scenario((players[0], players[0]), (4, 4), rules, {"team": "red", "flags": bases})
+    made = ground.make_scenario((players[0], players[0]), (4, 4), rules, {"team": "red", "flags": bases})
     return GeneratedTask(made, "red", "blue", dict(zip(("balanced", "rush", "siege"), players, strict=True)))
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_known, as_path
 from gamms.experiment import Rows, Table
 from gamms.experiment import run as run_experiment
-from gamms.experiment.running import executor_for
+from gamms.experiment.running import get_executor
 from gamms.folders import remove_link
 from gamms.suite.protocol import VERSION, Task, find_task_file, make_scenario, tasks
 
@@ -63,7 +63,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     chosen = _select_tasks(only, version)
     into = None if out is None else as_path(out, "out")
     by_seed = None if seeds is None else list(seeds)
-    executor, is_own = executor_for(None, workers)
+    executor, is_own = get_executor(None, workers)
     rows = {}
     made = []
     with executor if is_own else nullcontext():

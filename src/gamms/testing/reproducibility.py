@@ -73,7 +73,7 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
     play = _RepeatableGame(make_ctx, rule, turns)
     play.check_repeatable()
     hidden = HiddenState(rule)
-    first = play.once()
+    first = play.play_once()
     with _report_hidden_state(hidden, _RULES_REMEMBER):
         for promise in (_check_restart, _is_forgotten, _check_sharing, _check_order, _check_restore):
             promise(play, first)
@@ -115,33 +115,35 @@ def check_strategy(
     if strategy is not None:
         as_function_of(strategy, "A strategy", "the state")
         play.check_repeatable()
-    with play.opened() as ctx:
+    with play.open_game() as ctx:
         watched = _WatchedStrategy(ctx, agent, strategy)
         hidden = HiddenState(watched.strategy)
-        first = watched.actions(turns)
+        first = watched.list_actions(turns)
         if not first:
             raise AssertionError(watched.explain_silence(turns))
         with _report_hidden_state(hidden, _STRATEGIES_REMEMBER):
             ctx.game.reset()
-            _check_same_actions("when the game is reset and played again", first, watched.actions(turns))
+            _check_same_actions("when the game is reset and played again", first, watched.list_actions(turns))
             ctx.game.reset()
-            watched.actions(turns // 2)
+            watched.list_actions(turns // 2)
             half = ctx.game.snapshot()
-            rest = watched.actions(turns - turns // 2)
+            rest = watched.list_actions(turns - turns // 2)
             ctx.game.restore(half)
-            _check_same_actions("when the game is restored and played on", rest, watched.actions(turns - turns // 2))
-            with play.opened() as new:
-                again = _WatchedStrategy(new, agent, strategy).actions(turns)
+            _check_same_actions(
+                "when the game is restored and played on", rest, watched.list_actions(turns - turns // 2)
+            )
+            with play.open_game() as new:
+                again = _WatchedStrategy(new, agent, strategy).list_actions(turns)
                 _check_same_actions("in a new game of the same seed", first, again)
     if is_audited:
-        with play.opened() as ctx:
+        with play.open_game() as ctx:
             _KnowledgeAudit(ctx, agent, strategy).check(turns)
 
 
 @contextmanager
 def _report_hidden_state(hidden: HiddenState, way_out: str) -> Iterator[None]:
     """Name a changed hidden variable, in addition to another error or as the only one."""
-    changed = hidden.changed(way_out)
+    changed = hidden.describe_change(way_out)
     try:
         yield
     except AssertionError as error:
@@ -167,7 +169,7 @@ class _RepeatableGame:
         self._rule = rule
 
     @contextmanager
-    def opened(self, *, with_rule: bool = True, **keywords: int) -> Iterator[Context]:
+    def open_game(self, *, with_rule: bool = True, **keywords: int) -> Iterator[Context]:
         """Make a context with the rule, ready to be played."""
         with self.make_ctx(**keywords) as ctx:
             if ctx.is_terminated():
@@ -179,15 +181,15 @@ class _RepeatableGame:
                 ctx.game.add(self._rule)
             yield ctx
 
-    def once(self, *, with_rule: bool = True, **keywords: int) -> _Game:
+    def play_once(self, *, with_rule: bool = True, **keywords: int) -> _Game:
         """Play a new game and return its result."""
-        with self.opened(with_rule=with_rule, **keywords) as ctx:
+        with self.open_game(with_rule=with_rule, **keywords) as ctx:
             return _play_on(ctx, self.turns)
 
     def check_repeatable(self) -> None:
         """Check that `make_ctx` makes the same game twice."""
-        one = self.once(with_rule=False)
-        other = self.once(with_rule=False)
+        one = self.play_once(with_rule=False)
+        other = self.play_once(with_rule=False)
         if one != other:
             raise AssertionError(
                 "make_ctx must always make the same game, and two that it made went differently: "
@@ -240,7 +242,7 @@ def _shorten(value: object) -> str:
 
 
 def _check_restart(play: _RepeatableGame, first: _Game) -> None:
-    with play.opened() as ctx:
+    with play.open_game() as ctx:
         ctx.game.run(play.turns)
         flaw = describe_flaw(dict(ctx.game.data))
         if flaw:
@@ -256,7 +258,7 @@ def _check_restart(play: _RepeatableGame, first: _Game) -> None:
 
 
 def _check_restore(play: _RepeatableGame, first: _Game) -> None:
-    with play.opened() as ctx:
+    with play.open_game() as ctx:
         ctx.game.run(play.turns // 2)
         half = ctx.game.snapshot()
         ctx.game.run(play.turns - play.turns // 2)
@@ -273,14 +275,14 @@ def _check_restore(play: _RepeatableGame, first: _Game) -> None:
 def _is_forgotten(play: _RepeatableGame, first: _Game) -> None:
     _check_same_game(
         "a new game with the same rule",
-        play.once(),
+        play.play_once(),
         first,
         "The rule remembers earlier games: keep that in ctx.game.data, not in a global, a default or a closure.",
     )
 
 
 def _check_sharing(play: _RepeatableGame, first: _Game) -> None:
-    with play.opened() as one, play.opened() as other:
+    with play.open_game() as one, play.open_game() as other:
         for _ in range(play.turns):
             one.game.run(1)
             other.game.run(1)
@@ -298,7 +300,7 @@ def _check_order(play: _RepeatableGame, first: _Game) -> None:
     for seed in _ORDERS:
         _check_same_game(
             f"the game with the agents created in another order (shuffled={seed})",
-            play.once(shuffled=seed),
+            play.play_once(shuffled=seed),
             first,
             "Go through ctx.game.agents, which is in the order of the names, and judge all before moving any.",
         )
@@ -349,7 +351,7 @@ class _WatchedStrategy:
         self._agent.register_strategy(cast("Strategy", _Wrapper(self._play, self.strategy)))
         ctx.game.on_error = "raise"
 
-    def actions(self, turns: int) -> _Actions:
+    def list_actions(self, turns: int) -> _Actions:
         """Play on, and return (turn, action) of each decision."""
         return [(one.turn, one.action) for one in self.decide(turns)]
 
@@ -409,7 +411,7 @@ class _WatchedStrategy:
         graph = self._ctx.graph
         revisions = (graph.graph.revision, graph.obstacle_revision)
         if self._hashed is None or self._hashed[0] != revisions:
-            with get_phase(self._ctx).suspended(changes_world=False):
+            with get_phase(self._ctx).suspend(changes_world=False):
                 self._hashed = revisions, sha256(graph.storage.pack_savable()[0]).hexdigest()
         return self._hashed[1]
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from gamms.arguments import as_items, as_mapping, as_name
 from gamms.errors import BadType, BadValue
 from gamms.folders import find_home_folder, read_bytes, write_whole
-from gamms.scenario.code import chosen
+from gamms.scenario.code import find_function
 from gamms.tournament.scratch import remove_folder
 
 EntrySpec = str | Sequence[str]
@@ -79,7 +79,7 @@ def find_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private:
         if isinstance(given[name], str):  # errors name the file, not its copy
             file = files[name][0]
             reference = text if file is None else f"{file}:{text.rpartition(':')[2]}"
-            chosen(reference, f"the entry {name!r}")
+            find_function(reference, f"the entry {name!r}")
     entries = []
     for number, name in enumerate(sorted(texts)):
         others = chain.from_iterable(some for other, some in files.items() if other != name)
@@ -148,7 +148,7 @@ def _make_python_entry(name: str, texts: list[str], places: _Places) -> Entry:
     file, _, function = texts[0].rpartition(":")
     place = places[0]
     reference = f"{place[0]}:{function}" if place else texts[0]
-    found, _ = chosen(reference, f"the entry {name!r}")
+    found, _ = find_function(reference, f"the entry {name!r}")
     readable = str(place[1]) if place else _find_package(found.module)
     digest = _digest([f"{file.rpartition('/')[2]}:{function}"], [readable])
     return Entry(name, reference, (), (readable,), digest, "", "")

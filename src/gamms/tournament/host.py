@@ -20,14 +20,14 @@ from typing import Any, NoReturn
 import numpy as np
 
 from gamms.context import Context, create_context
-from gamms.core.copies import copied
+from gamms.core.copies import copy_deep
 from gamms.errors import BadType
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.team_memory import merge_memory
 from gamms.ir.game_state import GameState
 from gamms.plain import as_json, to_plain
 from gamms.readonly import freeze
-from gamms.scenario.code import chosen, find_first_parameter, import_function, made
+from gamms.scenario.code import find_first_parameter, find_function, import_function, make_from_function
 from gamms.text import reason, shown
 from gamms.typing.sensor_engine import ISensor, SensorType
 
@@ -119,7 +119,7 @@ class _ReceivedSensor(ISensor):
     @property
     def data(self) -> Any:
         """A copy of what the sensor of the game has shown last."""
-        return copied(self._data)
+        return copy_deep(self._data)
 
     @data.setter
     def data(self, data: Any) -> None:
@@ -158,19 +158,19 @@ class _HostedTeam:
         np.random.seed(start["seed"] % (1 << 32))  # noqa: NPY002 - what programs for 1.0.0 draw from
         for name, keywords in start["agents"].items():
             ctx.agent.create_agent(name, **keywords)
-        found, folder = chosen(reference, "the entry")
+        found, folder = find_function(reference, "the entry")
         function = import_function(found, folder)
         self._plan: Callable[[Any], Any] | None = None
         own = [name for name, keywords in start["agents"].items() if keywords["team"] == self._team]
         kind = "plan" if find_first_parameter(function) == "states" else "strategy"
-        one = made(function, {}, ctx, "the entry", kind)
+        one = make_from_function(function, {}, ctx, "the entry", kind)
         if find_first_parameter(one) == "states":
             self._plan = one
             kind = "plan"
         self._players = {}
         table = DrawTable(start["seed"], self._clock)
         for number, name in enumerate(own):
-            decide = one if number == 0 else made(function, {}, ctx, "the entry", kind)
+            decide = one if number == 0 else make_from_function(function, {}, ctx, "the entry", kind)
             draw = Draws(table, name)
             rng = TurnGenerator(table, name)
             self._players[name] = _HostedAgent(draw, rng, {}, None if self._plan else decide)
@@ -186,7 +186,7 @@ class _HostedTeam:
             state = {**sent, "name": name, "team": self._team, "draw": player.draw, "rng": player.rng}
             state |= {"memory": player.memory, "facts": freeze(sent["facts"])}
             if question["shares_memory"]:
-                state["team_memory"] = copied(self._memory)
+                state["team_memory"] = copy_deep(self._memory)
             if isinstance(sent["curr_pos"], int):
                 agent.current_node_id = sent["curr_pos"]
             self._show_sensors(name, sent["sensor"])

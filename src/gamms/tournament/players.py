@@ -186,7 +186,7 @@ class Launcher:
         answer: dict[str, Any] = json.loads(data)
         return answer
 
-    def missing(self) -> list[str]:
+    def list_missing(self) -> list[str]:
         """Return the limits that this system cannot enforce."""
         with tempfile.TemporaryDirectory(dir=self.scratch) as scratch:
             found: list[str] = self.request({"probe": scratch})["missing"]

@@ -14,11 +14,11 @@ from typing import Any, Literal, NamedTuple, TypedDict, TypeVar
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
 from gamms.errors import BadFile, BadType, BadValue, GammsError, WriteConflict
 from gamms.experiment.folders import JOURNAL, Journal, read_journal
-from gamms.experiment.running import InProcessExecutor, executor_for
-from gamms.experiment.variants import digest_of, row_id
+from gamms.experiment.running import InProcessExecutor, get_executor
+from gamms.experiment.variants import compute_digest, compute_row_id
 from gamms.folders import lock_folder, read_json, refuse_link, remove_link, write_whole
 from gamms.limits import max_memory, refuse_above
-from gamms.progress import progress
+from gamms.progress import show_progress
 from gamms.scenario import Scenario
 from gamms.text import make_printable_line, shown
 from gamms.tournament.entries import SCRATCH, Entry, EntrySpec, find_entries, publish
@@ -91,7 +91,9 @@ class _Schedule(NamedTuple):
     rounds: int | None
     game: dict[str, Any]
 
-    def fixtures(self, known: Mapping[str, Any], rows: list[Row]) -> Iterator[tuple[int, dict[_Pair, list[Fixture]]]]:
+    def list_fixtures(
+        self, known: Mapping[str, Any], rows: list[Row]
+    ) -> Iterator[tuple[int, dict[_Pair, list[Fixture]]]]:
         """Yield the fixtures of each round, then append the known rows of the round; stop after an unfinished round.
 
         Args:
@@ -124,7 +126,7 @@ class _Schedule(NamedTuple):
     def _make_fixture(self, pair: _Pair, seed: int, number: int) -> Fixture:
         by_side = dict(zip(self.sides, pair, strict=True))
         digests = {side: [one.name, one.digest] for side, one in by_side.items()}
-        id = row_id(self.game["scenario"], {**self.game, "entries": digests}, (), seed)
+        id = compute_row_id(self.game["scenario"], {**self.game, "entries": digests}, (), seed)
         return Fixture(id, {side: one.name for side, one in by_side.items()}, seed, number)
 
 
@@ -200,13 +202,13 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     allowed = _make_limits(scenario, move_seconds, memory_mb)
     number = None if rounds is None else as_count(rounds, "rounds", 1)
     games = where / "games" if as_bool(record, "record") else None
-    chosen, is_own = executor_for(executor, workers)
+    chosen, is_own = get_executor(executor, workers)
     with lock_folder(where):
         for name in _FOLDERS:
             refuse_link(where / name)
         private = [one for one in (scenario.file, scenario.folder) if one is not None]
         game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
-        manifest = {"scenario": digest_of(scenario), **game}
+        manifest = {"scenario": compute_digest(scenario), **game}
         _refuse_other(where, manifest)
         remove_folder(where / SCRATCH)  # of an interrupted tournament
         runner = None
@@ -268,7 +270,7 @@ def load(out: str | os.PathLike[str]) -> Table:
     game = {name: manifest[name] for name in _GAME}  # type: ignore[literal-required] # of a tuple of such
     plan = _Schedule(players, (manifest["sides"][0], manifest["sides"][1]), manifest["seeds"], rounds, game)
     rows = list[Row]()
-    for _ in plan.fixtures(read_journal(where / JOURNAL, Row), rows):
+    for _ in plan.list_fixtures(read_journal(where / JOURNAL, Row), rows):
         pass
     table = Table(rows, [one.name for one in players])
     table.not_enforced = manifest["not_enforced"]
@@ -308,7 +310,7 @@ def _try_entries(
     runner: "_Runner", entries: Sequence[Entry], sides: tuple[str, str], seed: int
 ) -> tuple[dict[str, str], list[str]]:
     """Try all entries; return why some cannot play, and the limits that this system cannot enforce."""
-    trials = runner.tried(entries, sides, seed)
+    trials = runner.try_entries(entries, sides, seed)
     not_ready = {name: one.reason for name, one in trials.items() if one.reason is not None}
     for name, reason in not_ready.items():
         words = make_printable_line(name), reason
@@ -344,7 +346,7 @@ class _Runner:
         self._spare: WorkerPool | None = None
         self._workers = workers or count_cores()
 
-    def tried(self, entries: Sequence[Entry], sides: tuple[str, str], seed: int) -> dict[str, TrialResult]:
+    def try_entries(self, entries: Sequence[Entry], sides: tuple[str, str], seed: int) -> dict[str, TrialResult]:
         """Return the trial of each entry, by its name."""
         keeps = isinstance(self._executor, InProcessExecutor | WorkerPool)
         futures = {
@@ -356,8 +358,8 @@ class _Runner:
     def play(self, plan: _Schedule, entries: Mapping[str, Entry]) -> Table:
         """Play all rounds, and return the table."""
         rows = list[Row]()
-        with progress() as show:
-            for number, fixtures in plan.fixtures(self._journal.rows, rows):
+        with show_progress() as show:
+            for number, fixtures in plan.list_fixtures(self._journal.rows, rows):
                 for done, total in self._play(fixtures, entries):
                     show(f"{done:,} of {total:,} games" + (f" of round {number}" if plan.rounds else ""))
         return Table(rows, [one.name for one in plan.entries])

@@ -5,7 +5,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import NamedTuple
 
-from gamms.experiment.games import loaded
+from gamms.experiment.games import load_settings
 from gamms.folders import remove_link, write_whole
 from gamms.limits import allowing
 from gamms.scenario import Scenario
@@ -73,7 +73,7 @@ _launchers: OrderedDict[tuple[bytes, Entry], Launcher] = OrderedDict()
 
 def play(task: Task) -> list[Row]:
     """Play the games of a task, write their recordings and logs, and return their rows."""
-    settings = loaded(task.settings)
+    settings = load_settings(task.settings)
     rows = []
     with allowing(settings.memory):
         launchers = {entry.name: _make_launcher(task.settings, entry) for entry in task.entries}
@@ -105,7 +105,7 @@ def _make_launcher(settings: bytes, entry: Entry) -> Launcher:
     if key not in _launchers:
         if len(_launchers) == _MOST_LAUNCHERS:
             _launchers.popitem(last=False)[1].close()
-        known: TournamentSettings = loaded(settings)
+        known: TournamentSettings = load_settings(settings)
         game = to_plain(known.scenario.spec.settings)
         _launchers[key] = Launcher(entry, known.allowed, known.map, game, known.scratch)
     _launchers.move_to_end(key)
@@ -130,10 +130,10 @@ def run_trial(
         seed: the seed of the trial game.
         keeps_launchers: see `Task`.
     """
-    known: TournamentSettings = loaded(settings)
+    known: TournamentSettings = load_settings(settings)
     with allowing(known.memory):
         launcher = _make_launcher(settings, entry)
-        found = TrialResult(games.try_entry(known.scenario, seed, sides, launcher), launcher.missing())
+        found = TrialResult(games.try_entry(known.scenario, seed, sides, launcher), launcher.list_missing())
     if not keeps_launchers:
         close_launchers()
     return found

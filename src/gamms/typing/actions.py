@@ -91,7 +91,7 @@ def check_node(graph: IGraph, block: AgentBlock, value: object) -> int:
     return node
 
 
-def above(graph: IGraph, node: int, z: float) -> Position:
+def find_above(graph: IGraph, node: int, z: float) -> Position:
     """Return the position above a node; (0, 0, z) for an unknown trusted node, whose position is set later."""
     if not graph.has_node(node):
         return (0.0, 0.0, z)
@@ -139,12 +139,12 @@ def as_position(value: object) -> Position:
 def as_quat(value: object) -> Quat:
     """Return `(w, x, y, z)` of length 1 from a quaternion of any length; all zeros mean no rotation."""
     w, x, y, z = as_numbers(value, "A quat", "(w, x, y, z)")
-    return kernels.unit_quaternion((w, x, y, z)) or UNTURNED
+    return kernels.normalize_quaternion((w, x, y, z)) or UNTURNED
 
 
 def make_level_quat(heading: object) -> Quat:
     """Return the rotation that faces `(cos, sin)`, of any length, without pitch and roll; None: no rotation."""
-    return UNTURNED if heading is None else kernels.about_z(as_heading(heading))
+    return UNTURNED if heading is None else kernels.make_rotation(as_heading(heading))
 
 
 def step_once(position: Position, direction: object, speed: float) -> Position:
@@ -161,7 +161,7 @@ def step_once(position: Position, direction: object, speed: float) -> Position:
     return (x, y, z)
 
 
-def flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None, Quat | None]:
+def resolve_flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None, Quat | None]:
     """Return the position and the quaternion after the action of a flying agent; None for an unchanged value.
 
     Raises:
@@ -180,13 +180,13 @@ def flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None
     )
 
 
-def position_of(block: AgentBlock, row: int) -> Position:
+def get_position(block: AgentBlock, row: int) -> Position:
     """Return the position of a flying agent.
 
     Raises:
         BadType: the agent is on the ground.
     """
-    position: Position | None = block.flights.position_of(row)
+    position: Position | None = block.flights.get_position(row)
     if position is None:
         raise BadType(f"Agent {block.names[row]!r} does not fly.")
     return position
@@ -195,11 +195,11 @@ def position_of(block: AgentBlock, row: int) -> Position:
 def _find_position_ahead(block: AgentBlock, row: int, direction: object, distance: object) -> Position:
     speed = get_speed(block, row) or 0.0
     if distance is None:
-        return step_once(position_of(block, row), direction, speed)
+        return step_once(get_position(block, row), direction, speed)
     far = as_range(distance, "A distance")
     if far > speed:
         raise BadValue(f"A distance of {far:g} is more than the speed of agent {block.names[row]!r}, {speed:g}.")
-    return step_once(position_of(block, row), direction, far)
+    return step_once(get_position(block, row), direction, far)
 
 
 # -- strategies, and functions that make them ----------------------------------------------------------------------
@@ -217,7 +217,7 @@ def make_strategy(ctx: IContext, given: object) -> Any:
         BadType: neither; or it needs more arguments than the context; or this cannot be determined.
         BadValue: it was made for another context.
     """
-    is_maker = makes_strategies(given)
+    is_maker = is_factory(given)
     function = cast("Function", given)
     if is_maker is None:
         is_maker = _is_returning_function(ctx, function)
@@ -240,7 +240,7 @@ def plan_in(ctx: IContext, given: object) -> Any:
         BadType, BadValue: see `make_strategy`.
     """
     is_ours = str(getattr(given, "__module__", "")).startswith("gamms.strategies.")
-    is_plan = not callable(given) or (makes_strategies(given) is False and not is_ours)
+    is_plan = not callable(given) or (is_factory(given) is False and not is_ours)
     made: Any = given if is_plan else make_strategy(ctx, given)
     first = None if is_plan else _find_first_parameter(made)
     if is_plan or (made is given and not is_ours) or (first is not None and first.name == "states"):
@@ -259,7 +259,7 @@ def plan_in(ctx: IContext, given: object) -> Any:
     return found
 
 
-def makes_strategies(given: object) -> bool | None:
+def is_factory(given: object) -> bool | None:
     """Return whether a value makes strategies, without calling it; None if this is unknown."""
     code = getattr(given.func if type(given) is DescribedFunction else given, "__code__", None)
     if code is not None and code.co_argcount and code.co_varnames[0] in _STATES:  # NOTE: called for each agent
@@ -359,7 +359,7 @@ def _check_strategy(ctx: IContext, strategy: Function) -> Any:
         BadValue: it was made for another context.
     """
     if isinstance(strategy, DescribedFunction) and any(
-        isinstance(one, IContext) and one is not ctx for one in strategy.held()
+        isinstance(one, IContext) and one is not ctx for one in strategy.list_held()
     ):
         raise BadValue(
             f"{shown(strategy)} was made for another context and uses its map and agents. Make it with this context."

@@ -166,7 +166,7 @@ class IGraph(ABC):
         here = self.get_node(node_id)
         ids, xy = self.nodes_near(here.x, here.y, radius)
         if fov != 2.0 * pi and heading != (0.0, 0.0):
-            ids = ids[kernels.in_cone(xy[:, 0] - here.x, xy[:, 1] - here.y, heading, fov)]
+            ids = ids[kernels.find_in_cone(xy[:, 0] - here.x, xy[:, 1] - here.y, heading, fov)]
         return self.among(ids)
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:

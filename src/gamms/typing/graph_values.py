@@ -147,7 +147,7 @@ class NodeGround(NamedTuple):
     z: FloatArray  # (nodes,)  height of the ground; 0 if unknown
     tunnels: IntArray  # (nodes,)  number of the node's tunnel; 0 on the surface
 
-    def eyes(self, xy: FloatArray, height: float) -> FloatArray:
+    def find_eyes(self, xy: FloatArray, height: float) -> FloatArray:
         """Return the points (nodes, 3) at a height above the ground of these nodes."""
         return np.column_stack([xy, self.z + height])
 

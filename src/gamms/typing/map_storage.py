@@ -104,11 +104,11 @@ class IMapStorage(ABC):
         """Let a mode of agents be known, although no edge may have its attribute any more."""
 
     @abstractmethod
-    def roads(self) -> tuple[IntArray, ClosedEdges]:
+    def list_roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of all edges in insertion order, and the closed edges."""
 
     @abstractmethod
-    def changes(self) -> tuple[int, int, int, bool]:
+    def count_changes(self) -> tuple[int, int, int, bool]:
         """Return four values that tell whether the map was changed.
 
         They are the revision of the graph, the number of changes that only closed, opened or removed edges, the
@@ -116,15 +116,15 @@ class IMapStorage(ABC):
         """
 
     @abstractmethod
-    def detached(self) -> tuple[GraphColumns, RouteQueries]:
+    def detach_graph(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the present graph and its routes; both stay the same when this graph changes."""
 
     @abstractmethod
-    def edges_as_given(self, ids: Iterable[int]) -> ClosedEdges:
+    def get_edges_as_given(self, ids: Iterable[int]) -> ClosedEdges:
         """Return edges in the form of `add_edge`, by id."""
 
     @abstractmethod
-    def with_edges(self, edges: ClosedEdges) -> tuple[GraphColumns, RouteQueries]:
+    def extend_graph(self, edges: ClosedEdges) -> tuple[GraphColumns, RouteQueries]:
         """Return the graph with more edges, after all others, and its routes; edges with known ids are left out."""
 
     @abstractmethod

@@ -83,7 +83,7 @@ class IObstacles(ABC):
         Raises:
             BadValue (ValueError), BadType (TypeError): a shape is wrong, or a number is not finite.
         """
-        return kernels.visible(self.obstacle_columns().corners, *check_line_ends(origin, targets))
+        return kernels.find_visible(self.obstacle_columns().corners, *check_line_ends(origin, targets))
 
 
 class IVisibility(ABC, Sized):

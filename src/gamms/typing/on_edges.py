@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.core.ask import point_at
+from gamms.core.ask import find_point
 from gamms.core.contacts import Polylines
 from gamms.errors import ContextTerminated, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -54,7 +54,7 @@ def locate(graph: IGraph, progress: Progress) -> OnEdge | None:
         edge = graph.get_edge(progress.edge)
     except (UnknownName, ContextTerminated):
         return None
-    return placed(progress, edge.length, Line.of(edge.points))
+    return locate_on_edge(progress, edge.length, Line.from_flat(edge.points))
 
 
 class Line(NamedTuple):
@@ -64,17 +64,17 @@ class Line(NamedTuple):
     lengths: list[float]  # from each point to the next, map units
 
     @classmethod
-    def of(cls, flat: Sequence[float]) -> "Line":
+    def from_flat(cls, flat: Sequence[float]) -> "Line":
         """Return the polyline (x0, y0, x1, …)."""
         points = list(zip(flat[::2], flat[1::2], strict=True))
         return cls(points, [hypot(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(points)])
 
-    def at(self, share: float) -> tuple[float, float, float, float]:
+    def find_point(self, share: float) -> tuple[float, float, float, float]:
         """Return the point (x, y) at a share of its length, and the direction (cos, sin) there."""
-        x, y, dx, dy = point_at(self.points, self.lengths, share)
+        x, y, dx, dy = find_point(self.points, self.lengths, share)
         return x, y, dx, dy
 
-    def shares(self) -> list[float]:
+    def list_shares(self) -> list[float]:
         """Return the shares of its length at its points, except for the first."""
         whole = sum(self.lengths) or 1.0
         return [far / whole for far in accumulate(self.lengths)]
@@ -92,13 +92,13 @@ class LineColumns(NamedTuple):
     wholes: FloatArray  # (edges,)
 
     @classmethod
-    def of(cls, lines: Sequence[Line]) -> Self:
+    def from_lines(cls, lines: Sequence[Line]) -> Self:
         """Return the columns of some polylines."""
         sizes = np.array([len(line.points) for line in lines], np.int64)
         lasts = np.cumsum(sizes) - 1
         xs, ys = np.array([*chain.from_iterable(line.points for line in lines)], np.float64).reshape(-1, 2).T.copy()
         lengths = np.array([*chain.from_iterable((*line.lengths, 0.0) for line in lines)], np.float64)
-        shares = np.array([*chain.from_iterable((0.0, *line.shares()) for line in lines)], np.float64)
+        shares = np.array([*chain.from_iterable((0.0, *line.list_shares()) for line in lines)], np.float64)
         wholes = np.array([sum(line.lengths) for line in lines], np.float64)
         return cls(lasts - sizes + 1, lasts, xs, ys, lengths, shares, wholes)
 
@@ -110,9 +110,9 @@ class LineColumns(NamedTuple):
         lasts = np.concatenate((self.lasts, none))
         return self._replace(firsts=firsts, lasts=lasts, wholes=np.concatenate((self.wholes, np.zeros(more))))
 
-    def place(self, edges: Sequence[int], lines: Sequence[Line]) -> Self:
+    def add_lines(self, edges: Sequence[int], lines: Sequence[Line]) -> Self:
         """Return these polylines with added ones: `lines` of the edges with the numbers `edges`, which had none."""
-        new = self.of(lines)
+        new = self.from_lines(lines)
         self.firsts[edges] = new.firsts + len(self.xs)
         self.lasts[edges] = new.lasts + len(self.xs)
         self.wholes[edges] = new.wholes
@@ -134,10 +134,10 @@ class Lines:
 
     def __init__(self, columns: GraphColumns) -> None:
         ends = np.concatenate((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
-        lines = [Line.of(flat) for flat in ends.tolist()]
+        lines = [Line.from_flat(flat) for flat in ends.tolist()]
         for row, polyline in columns.polylines.items():
-            lines[row] = Line.of(polyline.ravel().tolist())
-        found = LineColumns.of(lines)
+            lines[row] = Line.from_flat(polyline.ravel().tolist())
+        found = LineColumns.from_lines(lines)
         self.polylines = found
         self._count = found.lasts - found.firsts  # (edges,) number of straight parts
         self._first = found.firsts
@@ -147,7 +147,7 @@ class Lines:
         self._lengths = found.lengths
         self._shares = found.shares
 
-    def at(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def find_points(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the points x and y at shares of edge rows, and the directions cos and sin there, (places,)."""
         place = self._first[edges]
         left = shares * self._whole[edges]
@@ -173,7 +173,7 @@ class Lines:
             left = (left - length)[goes_on]
         return x, y, cos, sin
 
-    def corners(
+    def find_corners(
         self, edges: IntArray, begin: FloatArray, end: FloatArray
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Return the corners of parts of edges, as `cut_line`: the indices of the parts, shares, x and y."""
@@ -198,13 +198,13 @@ class Lines:
         y[places] = self._y[points]
         for where, ends in ((begins, begin), (begins + counts + 1, end)):
             shares[where] = ends
-            (x[where], y[where]) = self.at(edges, ends)[:2]
+            (x[where], y[where]) = self.find_points(edges, ends)[:2]
         return which, shares, x, y
 
 
-def placed(progress: Progress, length: float, line: Line) -> OnEdge:
+def locate_on_edge(progress: Progress, length: float, line: Line) -> OnEdge:
     """Return the map position of an agent on an edge of a given length, along a polyline."""
-    x, y, dx, dy = line.at(progress.share)
+    x, y, dx, dy = line.find_point(progress.share)
     sign = -1.0 if progress.motion == Motion.BACK else 1.0
     ends = progress.source, progress.target, progress.edge
     return OnEdge(ends, progress.share * length, (x, y), (sign * dx, sign * dy))
@@ -212,14 +212,14 @@ def placed(progress: Progress, length: float, line: Line) -> OnEdge:
 
 def find_point_along(flat: Sequence[float], share: float) -> tuple[float, float, float, float]:
     """Return the point (x, y) at a share of a polyline (x0, y0, x1, …), and the direction (cos, sin) there."""
-    return Line.of(flat).at(share)
+    return Line.from_flat(flat).find_point(share)
 
 
 def cut_line(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
     """Return the corners of a part of a polyline, between two shares: (share, x, y) of each."""
-    line = Line.of(flat)
+    line = Line.from_flat(flat)
     low, high = sorted((begin, end))
-    bends = [(share, *point) for share, point in zip(line.shares(), line.points[1:], strict=True)]
+    bends = [(share, *point) for share, point in zip(line.list_shares(), line.points[1:], strict=True)]
     between = [bend for bend in bends if low < bend[0] < high]
     ends = [(share, *find_point_along(flat, share)[:2]) for share in (begin, end)]
     return [ends[0], *(between if begin <= end else reversed(between)), ends[1]]

@@ -89,15 +89,15 @@ class Routes(ABC):
         search = self.search(weight, reverse=reverse)
         found = np.empty((len(roots), len(others)))
         for at in range(len(roots)):
-            found[at], _ = search.far(roots[at : at + 1], others)
+            found[at], _ = search.compute_distances(roots[at : at + 1], others)
         return found
 
     def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
         """Return the index in `ends` of the nearest row; see `RouteQueries.nearest`."""
         places = np.arange(len(ends))
         if len(ends) > 1:  # only the first ones reached, up to rounding, can be nearest
-            far, _ = self.search(weight, reverse=False).far(np.array([row]), ends, is_nearest=True)
-            places = np.flatnonzero(far <= kernels.widened(far.min()))
+            far, _ = self.search(weight, reverse=False).compute_distances(np.array([row]), ends, is_nearest=True)
+            places = np.flatnonzero(far <= kernels.widen_distance(far.min()))
         least = within
         found = len(ends)
         for at in places.tolist():
@@ -112,7 +112,7 @@ class Routes(ABC):
 
         With `is_nearest`, the distances of rows that are not nearest may be infinite.
         """
-        found, _ = self.search(weight).far(np.array([end]), rows, is_nearest=is_nearest)
+        found, _ = self.search(weight).compute_distances(np.array([end]), rows, is_nearest=is_nearest)
         return found
 
     def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
@@ -180,7 +180,9 @@ class Routes(ABC):
         """Return the distance from every row to row `end`, and the next row on the path; -1 if there is none."""
 
         def make() -> tuple[memoryview, memoryview]:
-            (far,), (steps,) = kernels.route_tables(self.arcs(weight, reverse=True), np.array([end]), self.ids())
+            (far,), (steps,) = kernels.compute_route_tables(
+                self.arcs(weight, reverse=True), np.array([end]), self.ids()
+            )
             return far.data, steps.data
 
         return self.remember((weight, self.ids().item(end)), make)
@@ -203,8 +205,8 @@ class Routes(ABC):
         raise NotOffered(self, "select_mode, by which agents have a mode")
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
-        """Return offsets (nodes + 1,) and rows: each node itself, then its neighbors; see `kernels.neighborhoods`."""
-        return self.remember(("neighborhoods",), lambda: kernels.neighborhoods(*self.ends(), len(self.ids())))
+        """Return offsets (nodes + 1,) and rows: each node, then its neighbors; see `kernels.list_neighborhoods`."""
+        return self.remember(("neighborhoods",), lambda: kernels.list_neighborhoods(*self.ends(), len(self.ids())))
 
 
 class EdgeRoutes(Routes):
@@ -273,8 +275,8 @@ class RouteTables(NamedTuple):
 class TurnRoutes:
     """Routes of traffic that obeys the forbidden turns of a mode of travel, on one revision of a graph.
 
-    The vertices of the searched graph are the states of traffic, see `kernels.turn_states`; after them, for each node,
-    one vertex for traffic that begins there, and one for traffic that ends there.
+    The vertices of the searched graph are the states of traffic, see `kernels.make_turn_states`; after them, for each
+    node, one vertex for traffic that begins there, and one for traffic that ends there.
 
     Args:
         columns: the graph.
@@ -293,7 +295,7 @@ class TurnRoutes:
         self._row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())} if paths else {}
         self._forbidden = kernels.ForbiddenPaths(tuple(self._row_of[id] for id in path) for path in paths)
         ends = columns.sources, columns.targets
-        states = kernels.turn_states(*ends, columns.lengths, is_open & np.isfinite(weights), self._forbidden)
+        states = kernels.make_turn_states(*ends, columns.lengths, is_open & np.isfinite(weights), self._forbidden)
         edges = len(columns.edge_ids)
         nodes = len(columns.node_ids)
         self._edges = states.edges
@@ -320,7 +322,7 @@ class TurnRoutes:
 
     def path_from(self, vertex: int, end: int) -> list[int] | None:
         """Return the rows of the edges on the shortest path from a vertex to a node; None if there is no path."""
-        found = self._search(reverse=True).path(vertex, self._end + end, _EVERY, inf)
+        found = self._search(reverse=True).find_path(vertex, self._end + end, _EVERY, inf)
         return self._edges[found.rows[1:-1]].tolist() if found.rows else None
 
     def list_arcs(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
@@ -335,7 +337,9 @@ class TurnRoutes:
 
     def distance(self, row: int, end: int) -> float:
         """Return the length of the shortest path between two nodes; infinite if there is no path."""
-        far, _ = self._search(reverse=True).far(np.array([self._end + end]), np.array([self._begin + row]))
+        far, _ = self._search(reverse=True).compute_distances(
+            np.array([self._end + end]), np.array([self._begin + row])
+        )
         return far.item()
 
     def reached(
@@ -426,7 +430,7 @@ class RouteQueries:
         first = [row]
         while first[-1] != end:
             first.append(next_of[first[-1]])
-        found = kernels.simple_paths(routes.arcs(weight, reverse=False), rests, first)
+        found = kernels.find_simple_paths(routes.arcs(weight, reverse=False), rests, first)
         return [[ids[one] for one in path] for path in islice(found, most)]
 
     def isochrones(self, sources: NodeIds, limits: Sequence[float], weight: str | None = "length") -> list[IntArray]:
@@ -522,7 +526,7 @@ class RouteQueries:
         columns = self._columns()
         edges = self.shortest_path_edges(source, target, weight, turns=turns)
         kept = edges if most_edges is None else edges[: as_count(most_edges, "most_edges")]
-        rows = kernels.rows_of(columns.edge_ids, np.array(kept, np.int64), columns.edge_order)
+        rows = kernels.find_rows(columns.edge_ids, np.array(kept, np.int64), columns.edge_order)
         return [source, *columns.node_ids[columns.targets[rows]].tolist()]
 
     def distance_with_turns(self, source: int, target: int, weight: str | None, turns: str | bool) -> float:
@@ -567,7 +571,7 @@ class RouteQueries:
     def _get_turn_routes(self, weight: str | None, turns: str | bool) -> TurnRoutes:
         """Return the routes of traffic that obeys turn restrictions; see `shortest_path_edges`."""
         columns = self._columns()
-        paths = made_last(self, "forbidden turns", None, lambda: list_forbidden_paths(columns))
+        paths = get_cached(self, "forbidden turns", None, lambda: list_forbidden_paths(columns))
         mode = _find_mode_of_turns(columns, paths, turns)
 
         def make() -> TurnRoutes:
@@ -577,13 +581,13 @@ class RouteQueries:
             weights = self.weights(weight) if own is columns else find_edge_weights(own, weight)
             return TurnRoutes(columns, weights, is_open, paths.get(mode, []))
 
-        return made_last(self, ("turns", weight, mode), None, make)
+        return get_cached(self, ("turns", weight, mode), None, make)
 
     def _find_driven_rows(self, row: int, driven: Sequence[int]) -> list[int]:
         """Return the rows of edges that were driven to a node."""
         columns = self._columns()
         ids = as_ids(driven, "driven")
-        rows: list[int] = kernels.rows_of(columns.edge_ids, np.array(ids, np.int64), columns.edge_order).tolist()
+        rows: list[int] = kernels.find_rows(columns.edge_ids, np.array(ids, np.int64), columns.edge_order).tolist()
         if -1 in rows:
             raise UnknownName("edge", ids[rows.index(-1)])
         ends = columns.targets[rows].tolist()
@@ -654,7 +658,7 @@ class RouteQueries:
         limit = as_range(cutoff, "cutoff")
         ids = routes.ids()
         ends = routes.rows(targets, "targets")
-        return RouteTables(*kernels.route_tables(routes.arcs(weight, reverse=True), ends, ids, limit))
+        return RouteTables(*kernels.compute_route_tables(routes.arcs(weight, reverse=True), ends, ids, limit))
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
         """Return the edges, or reversed edges, with weights as compressed sparse rows; parallel edges are merged."""
@@ -739,7 +743,7 @@ class RouteQueries:
             raise BadValue("The graph has no edges, so none is nearest. Add edges first.")
         if not len(columns.edge_ids):
             return None
-        row = self._get_line_tree(columns).nearest(place)
+        row = self._get_line_tree(columns).find_nearest(place)
         ends = columns.xy[[columns.sources[row], columns.targets[row]]]
         share, distance = geometry.find_nearest_point(columns.polylines.get(row, ends), place)
         if distance > limit:
@@ -789,7 +793,7 @@ def _find_mode_of_turns(columns: GraphColumns, known: Mapping[str, object], turn
 _SHIPPED_MODES = ("bike", "drive", "drive_service", "robot", "walk")  # with tables in `data/modes.toml`
 
 
-def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
+def get_cached(queries: RouteQueries, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
     """Return the result of `make`, cached in a slot for the present graph and the last key.
 
     For shipped strategies and sensors, for results that many agents need in a turn. The result must depend only on the
@@ -818,13 +822,13 @@ def get_cached_in_moment(
     In a custom loop, which has no such phase, it is computed each time.
 
     Args:
-        queries: see `made_last`.
+        queries: see `get_cached`.
         phase: phase of the context.
-        slot: see `made_last`.
+        slot: see `get_cached`.
         make: makes it; it is not to be changed.
         key: a key for its other inputs.
     """
     moment = phase.moment
     if moment is None:
         return make()
-    return made_last(queries, slot, (moment, key), make)
+    return get_cached(queries, slot, (moment, key), make)

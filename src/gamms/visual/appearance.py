@@ -57,7 +57,7 @@ TEAM_COLORS: tuple[Rgb, ...] = (
 _NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange": 4, "yellow": 4, "cyan": 5}
 
 
-def team_colors(
+def assign_team_colors(
     teams: Iterable[Any], given: Mapping[str, Rgb] = MappingProxyType({}), palette: Sequence[Rgb] = TEAM_COLORS
 ) -> dict[str, Rgb]:
     """Return a color for each team, by its text: the color with its name, else the next free color.
@@ -124,7 +124,7 @@ def string_to_color(text: str) -> Rgb:
     return red, green, blue
 
 
-def rgba(color: AnyColor) -> Rgba:
+def parse_color(color: AnyColor) -> Rgba:
     """Return RGB, RGBA, a name or `#rrggbb` as four integers, clipped to 0-255.
 
     Raises:
@@ -166,7 +166,7 @@ _TABLES = {
 }
 
 
-def table(name: object) -> tuple[Rgb, ...]:
+def find_color_table(name: object) -> tuple[Rgb, ...]:
     """Return the `LEVELS` colors of a color map, from low to high.
 
     Raises:
@@ -180,7 +180,7 @@ def table(name: object) -> tuple[Rgb, ...]:
     return tuple((red, green, blue) for red, green, blue in np.rint(mixed).astype(int).tolist())
 
 
-def levels(values: FloatArray, low: float, high: float) -> IntArray:
+def find_levels(values: FloatArray, low: float, high: float) -> IntArray:
     """Return the level (values,) of each value, 0 to LEVELS - 1, clipped at both ends."""
     if high <= low:
         return np.full(len(values), LEVELS // 2, np.int64)
@@ -191,7 +191,7 @@ def levels(values: FloatArray, low: float, high: float) -> IntArray:
 def apply_colors(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArray]:
     """Apply a caller's color function to values; return the distinct colors, and the index of each value's color."""
     distinct, places = np.unique(values, return_inverse=True)
-    named = [rgba(colorize(value))[:3] for value in distinct.tolist()]
+    named = [parse_color(colorize(value))[:3] for value in distinct.tolist()]
     colors = list(dict.fromkeys(named))
     place_of = {color: place for place, color in enumerate(colors)}
     return colors, np.array([place_of[color] for color in named], np.int64)[places]
@@ -295,14 +295,14 @@ class AgentLooks:
         self.positions[is_shown] = positions
         self.shifts[is_shown] = shifts
 
-    def drawn(self) -> tuple[list[str], FloatArray]:
+    def list_drawn(self) -> tuple[list[str], FloatArray]:
         """Return the names of drawn agents, and (agents, 6): position, shift, size and minimum radius."""
         is_drawn = ~np.isnan(self.positions[:, 0])
         names = [self.names[row] for row in np.flatnonzero(is_drawn).tolist()]
         sizes = np.broadcast_to((self.size, self.least_px), (len(names), 2))
         return names, np.hstack([self.positions[is_drawn], self.shifts[is_drawn], sizes])
 
-    def without(self, hidden: Collection[str]) -> "AgentLooks":
+    def remove_agents(self, hidden: Collection[str]) -> "AgentLooks":
         """Return the looks without the hidden agents."""
         kept = [row for row, name in enumerate(self.names) if name not in hidden]
         names = [self.names[row] for row in kept]

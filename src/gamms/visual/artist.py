@@ -140,12 +140,12 @@ def list_looks(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
 
 
 def collect_drawn_looks(artists: Mapping[str, IArtist]) -> tuple[list[str], FloatArray]:
-    """Return the names of agents that visible artists have drawn, and columns; see `AgentLooks.drawn`."""
+    """Return the names of agents that visible artists have drawn, and columns; see `AgentLooks.list_drawn`."""
     names = list[str]()
     columns = [np.empty((0, 6))]
     for look in map(_get_look, artists.values()):
         if isinstance(look, AgentLooks):
-            more, found = look.drawn()
+            more, found = look.list_drawn()
             names += more
             columns.append(found)
         elif look is not None and look.current_position is not None:
@@ -163,7 +163,7 @@ def _get_look(artist: IArtist) -> AgentData | AgentLooks | None:
 _Item = tuple[str, IArtist]
 
 
-def in_painting_order(artists: Mapping[str, IArtist]) -> list[_Item]:
+def sort_for_painting(artists: Mapping[str, IArtist]) -> list[_Item]:
     """Sort the visible artists by layer; within a layer, static artists come first."""
     return sorted((item for item in artists.items() if item[1].get_visible()), key=_make_sort_key)
 
@@ -184,13 +184,13 @@ class ArtistGroup:
     """
 
     def __init__(self, ctx: IContext, artists: Mapping[str, IArtist]) -> None:
-        items = in_painting_order(artists)
+        items = sort_for_painting(artists)
         self._ctx = ctx
         self.artists = tuple(artist for _, artist in items)
         by_step = groupby(items, lambda item: (item[1].get_layer(), _is_disc(ctx, item[1])))
         self._steps = [(layer, are_discs, list(members)) for (layer, are_discs), members in by_step]
 
-    def commands(self, share: float = 1.0) -> DrawCommands:
+    def draw_artists(self, share: float = 1.0) -> DrawCommands:
         """Return the commands of all artists after a share of the agents' last moves, from 0.0 to 1.0.
 
         Errors of an artist are logged, and the others draw.
@@ -240,17 +240,17 @@ def get_data(artist: IArtist) -> dict[str, Any]:
 
 def make_state_key(name: str, artist: IArtist) -> Any:
     """Return a hashable key that changes whenever a STATIC artist must draw again in an unchanged world."""
-    return name, artist.get_layer(), artist.get_drawer(), _print_of(getattr(artist, "data", None))
+    return name, artist.get_layer(), artist.get_drawer(), _make_print(getattr(artist, "data", None))
 
 
-def _print_of(value: object) -> Any:
+def _make_print(value: object) -> Any:
     """Return a hashable key that differs if two values are drawn differently."""
     if isinstance(value, dict):
-        return tuple((_print_of(key), _print_of(one)) for key, one in value.items())
+        return tuple((_make_print(key), _make_print(one)) for key, one in value.items())
     if isinstance(value, list | tuple | set | frozenset):
-        return type(value), tuple(_print_of(one) for one in value)
+        return type(value), tuple(_make_print(one) for one in value)
     if is_dataclass(value) and not isinstance(value, type):
-        return type(value), tuple(_print_of(getattr(value, field.name)) for field in fields(value) if field.compare)
+        return type(value), tuple(_make_print(getattr(value, field.name)) for field in fields(value) if field.compare)
     if isinstance(value, np.ndarray) and value.dtype != object:
         return value.shape, value.dtype.str, crc32(value.tobytes())
     if value is None or isinstance(value, str | int | float | bytes | complex):

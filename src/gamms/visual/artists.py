@@ -17,7 +17,7 @@ from gamms.typing.visualization_engine import (
     ObstacleVisual,
     SensorVisual,
 )
-from gamms.visual.appearance import AgentData, AnyColor, Circle, Colorize, GraphData, Rectangle, Rgb, rgba
+from gamms.visual.appearance import AgentData, AnyColor, Circle, Colorize, GraphData, Rectangle, Rgb, parse_color
 from gamms.visual.artist import Artist, get_data, list_looks
 from gamms.visual.constants import Layer, Shape
 from gamms.visual.drawers import (
@@ -208,13 +208,13 @@ class Artists(ContextPart):
         self.drawings = RecordedDrawings(ctx)
         self._unchecked: list[str] = []  # names of agents that were declared before any agent existed
         self.fog: Fog | None = None
-        # the result of `drawn`, with the edit counts for which it is valid
+        # the result of `list_drawn`, with the edit counts for which it is valid
         self._drawn: tuple[Any, dict[str, IArtist]] = None, {}
 
     # -- shown -----------------------------------------------------------------------------------------------
 
     @lift_decide_phase
-    def shown(
+    def list_shown(
         self, trails: int = 0, scene: "DefaultScene | None" = None, *, sensors: bool = True
     ) -> dict[str, IArtist]:
         """Return the artists to draw: the declared ones, and those of the default scene that are not replaced.
@@ -244,9 +244,9 @@ class Artists(ContextPart):
             artists |= _make_trail_artists(self._ctx, artists, trails, self.fog)
         return self._make_elimination_artist(artists) | artists
 
-    def signs(self) -> dict[str, IArtist]:
+    def list_signs(self) -> dict[str, IArtist]:
         """Return the artists by name, without those of map, agents, messages and sensor views."""
-        artists = self.shown(sensors=False)
+        artists = self.list_shown(sensors=False)
         return {name: one for name, one in artists.items() if one.get_drawer() not in _GROUND}
 
     def _make_elimination_artist(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
@@ -254,7 +254,7 @@ class Artists(ContextPart):
         looks = list(list_looks(artists))
         colors = {look.name: look.color for look in looks}
         size = max((look.size for look in looks), default=0.0)
-        out = {name: has_arrived for name, has_arrived in self._drawing.events.out().items() if name in colors}
+        out = {name: has_arrived for name, has_arrived in self._drawing.events.list_out().items() if name in colors}
         tags = artists.get("tags")
         if tags is not None and (self.fog is not None or tags.get_drawer() is render_tags):
             get_data(tags).update(size=size, out=out)
@@ -274,7 +274,7 @@ class Artists(ContextPart):
             theme = self._drawing.theme
             scene = self._default.get(theme) or DefaultScene(self._ctx, theme)
             self._default[theme] = scene
-        return scene.artists(self.declared, sensors=sensors)
+        return scene.list_artists(self.declared, sensors=sensors)
 
     # -- declared --------------------------------------------------------------------------------------------
 
@@ -477,12 +477,12 @@ class Artists(ContextPart):
 
     # -- recorded --------------------------------------------------------------------------------------------
 
-    def specs(self, *, with_drawings: bool = False) -> dict[str, Any]:
+    def describe_artists(self, *, with_drawings: bool = False) -> dict[str, Any]:
         """Return specs of the `artists` with built-in drawers; colors of teams; and whether the graph was declared.
 
         With drawings, artists with other drawers and shapes are included, because their drawings are recorded.
         """
-        drawn = self.drawn(with_custom=with_drawings)
+        drawn = self.list_drawn(with_custom=with_drawings)
         artists = list[Any]()
         for name, artist in self.declared.items():
             if name in drawn:
@@ -493,16 +493,19 @@ class Artists(ContextPart):
         specs = {"artists": [one for one in artists if one is not None], "is_declared": self.is_graph_declared}
         return specs | ({"team_colors": dict(self.team_colors)} if self.team_colors else {})
 
-    def drawn(self, *, with_custom: bool) -> dict[str, IArtist]:
+    def list_drawn(self, *, with_custom: bool) -> dict[str, IArtist]:
         """Return the artists whose draw commands are recorded: those of a replay, and with custom drawers, by name."""
         key = self.edits, Artist.edits, with_custom
         if self._drawn[0] != key:
             self._drawn = key, {name: one for name, one in self.declared.items() if _is_drawn(one, with_custom)}
         return self._drawn[1]
 
-    def recorded_drawings(self, *, with_custom: bool) -> dict[str, dict[str, Any]]:
-        """Return the present drawings of artists as plain values, by name; see `drawn`."""
-        return {name: self.drawings.recorded(name, one) for name, one in self.drawn(with_custom=with_custom).items()}
+    def record_drawings(self, *, with_custom: bool) -> dict[str, dict[str, Any]]:
+        """Return the present drawings of artists as plain values, by name; see `list_drawn`."""
+        return {
+            name: self.drawings.record_drawing(name, one)
+            for name, one in self.list_drawn(with_custom=with_custom).items()
+        }
 
     @refuse_while_deciding
     def add_drawing(self, recorded: dict[str, Any]) -> None:
@@ -582,7 +585,7 @@ def _check_colors(colors: object) -> dict[str, Rgb]:
     checked: dict[str, Rgb] = {}
     for team, color in colors.items():
         try:
-            checked[as_text(team)] = rgba(color)[:3]
+            checked[as_text(team)] = parse_color(color)[:3]
         except (BadType, BadValue) as error:
             raise type(error)(f"The color of team {shown(team)}: {error}") from None
     return checked

@@ -18,7 +18,7 @@ from gamms.visual.constants import Layer
 _SHORTEST = 1e-12  # smaller extents along an axis count as 0
 
 
-def touching(
+def find_touching(
     low: FloatArray, high: FloatArray, box: tuple[float, float, float, float]
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return which boxes, from `low` to `high` (boxes, 2), touch the box (left, low, right, high)."""
@@ -90,7 +90,7 @@ class FixedView(NamedTuple):
     y: float
     world_width: float
 
-    def camera(self, width: int, height: int) -> Camera:
+    def make_camera(self, width: int, height: int) -> Camera:
         """Return the camera of a picture with this size in pixels."""
         scale = width / self.world_width
         return Camera(width, height, self.x - self.world_width / 2, self.y + height / 2 / scale, scale)
@@ -143,7 +143,7 @@ class Viewpoint(Guarded):
         self.followed = agent_name
 
     @lift_decide_phase
-    def camera(self, width: int, height: int, share: float = 1.0) -> Camera | None:
+    def make_camera(self, width: int, height: int, share: float = 1.0) -> Camera | None:
         """Return the camera of a picture after a share of the agents' last moves; None shows everything."""
         if self.look is None:
             return None
@@ -154,7 +154,7 @@ class Viewpoint(Guarded):
                 self.followed = None
             else:
                 self.look = FixedView(x, y, self.look.world_width)
-        camera = self.look.camera(width, height)
+        camera = self.look.make_camera(width, height)
         if self.followed is None:
             return camera
         # Moved by whole pixels, so that streets do not flicker.
@@ -178,8 +178,10 @@ def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins:
 def frame_drawings(*drawings: DrawCommands) -> Box:
     """Return the corners of what a picture shows: all drawings, but only the near part of large views of sensors."""
     are_views = [np.isin(commands.layer, _VIEWS) for commands in drawings]
-    low, high = _enclose_boxes([bounds(commands) for commands in drawings if len(commands)])
-    others = [bounds(one, ~is_view) for one, is_view in zip(drawings, are_views, strict=True) if not is_view.all()]
+    low, high = _enclose_boxes([compute_bounds(commands) for commands in drawings if len(commands)])
+    others = [
+        compute_bounds(one, ~is_view) for one, is_view in zip(drawings, are_views, strict=True) if not is_view.all()
+    ]
     near_low, near_high = _enclose_boxes(others)
     beyond = BEYOND * float((near_high - near_low).max())
     if beyond > 0.0:
@@ -195,7 +197,7 @@ def _enclose_boxes(boxes: list[Box]) -> Box:
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
-def bounds(commands: DrawCommands, chosen: BoolArray | None = None) -> Box:
+def compute_bounds(commands: DrawCommands, chosen: BoolArray | None = None) -> Box:
     """Return the lower left and upper right corner of all drawings, world units, without sizes in pixels.
 
     Args:
@@ -256,7 +258,7 @@ def find_shifted_points(commands: DrawCommands) -> tuple[IntArray, IntArray]:
     return shifts, begins[command]
 
 
-def on_screen(commands: DrawCommands, camera: Camera) -> FloatArray:
+def project_to_screen(commands: DrawCommands, camera: Camera) -> FloatArray:
     """Return all points in pixels.
 
     Both points of a moved circle are its center; both first points of a pixel polygon are its first corner.

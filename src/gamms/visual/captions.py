@@ -104,7 +104,7 @@ def find_scores(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
     return dict.fromkeys([*(teams if counted & teams.keys() else ()), *sorted(counted - teams.keys())], 0) | known
 
 
-def ending(over: Mapping[str, Any]) -> tuple[str, str]:
+def describe_ending(over: Mapping[str, Any]) -> tuple[str, str]:
     """Return who has won, and why the game is over, in words."""
     winner = over.get("winner")
     reason = describe_reason(over.get("reason", ""))
@@ -127,7 +127,7 @@ def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = 
         reason = reason or ALL_PLAYED
     if over is None and not reason:
         return None
-    title, reason = ("The end", reason) if over is None else ending(over)
+    title, reason = ("The end", reason) if over is None else describe_ending(over)
     color = None if over is None else get_drawing(ctx).group_colors().get(as_text(over["winner"]))
     scores = dict(sorted(find_scores(ctx, later).items(), key=lambda item: -item[1]))
     turns = f"{as_text(turn)} turn{'s' * (turn != 1)}"
@@ -167,7 +167,7 @@ class Captions:
         self.turns = 1
         self._lines: list[CaptionLine] = []
 
-    def now(self, side: str | None = None) -> CaptionBar:
+    def make_captions(self, side: str | None = None) -> CaptionBar:
         """Return the captions of this turn; call it once per turn.
 
         Args:
@@ -179,9 +179,9 @@ class Captions:
         new = list[CaptionLine]()
         if game is not None and game.over is not None:
             color = colors.get(str(game.over.get("winner")))
-            new.append(CaptionLine(": ".join(ending(game.over)), color, self.turns))
+            new.append(CaptionLine(": ".join(describe_ending(game.over)), color, self.turns))
         events = self._drawing.events
-        known = (one for one in events.of_turn() if side is None or side in events.find_witnesses(one))
+        known = (one for one in events.list_last() if side is None or side in events.find_witnesses(one))
         for words, name in write_captions(known):
             color = colors.get(str(get_color_group(agents[name])) if name in agents else str(name))
             new.append(CaptionLine(words, color, self.turns))
@@ -209,7 +209,7 @@ def draw_caption_bar(
     """
     left, top, width = at
     words = f"turn {as_text(bar.turn)}" + (f" · {bar.scores}" if scores and bar.scores else "")
-    pen.text(shorten_text(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
+    pen.draw_text(shorten_text(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
     begin = left + max(measure_words(words, _FONT_PX), measure_words("turn 0000", _FONT_PX)) + _ASIDE_PX
     room = left + width - begin - INDENT_PX
     if room > _ASIDE_PX:
@@ -224,8 +224,8 @@ def draw_captions(pen: Pen, lines: Sequence[CaptionLine], at: tuple[float, float
         middle = top + (number + 0.5) * LINE_PX
         ink = None if line.turns == newest else faint
         if line.color is not None:
-            pen.circle(left + _SPOT_PX, middle, _SPOT_PX, line.color)
-        pen.text(shorten_text(line.words, _FONT_PX, room), left + INDENT_PX, middle, _FONT_PX, ink)
+            pen.draw_circle(left + _SPOT_PX, middle, _SPOT_PX, line.color)
+        pen.draw_text(shorten_text(line.words, _FONT_PX, room), left + INDENT_PX, middle, _FONT_PX, ink)
 
 
 def measure_captions_width(lines: Sequence[CaptionLine], room: float) -> float:
@@ -250,14 +250,14 @@ def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: R
     edge = 1.0
     left = x - width / 2
     top = y - height / 2
-    pen.rectangle(left - edge, top - edge, width + 2 * edge, height + 2 * edge, (*faint, 255))
-    pen.rectangle(left, top, width, height, (*ground, 255))
+    pen.draw_rectangle(left - edge, top - edge, width + 2 * edge, height + 2 * edge, (*faint, 255))
+    pen.draw_rectangle(left, top, width, height, (*ground, 255))
     middle = top + 0.8 * _PAD_PX + 0.5 * _TITLE_PX
     begin = x - _measure_title_width(card) / 2
     if card.color is not None:
-        pen.circle(begin + _TITLE_SPOT_PX, middle, _TITLE_SPOT_PX, card.color)
+        pen.draw_circle(begin + _TITLE_SPOT_PX, middle, _TITLE_SPOT_PX, card.color)
         begin += _BEHIND_SPOT_PX
-    pen.text(card.title, begin, middle, _TITLE_PX)
+    pen.draw_text(card.title, begin, middle, _TITLE_PX)
     for number, line in enumerate(card.lines):
         down = top + 0.8 * _PAD_PX + _TITLE_PX + (number + 0.6) * _CARD_PX
-        pen.text(line, x - measure_words(line, _FONT_PX) / 2, down, _FONT_PX, faint if number == 0 else None)
+        pen.draw_text(line, x - measure_words(line, _FONT_PX) / 2, down, _FONT_PX, faint if number == 0 else None)

@@ -62,7 +62,7 @@ class ChartHistory:
         if collected and (turn in self.turns or len(self.turns) < _MOST_TURNS):
             self.turns[turn] = select_charts(collected)
 
-    def lines(self, turn: int) -> dict[str, dict[str, ChartLine]]:
+    def list_lines(self, turn: int) -> dict[str, dict[str, ChartLine]]:
         """Return chart -> line -> its points up to a turn; charts that have no value then are omitted."""
         now = self.turns.get(turn, {})
         found: dict[str, dict[str, ChartLine]] = {name: {} for name in now}
@@ -94,13 +94,13 @@ def draw_chart(
     begin, end = min(turns), max(turns)
     value = _describe_present_value(lines)
     room = WIDTH_PX - measure_words(value, _FONT_PX) - 8.0
-    pen.text(shorten_text(name, _FONT_PX, room), left, top + _TITLE_PX / 2, _FONT_PX)
-    pen.text(value, left + WIDTH_PX - measure_words(value, _FONT_PX), top + _TITLE_PX / 2, _FONT_PX)
+    pen.draw_text(shorten_text(name, _FONT_PX, room), left, top + _TITLE_PX / 2, _FONT_PX)
+    pen.draw_text(value, left + WIDTH_PX - measure_words(value, _FONT_PX), top + _TITLE_PX / 2, _FONT_PX)
     upper, lower = top + _TITLE_PX + 6.0, top + HEIGHT_PX - 10.0
     for number, y in dict.fromkeys(
         [(high, upper if high > low else (upper + lower) / 2), (low, lower if high > low else (upper + lower) / 2)]
     ):
-        pen.text(f"{number:.3g}", left, y, _SMALL_PX, pen.faint)
+        pen.draw_text(f"{number:.3g}", left, y, _SMALL_PX, pen.faint)
     width = WIDTH_PX - _SCALE_PX
 
     def place(turn: int, number: float) -> tuple[float, float]:
@@ -112,8 +112,8 @@ def draw_chart(
         color = colors.get(line, pen.ink)
         places = [place(*point) for point in zip(points.turns, points.values, strict=True)]
         if len(places) > 1:
-            pen.line(_thin_out(places), color, 1.5)
-        pen.circle(*places[-1], 2.5, color)
+            pen.draw_line(_thin_out(places), color, 1.5)
+        pen.draw_circle(*places[-1], 2.5, color)
 
 
 def _describe_present_value(lines: Mapping[str, ChartLine]) -> str:

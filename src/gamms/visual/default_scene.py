@@ -88,7 +88,7 @@ class DefaultScene:
         self._tags = Artist(ctx, render_tags, Layer.TAGS)
         self._legend = legend_of_teams(ctx)
 
-    def artists(self, declared: Mapping[str, IArtist], *, sensors: bool = True) -> dict[str, IArtist]:
+    def list_artists(self, declared: Mapping[str, IArtist], *, sensors: bool = True) -> dict[str, IArtist]:
         """Return the artists of the map, all agents, the sensors while they are few, rules, and the legend, by name.
 
         Sizes and colors that declared artists do not have are filled in.
@@ -196,7 +196,7 @@ class DefaultScene:
         """Return artists of the present sensor views."""
         nodes = len(self._ctx.graph.columns().node_ids)
         found = dict[str, list[ShownView]]()
-        for sight in get_drawing(self._ctx).carriers.sights(MOST_SENSORS):
+        for sight in get_drawing(self._ctx).carriers.list_views(MOST_SENSORS):
             if sight.view is None or _is_worth_drawing(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
         colored = {

@@ -17,7 +17,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
 from gamms.knowledge.sides import name_side
 from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import AnyColor, Color, Rgb, rgba, sort_sides, team_colors
+from gamms.visual.appearance import AnyColor, Color, Rgb, assign_team_colors, parse_color, sort_sides
 from gamms.visual.camera import Viewpoint, find_shifted_points
 from gamms.visual.shown_turn import LastMoves, PastTurns, SensorCarriers, TurnEvents
 from gamms.visual.themes import THEMES, Theme
@@ -102,8 +102,8 @@ class Commands:
             radius = _as_extent(disc.radius, "size")
             least = _as_extent(disc.at_least_px, "size")
             edge_px = _as_extent(disc.edge_px, "width")
-            edge = rgba(disc.edge)
-            ink = rgba(disc.color)
+            edge = parse_color(disc.edge)
+            ink = parse_color(disc.color)
             # Both edges come first, so that the larger disc hides the edge of the smaller.
             sizes.append((radius, least, radius, least))
             widths.append((edge_px, edge_px, 0.0, 0.0))
@@ -230,7 +230,7 @@ class Commands:
         size = _as_extent(size, "size")
         width = _as_extent(width, "width")
         values = {"kind": kind, "layer": self.layer, "space": space, "size": size, "width": width, "angle": angle}
-        self._append(len(counts), values, bytes(rgba(color)) * len(counts), text)
+        self._append(len(counts), values, bytes(parse_color(color)) * len(counts), text)
         self._points.append(points)
         if isinstance(counts, np.ndarray):
             self._counts.frombytes(counts.astype(np.int64).tobytes())
@@ -363,9 +363,9 @@ class Drawing:
         self._held_image = held_image or image_path
         self.turns = PastTurns(ctx)
         self.motion = LastMoves(ctx, self.turns)
-        self.carriers = SensorCarriers(ctx, self.motion.on_edges)
+        self.carriers = SensorCarriers(ctx, self.motion.list_on_edges)
         self.events = TurnEvents(ctx)
-        self.viewpoint = Viewpoint(ctx, self.motion.position_of)
+        self.viewpoint = Viewpoint(ctx, self.motion.find_position)
         self.team_colors: Mapping[str, Rgb] = {}
         self.sides: Sequence[str | None] = ()
         self.has_default_look = False
@@ -564,19 +564,19 @@ class Drawing:
         """
         if type(share) is not float:
             share = as_float(share, "share")
-        return self.motion.position_of(agent_name, share)
+        return self.motion.find_position(agent_name, share)
 
     def is_shown(self, agent: IAgent, share: float = 1.0) -> bool:
         """Return whether an agent is drawn after a share of its last move; an eliminated one is until it arrives."""
         return getattr(agent, "alive", True) or (
-            as_float(share, "share") < 1.0 and agent.name in self.events.eliminated()
+            as_float(share, "share") < 1.0 and agent.name in self.events.list_eliminated()
         )
 
     def hidden_agents(self, share: float = 1.0) -> set[str]:
         """Return the names of the agents that are not drawn, after a share of their last moves."""
         positions = self._ctx.agent.positions
         out = {positions.names[row] for row in positions.inactive}
-        return out - self.events.eliminated() if out and as_float(share, "share") < 1.0 else out
+        return out - self.events.list_eliminated() if out and as_float(share, "share") < 1.0 else out
 
     def color_of(self, team: object) -> Rgb:
         """Return the color of a team, or of an agent without a team by its name: declared, or that of the theme.
@@ -599,7 +599,7 @@ class Drawing:
         names = self._ctx.agent.positions.names
         teams = self._ctx.agent.positions.teams
         known = [*dict.fromkeys((*map(name_side, names, teams), *more))]
-        colors = team_colors(sort_sides(self.sides, known), self.team_colors, self.theme.teams)
+        colors = assign_team_colors(sort_sides(self.sides, known), self.team_colors, self.theme.teams)
         return {side: colors[side] for side in known}
 
     def of_map(self, measure: Callable[[GraphColumns], Measured]) -> Measured:

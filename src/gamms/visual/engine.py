@@ -25,7 +25,7 @@ from gamms.typing import IContext, IVisualizationEngine
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.drawing import Drawing
-from gamms.visual.files import size
+from gamms.visual.files import check_size
 from gamms.visual.pictures import Pictures
 from gamms.visual.shown_turn import PastTurns
 
@@ -176,7 +176,7 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         Raises:
             ContextTerminated: the context has ended.
         """
-        return ArtistGroup(self.ctx, self.artists.shown()).commands(share)
+        return ArtistGroup(self.ctx, self.artists.list_shown()).draw_artists(share)
 
     # -- where pictures look ---------------------------------------------------------------------------------
 
@@ -304,7 +304,7 @@ class OffscreenEngine(PictureEngine):
         from gamms.visual.backends.pygame_backend import load
 
         load()
-        self.pictures.width, self.pictures.height = size(width, height)
+        self.pictures.width, self.pictures.height = check_size(width, height)
         for sentence in explain_misspelled(kwargs, _OFFSCREEN_OPTIONS):
             ctx.logger.warning("vis_kwargs: %s", sentence)
         _warn_of_fog(ctx, kwargs)
@@ -324,7 +324,7 @@ class OffscreenEngine(PictureEngine):
         """Return `(left, right, low end, high end, pixels per unit)` after `look_at`; None sees everything."""
         if self.viewpoint.look is None:
             return None
-        camera = self.viewpoint.look.camera(self.pictures.width, self.pictures.height)
+        camera = self.viewpoint.look.make_camera(self.pictures.width, self.pictures.height)
         right = camera.left + camera.width / camera.scale
         low = camera.top - camera.height / camera.scale
         return camera.left, right, low, camera.top, camera.scale

@@ -29,7 +29,7 @@ from gamms.visual.default_scene import reach_of_views
 from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.drawing import Drawing, join_drawings, magnify
 from gamms.visual.labels import Labels
-from gamms.visual.legend import Block, blocks_of, grow_blocks
+from gamms.visual.legend import Block, grow_blocks, list_blocks
 from gamms.visual.page import Page, PageStyle, compute_page_size, make_style
 from gamms.visual.scene import Scene, make_whole_budget
 
@@ -62,24 +62,24 @@ def check_sheet(name: str | os.PathLike[str], width: int | None, height: int | N
         BadValue: a size or dpi that is not positive or too large, or a format that cannot be written.
     """
     path = as_path(name, "path")
-    asked = sides(width, height)
+    asked = check_sides(width, height)
     if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
         raise BadValue(f"A picture needs between 0 and {_FINEST_DPI:g} pixels per inch, not dpi={dpi:g}.")
     return PictureTarget(asked, dpi, _find_backend(path))
 
 
-def sides(width: int | None, height: int | None, bytes_per_pixel: int = _PICTURE_BYTES) -> Asked:
+def check_sides(width: int | None, height: int | None, bytes_per_pixel: int = _PICTURE_BYTES) -> Asked:
     """Check a width and a height in pixels; either may be None.
 
     Raises:
         BadValue: one is not positive, or too large.
         TooLarge (BadValue): it would take more memory than is allowed.
     """
-    across, up = size(1 if width is None else width, 1 if height is None else height, bytes_per_pixel)
+    across, up = check_size(1 if width is None else width, 1 if height is None else height, bytes_per_pixel)
     return None if width is None else across, None if height is None else up
 
 
-def size(width: int, height: int, bytes_per_pixel: int = _PICTURE_BYTES) -> tuple[int, int]:
+def check_size(width: int, height: int, bytes_per_pixel: int = _PICTURE_BYTES) -> tuple[int, int]:
     """Check a width and height in pixels.
 
     Raises:
@@ -111,17 +111,17 @@ def paint_picture(source: "FrameSource", sheet: PictureTarget, style: PageStyle)
     """Return a picture of the present state, with everything around the map, as the bytes of a file."""
     viewpoint = source.drawing.viewpoint
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
-    artists, commands, blocks = source.drawn(style)
+    artists, commands, blocks = source.list_drawn(style)
     box = frame_drawings(commands)
     reach = spill(commands, box)
-    width, height = size(*_compute_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
+    width, height = check_size(*_compute_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
     page = Page(width, height, blocks, style, fine, reach)
     corner: Point | None = None
-    camera = page.looking(viewpoint)
+    camera = page.find_camera(viewpoint)
     if camera is None:
         camera, corner = page.fit(*box)
-    bar = Captions(source.ctx, source.drawing).now(source.side)
-    around = page.drawing(camera, corner, source.ctx, artists, Labels(), bar)
+    bar = Captions(source.ctx, source.drawing).make_captions(source.side)
+    around = page.draw_parts(camera, corner, source.ctx, artists, Labels(), bar)
     commands = magnify(join_drawings(commands, around), fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
 
@@ -177,7 +177,7 @@ def check_film_plan(
     """
     path = as_target(path)
     suffix = path.suffix.lower()
-    asked = sides(width, height, _FILM_BYTES.get(suffix, _FILM_BYTES[".gif"]))
+    asked = check_sides(width, height, _FILM_BYTES.get(suffix, _FILM_BYTES[".gif"]))
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     frames = FRAMES_PER_TURN if frames_per_turn is None else as_int(frames_per_turn, "frames_per_turn")
@@ -205,10 +205,10 @@ class FrameSource(NamedTuple):
         """The side whose knowledge is shown; None: everything is shown."""
         return None if self.artists.fog is None else self.artists.fog.team
 
-    def drawn(self, style: PageStyle) -> tuple[dict[str, IArtist], DrawCommands, tuple[Block, ...]]:
+    def list_drawn(self, style: PageStyle) -> tuple[dict[str, IArtist], DrawCommands, tuple[Block, ...]]:
         """Return the artists that a page shows, their drawings, and the blocks of its legend."""
-        artists = self.artists.shown(style.trails, sensors=style.sensors)
-        return artists, ArtistGroup(self.ctx, artists).commands(), blocks_of(self.ctx, artists)
+        artists = self.artists.list_shown(style.trails, sensors=style.sensors)
+        return artists, ArtistGroup(self.ctx, artists).draw_artists(), list_blocks(self.ctx, artists)
 
 
 class Frames:
@@ -249,13 +249,13 @@ class Frames:
         width, height = asked
         if width is None or height is None or self._style.is_tight:
             with self._apply_theme():
-                artists, commands, blocks = source.drawn(self._style)
+                artists, commands, blocks = source.list_drawn(self._style)
             box = frame_drawings(commands)
             reach = self._reach(spill(commands, box))
             box = self._enlarge_box(box, artists)
             width, height = _compute_sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
         film_bytes = _FILM_BYTES[".mp4" if is_even else ".gif"]
-        known = size(width, height, film_bytes if is_film else _PICTURE_BYTES)
+        known = check_size(width, height, film_bytes if is_film else _PICTURE_BYTES)
         self.width, self.height = (side + side % 2 * is_even for side in known)
         self.canvas = Canvas(self.width, self.height, paper=self._style.background[:3])
         self._fitted: tuple[Camera, Point] | None = None
@@ -272,19 +272,19 @@ class Frames:
         """Look up which artists draw in this turn."""
         style = self._style if isinstance(self._style.labels, frozenset) else make_style(self.ctx, **self._options)
         with self._apply_theme():
-            self._artists = self._source.artists.shown(style.trails, sensors=style.sensors)
+            self._artists = self._source.artists.list_shown(style.trails, sensors=style.sensors)
             self._is_new_turn = True
-            blocks = grow_blocks(self._blocks, blocks_of(self.ctx, self._artists))
+            blocks = grow_blocks(self._blocks, list_blocks(self.ctx, self._artists))
         if (blocks, style) != (self._blocks, self._style):
             self._blocks = blocks
             self._style = style
             self._page = Page(self.width, self.height, blocks, style, spill=self._page.spill)
         if style.has_captions:
             with self._apply_theme():
-                self._caption_bar = self.captions.now(self._source.side)
+                self._caption_bar = self.captions.make_captions(self._source.side)
                 self._card = end_card(self.ctx, self._caption_bar.turn)
 
-    def at(self, share: float) -> Canvas:
+    def paint_frame(self, share: float) -> Canvas:
         """Return the picture after a share of the agents' last moves; it is painted over by the next one."""
         if self._artists is None:
             self.begin_turn()
@@ -294,7 +294,7 @@ class Frames:
         self.scene.paint(self.canvas, camera, self._style.background, budget)
         with self._apply_theme():
             artists = self._artists or {}
-            around = self._page.drawing(camera, corner, self.ctx, artists, self._labels, self._caption_bar)
+            around = self._page.draw_parts(camera, corner, self.ctx, artists, self._labels, self._caption_bar)
         Painting(around).paint(self.canvas, camera)
         self._camera = camera
         return self.canvas
@@ -303,7 +303,7 @@ class Frames:
         """Paint how the game ended over the last frame; False where it has not, or nothing is said in the film."""
         if self._card is None or self._camera is None or not self._page.has_captions:
             return False
-        Painting(self._page.card(self._camera, self._card)).paint(self.canvas, self._camera)
+        Painting(self._page.draw_card(self._camera, self._card)).paint(self.canvas, self._camera)
         return True
 
     def _reach(self, now: Margins) -> Margins:
@@ -323,7 +323,7 @@ class Frames:
 
     def _draw(self, share: float) -> None:
         with self._apply_theme():
-            self.scene.draw(self._artists or {}, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
+            self.scene.draw(self._artists or {}, lambda group: group.draw_artists(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
 
     def _apply_theme(self) -> AbstractContextManager[None]:
@@ -335,11 +335,11 @@ class Frames:
 
     def _compute_view(self, share: float) -> tuple[Camera, Point | None]:
         """Return the camera, and the corner of the map where it is in the picture as a whole."""
-        pointed = self._page.looking(self._viewpoint, share)
+        pointed = self._page.find_camera(self._viewpoint, share)
         if pointed is not None:
             return pointed, None
         if self._fitted is None:
-            box = self.scene.box()
+            box = self.scene.compute_box()
             self._page.spill = self._reach(self.scene.spill(box))
             self._fitted = self._page.fit(*self._enlarge_box(box, self._artists or {}))
         return self._fitted
@@ -386,7 +386,7 @@ class Film:
                 steps -= 1
             for number in range(first, steps + 1):
                 with add_path_to_errors(self.plan.path, self._part):
-                    self._writer.add(self._frames.at(number / steps))
+                    self._writer.add(self._frames.paint_frame(number / steps))
                 self.frames += 1
         except BaseException:
             self.discard()

@@ -39,7 +39,7 @@ from gamms.visual.drawers.graph import find_typical_edge_length, render_base_map
 from gamms.visual.drawers.marks import render_tags
 from gamms.visual.drawers.messages import make_message_legend, render_messages
 from gamms.visual.drawers.rules import find_flags, find_territories, render_flags, render_homes
-from gamms.visual.drawers.streets import find_distinct_roads, polylines
+from gamms.visual.drawers.streets import find_distinct_roads, join_polylines
 from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import draw_nothing
 from gamms.visual.shown_turn import ShownView
@@ -119,7 +119,7 @@ class Fog:
             data = get_data(artists[TOGETHER])
             together = Artist(self._ctx, render_looks, Layer.AGENTS)
             kept[TOGETHER] = together
-            together.data = data | {"looks": data["looks"].without(self.hidden)}
+            together.data = data | {"looks": data["looks"].remove_agents(self.hidden)}
         for key in flags:
             shown_flags = Artist(self._ctx, self._draw_flags, Layer.FLAGS)
             kept[key] = shown_flags
@@ -183,7 +183,7 @@ class Fog:
         ctx = self._ctx
         field = _NONE
         if report.look.field is not None or not report.is_early:
-            field = find_field(report.look.field, sensor, agent, get_drawing(ctx).motion.on_edges(), ctx.graph)
+            field = find_field(report.look.field, sensor, agent, get_drawing(ctx).motion.list_on_edges(), ctx.graph)
         seen = find_seen(report, sensor, at, ctx.graph)
         look = as_side_look(agent.name, sensor, seen, field, is_early=report.is_early)
         return look._replace(agents=()) if has_errors(sensor) else look
@@ -213,13 +213,13 @@ class Fog:
 
     def _find_places(self, columns: GraphColumns) -> AgentPlaces:
         agents = list(self._ctx.agent.create_iter())
-        on_edges = get_drawing(self._ctx).motion.on_edges()
+        on_edges = get_drawing(self._ctx).motion.list_on_edges()
         nodes = np.array([agent.current_node_id for agent in agents], np.int64)
         is_standing = [agent.type != AgentType.AERIAL and agent.name not in on_edges for agent in agents]
         return AgentPlaces(
             [agent.name for agent in agents],
             [_find_side(agent) for agent in agents],
-            kernels.rows_of(columns.node_ids, nodes, columns.node_order),
+            kernels.find_rows(columns.node_ids, nodes, columns.node_order),
             np.array([agent.alive for agent in agents], bool),
             np.array(is_standing, bool),
         )
@@ -247,7 +247,7 @@ class Fog:
         width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
         for shade, color in enumerate(visual.theme.fog):
             rows = np.flatnonzero(of_streets == shade)
-            take, ends_of = kernels.chosen_runs(offsets, rows)
+            take, ends_of = kernels.select_runs(offsets, rows)
             visual.render_lines(points[take], ends_of, color, width, in_world=is_real)
             visual.render_circles(columns.xy[shades == shade], _DOT * unit, color)
 
@@ -271,7 +271,7 @@ class Fog:
 def _list_streets(columns: GraphColumns) -> tuple[FloatArray, IntArray, IntArray]:
     """Return the points and offsets of streets, and the rows of the nodes at their ends (streets, 2)."""
     rows = find_distinct_roads(columns)
-    return (*polylines(columns, rows), np.column_stack([columns.sources[rows], columns.targets[rows]]))
+    return (*join_polylines(columns, rows), np.column_stack([columns.sources[rows], columns.targets[rows]]))
 
 
 class _TurnDrawer:

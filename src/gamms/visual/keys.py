@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 Place = Literal["window", "page"]
 
 
-class Key(NamedTuple):
+class KeyBinding(NamedTuple):
     """What some keys do.
 
     Attributes:
@@ -37,28 +37,28 @@ _MOVE = "move the map"
 _ZOOM = "zoom"
 
 KEYS = (
-    Key("play", "play, pause", (" ",)),
-    Key("back", _TURNS, (",",), page=("arrowleft",)),
-    Key("on", _TURNS, (".",), page=("arrowright",)),
-    Key("start", _ENDS, ("home",)),
-    Key("end", _ENDS, ("end",)),
-    Key("slower", _SPEED, ("[",), window=("-",)),
-    Key("faster", _SPEED, ("]",), window=("+", "=")),
-    Key("move up", _MOVE, ("w",), window=("arrowup",)),
-    Key("move left", _MOVE, ("a",), window=("arrowleft",)),
-    Key("move down", _MOVE, ("s",), window=("arrowdown",)),
-    Key("move right", _MOVE, ("d",), window=("arrowright",)),
-    Key("zoom in", _ZOOM, ("pageup",), page=("+", "=")),
-    Key("zoom out", _ZOOM, ("pagedown",), page=("-",)),
-    Key("see everything", "see everything", ("0",)),
-    Key("follow", "follow the agent", page=("f",)),
-    Key("select none", "select none", ("escape",)),
-    Key("names", "names", ("l",)),
-    Key("trails", "trails", ("t",)),
-    Key("theme", "light or dark", ("n",)),
-    Key("panel", "scores, charts, events and agents", page=("p",)),
-    Key("text", "hide all text", window=("h",)),
-    Key("help", "these keys", ("?", "f1")),
+    KeyBinding("play", "play, pause", (" ",)),
+    KeyBinding("back", _TURNS, (",",), page=("arrowleft",)),
+    KeyBinding("on", _TURNS, (".",), page=("arrowright",)),
+    KeyBinding("start", _ENDS, ("home",)),
+    KeyBinding("end", _ENDS, ("end",)),
+    KeyBinding("slower", _SPEED, ("[",), window=("-",)),
+    KeyBinding("faster", _SPEED, ("]",), window=("+", "=")),
+    KeyBinding("move up", _MOVE, ("w",), window=("arrowup",)),
+    KeyBinding("move left", _MOVE, ("a",), window=("arrowleft",)),
+    KeyBinding("move down", _MOVE, ("s",), window=("arrowdown",)),
+    KeyBinding("move right", _MOVE, ("d",), window=("arrowright",)),
+    KeyBinding("zoom in", _ZOOM, ("pageup",), page=("+", "=")),
+    KeyBinding("zoom out", _ZOOM, ("pagedown",), page=("-",)),
+    KeyBinding("see everything", "see everything", ("0",)),
+    KeyBinding("follow", "follow the agent", page=("f",)),
+    KeyBinding("select none", "select none", ("escape",)),
+    KeyBinding("names", "names", ("l",)),
+    KeyBinding("trails", "trails", ("t",)),
+    KeyBinding("theme", "light or dark", ("n",)),
+    KeyBinding("panel", "scores, charts, events and agents", page=("p",)),
+    KeyBinding("text", "hide all text", window=("h",)),
+    KeyBinding("help", "these keys", ("?", "f1")),
 )
 """All keys. Keys with digits and Enter that answer a question are not in it: the question says them."""
 
@@ -89,11 +89,11 @@ def explain_keys(place: Place) -> dict[str, str]:
         for one in KEYS:
             keys = [key for key in one.list_keys(place) if (key in one.keys) == is_shared and key not in _UNNAMED]
             if one.list_keys(place):
-                done.setdefault(one.words, []).extend(map(_sign_of, keys))
+                done.setdefault(one.words, []).extend(map(_get_sign, keys))
     for words, act in _POINTER.items():
         done.setdefault(words, []).insert(0, f"{act},")
     return {words: " ".join(signs).removesuffix(",") for words, signs in done.items()}
 
 
-def _sign_of(key: str) -> str:
+def _get_sign(key: str) -> str:
     return _SIGNS.get(key, key.upper() if len(key) < len("end") else key.title())

@@ -22,10 +22,10 @@ from gamms.text import shown
 from gamms.typing import IAerialAgent, IArtist, IContext
 from gamms.visual.appearance import AgentData, AnyColor, Rgb
 from gamms.visual.artist import ArtistGroup, collect_drawn_looks, get_data, list_looks
-from gamms.visual.camera import Camera, on_screen
+from gamms.visual.camera import Camera, project_to_screen
 from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.drawers.marks import get_drawn_marks
-from gamms.visual.drawers.streets import find_classes, find_distinct_roads, find_levels, is_in_metres, polylines
+from gamms.visual.drawers.streets import find_classes, find_distinct_roads, find_levels, is_in_metres, join_polylines
 from gamms.visual.drawing import get_drawing
 from gamms.visual.font import EM, MIDDLE, measure_words
 from gamms.visual.layout import Layout, Rectangle
@@ -101,13 +101,13 @@ class Label(NamedTuple):
         """Draw the label."""
         left, top, _, _ = self.box
         if self.leader:
-            pen.line(self.leader, pen.faint, 1.0)
+            pen.draw_line(self.leader, pen.faint, 1.0)
         indent = _compute_indent(self.lines)
         for number, (words, color) in enumerate(self.lines):
             middle = top + EM * LABEL_PX / 2 + number * _LINE_PX
             if indent and color is not None:
-                pen.circle(left + _BULLET_PX, middle, _BULLET_PX, color)
-            pen.text(words, left + indent, middle, LABEL_PX)
+                pen.draw_circle(left + _BULLET_PX, middle, _BULLET_PX, color)
+            pen.draw_text(words, left + indent, middle, LABEL_PX)
 
 
 class AgentDots(NamedTuple):
@@ -116,7 +116,7 @@ class AgentDots(NamedTuple):
     centers: FloatArray  # (dots, 2)
     radii: FloatArray  # (dots,)
 
-    def boxes(self, margin: float = 0.0) -> FloatArray:
+    def compute_boxes(self, margin: float = 0.0) -> FloatArray:
         """Return the squares (dots, 4) around the discs: left, top, right, bottom."""
         reach = self.radii[:, None] + margin
         return np.hstack([self.centers - reach, self.centers + reach])
@@ -175,7 +175,7 @@ class Labels:
             label = _shorten_lines([lines[row] for row in knot])
             places = _list_places(dots, knot, label)
             order = sorted(range(len(places)), key=lambda place: place != before.get(name))
-            others = np.delete(dots.boxes(_DOTS_PX), knot, axis=0)
+            others = np.delete(dots.compute_boxes(_DOTS_PX), knot, axis=0)
             free = Layout(layout.page, np.vstack([layout.areas, others])).find_free(places[order], _AROUND_PX)
             if free is not None:
                 place = order[free]
@@ -251,7 +251,7 @@ def find_dots(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, fly
 def convert_dots(
     columns: FloatArray, camera: Camera, fine: float = 1.0, is_above: BoolArray | bool = False
 ) -> AgentDots:
-    """Return the discs of columns (dots, 6), as in `AgentLooks.drawn`; `is_above` marks flying agents."""
+    """Return the discs of columns (dots, 6), as in `AgentLooks.list_drawn`; `is_above` marks flying agents."""
     scale = camera.scale / fine
     radii = np.maximum(columns[:, 4] * scale, columns[:, 5])
     centers = camera.to_screen(columns[:, :2]) / fine + columns[:, 2:4] * radii[:, None]
@@ -265,13 +265,13 @@ def sign_boxes(ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fi
     if not marks:
         return np.empty((0, 4))
     share = max(data.get("_alpha", 1.0) for data in map(get_data, marks.values()))
-    commands = ArtistGroup(ctx, marks).commands(share)
+    commands = ArtistGroup(ctx, marks).draw_artists(share)
     if len(commands) == 0:
         return np.empty((0, 4))
     view = camera._replace(scale=camera.scale / fine)
     scale = np.where(commands.space == DrawSpace.WORLD, view.scale, 1.0)
     reach = (commands.size * scale + commands.width / 2)[:, None]
-    points = on_screen(commands, view)
+    points = project_to_screen(commands, view)
     low = np.minimum.reduceat(points, commands.offsets[:-1]) - reach
     high = np.maximum.reduceat(points, commands.offsets[:-1]) + reach
     return np.hstack([low, high])
@@ -330,12 +330,12 @@ def _compute_indent(lines: list[LabelLine]) -> float:
 
 def _list_places(dots: AgentDots, knot: list[int], lines: list[LabelLine]) -> FloatArray:
     """Return where a label may stand beside discs, (places, 4)."""
-    own = dots.boxes()[knot]
+    own = dots.compute_boxes()[knot]
     low = own[:, :2].min(axis=0)
     high = own[:, 2:].max(axis=0)
     width = _compute_indent(lines) + max(measure_words(words, LABEL_PX) for words, _ in lines)
     size = np.array([width, EM * LABEL_PX + (len(lines) - 1) * _LINE_PX])
-    return beside((low + high) / 2, (high - low) / 2, size)
+    return place_beside((low + high) / 2, (high - low) / 2, size)
 
 
 def _make_leader(dots: AgentDots, row: int, box: FloatArray) -> list[tuple[float, float]]:
@@ -347,7 +347,7 @@ def _make_leader(dots: AgentDots, row: int, box: FloatArray) -> list[tuple[float
     return [(float(x), float(y)) for x, y in (begin, end)]
 
 
-def beside(middle: FloatArray, half: FloatArray, size: FloatArray) -> FloatArray:
+def place_beside(middle: FloatArray, half: FloatArray, size: FloatArray) -> FloatArray:
     """Return boxes (places, 4) of a size (2,) at all sides of a box from its middle (2,): near ones, then far ones."""
     share = np.where(np.abs(SIDES).sum(axis=1) > 1.0, _CORNER, 1.0)[:, None]
     around = [middle + SIDES * ((half + gap) * share + size / 2) for gap in _GAPS_PX]
@@ -376,9 +376,9 @@ class StreetName(NamedTuple):
 
     def draw(self, pen: Pen, ink: Rgb) -> None:
         """Write the name."""
-        pen.turned_text(self.words, self.corner, STREET_PX, ink, self.angle)
+        pen.draw_turned_text(self.words, self.corner, STREET_PX, ink, self.angle)
 
-    def boxes(self) -> FloatArray:
+    def compute_boxes(self) -> FloatArray:
         """Return squares (squares, 4) that cover the words: left, top, right, bottom."""
         half = EM * STREET_PX / 2
         across = measure_words(self.words, STREET_PX) / 2
@@ -413,7 +413,7 @@ def place_street_names(
     found = list[StreetName]()
     if scale < _CLOSE or not is_in_metres(ctx.graph.columns()):
         return found
-    layout.cover(convert_dots(collect_drawn_looks(artists)[1], camera, fine).boxes())
+    layout.cover(convert_dots(collect_drawn_looks(artists)[1], camera, fine).compute_boxes())
     left, top, right, bottom = layout.page
     most = int((right - left) * (bottom - top) / _NAME_AREA)
     for name in _propose_names(get_drawing(ctx).of_map(_find_straight_parts), camera._replace(scale=scale), layout):
@@ -421,8 +421,8 @@ def place_street_names(
             return found
         same = np.array([(one.x, one.y) for one in found if one.words == name.words]).reshape(-1, 2)
         is_near = np.hypot(*(same - (name.x, name.y)).T) < _AGAIN_PX
-        if not is_near.any() and not layout.measure_overlaps(name.boxes(), _CLEAR_PX).any():
-            layout.cover(name.boxes())
+        if not is_near.any() and not layout.measure_overlaps(name.compute_boxes(), _CLEAR_PX).any():
+            layout.cover(name.compute_boxes())
             found.append(name)
     return found
 
@@ -456,7 +456,7 @@ def _find_straight_parts(columns: GraphColumns) -> _StraightParts:
     texts, group = np.unique([names[row] for row in rows.tolist()], return_inverse=True)
     classes = np.zeros(len(texts), np.int64)
     np.maximum.at(classes, group, find_classes(columns)[rows])
-    owner, ends = find_straight_parts(*polylines(columns, rows), group, _STRAIGHT_M)
+    owner, ends = find_straight_parts(*join_polylines(columns, rows), group, _STRAIGHT_M)
     lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
     order = np.lexsort((owner, -lengths, -classes[owner]))
     widths = np.array([measure_words(text, STREET_PX) for text in texts.tolist()])

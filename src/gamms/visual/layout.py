@@ -40,15 +40,15 @@ class Layout:
         Returns:
             The row; None if no place is free.
         """
-        overlaps = self._overlaps_on_page(places, gap)
+        overlaps = self._find_overlaps(places, gap)
         row = int(overlaps.argmin())
         return row if overlaps[row] == 0.0 else None
 
     def choose(self, places: FloatArray, gap: float = 0.0) -> int:
         """Return the row of the first of `places` (places, 4) that cover the least, on the page if possible."""
-        return int(self._overlaps_on_page(places, gap).argmin())
+        return int(self._find_overlaps(places, gap).argmin())
 
-    def _overlaps_on_page(self, places: FloatArray, gap: float) -> FloatArray:
+    def _find_overlaps(self, places: FloatArray, gap: float) -> FloatArray:
         overlaps = self.measure_overlaps(places, gap)
         overlaps[~self.are_inside(places)] = np.inf
         return overlaps
@@ -79,21 +79,21 @@ class Layout:
 
     def list_below(self, box: Rectangle, gap: float) -> FloatArray:
         """Return a box, then the places (places, 4) below covered areas, from top to bottom, in whole pixels."""
-        ways = np.ceil(self._areas_along(box, gap)[:, 3]) + gap - box[1]
-        return _moved_down(box, np.sort(ways[ways > 0.0]))
+        ways = np.ceil(self._find_areas_along(box, gap)[:, 3]) + gap - box[1]
+        return _move_down(box, np.sort(ways[ways > 0.0]))
 
     def list_above(self, box: Rectangle, gap: float) -> FloatArray:
         """Return a box, then the places (places, 4) above covered areas, from bottom to top, in whole pixels."""
-        ways = np.floor(self._areas_along(box, gap)[:, 1]) - gap - box[3]
-        return _moved_down(box, np.sort(ways[ways < 0.0])[::-1])
+        ways = np.floor(self._find_areas_along(box, gap)[:, 1]) - gap - box[3]
+        return _move_down(box, np.sort(ways[ways < 0.0])[::-1])
 
-    def _areas_along(self, box: Rectangle, gap: float) -> FloatArray:
+    def _find_areas_along(self, box: Rectangle, gap: float) -> FloatArray:
         """Return the covered areas that a box would meet on its way up or down."""
         left, _, right, _ = box
         return self.areas[(self.areas[:, 0] < right + gap) & (self.areas[:, 2] > left - gap)]
 
 
-def _moved_down(box: Rectangle, ways: FloatArray) -> FloatArray:
+def _move_down(box: Rectangle, ways: FloatArray) -> FloatArray:
     """Return a box, and the box moved down by each of `ways`."""
     moved: FloatArray = np.array(box) + np.outer(np.append(0.0, ways), (0.0, 1.0, 0.0, 1.0))
     return moved

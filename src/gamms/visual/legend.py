@@ -23,9 +23,9 @@ from gamms.visual.appearance import (
     Rgb,
     Rgba,
     apply_colors,
-    levels,
-    rgba,
-    table,
+    find_color_table,
+    find_levels,
+    parse_color,
 )
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
@@ -84,7 +84,7 @@ class LegendRows(NamedTuple):
 Block = ColorScale | LegendRows
 
 
-def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
+def list_blocks(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
     """Return the blocks of the legends of visible artists, lower layers first.
 
     Raises:
@@ -105,10 +105,10 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
                     f"not {shown(block)}."
                 )
             found.append(block)
-    return together(found)
+    return merge_blocks(found)
 
 
-def together(blocks: Iterable[Block]) -> tuple[Block, ...]:
+def merge_blocks(blocks: Iterable[Block]) -> tuple[Block, ...]:
     """Merge the blocks without title, and without values other than scores, into one; equal rows appear once."""
     found = list[Block | None]()
     rows = dict[tuple[object, ...], LegendRow]()
@@ -129,7 +129,7 @@ def grow_blocks(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Bloc
     if not open_before:
         return now
     place = next((place for place, block in enumerate(now) if _is_open(block)), len(now))
-    return *now[:place], *together([*open_before, *now[place : place + 1]]), *now[place + 1 :]
+    return *now[:place], *merge_blocks([*open_before, *now[place : place + 1]]), *now[place + 1 :]
 
 
 def _is_open(block: Block) -> bool:
@@ -162,9 +162,11 @@ def make_block(plain: dict[str, Any]) -> Block:
     if not all(isinstance(word, str) for word in words):
         raise BadType("The words of a recorded legend must be str.")
     if "rows" in plain:
-        return LegendRows(words[0], tuple(LegendRow(rgba(color)[:3], *row) for color, *row in plain["rows"]), words[-1])
+        return LegendRows(
+            words[0], tuple(LegendRow(parse_color(color)[:3], *row) for color, *row in plain["rows"]), words[-1]
+        )
     low, middle, high = words[1:-1]
-    colors = tuple(rgba(color)[:3] for color in plain["colors"])
+    colors = tuple(parse_color(color)[:3] for color in plain["colors"])
     if not 0 < len(colors) <= _MOST_COLORS:
         raise BadValue(f"The bar of a recorded legend has between 1 and {_MOST_COLORS} colors, not {len(colors)}.")
     return ColorScale(words[0], colors, low, middle, high)
@@ -208,10 +210,10 @@ class Legend:
     def draw(self, pen: "Pen", left: float, top: float, ground: Rgba | None) -> None:
         """Draw the legend, on a background if it covers the map."""
         if self._blocks and ground is not None:
-            pen.rectangle(
+            pen.draw_rectangle(
                 left - _PAD_PX, top - _PAD_PX, self.width + 2.0 * _PAD_PX, self.height + 2.0 * _PAD_PX, ground
             )
-        pen = pen.zoomed(self._zoom, left, top)
+        pen = pen.copy_zoomed(self._zoom, left, top)
         top = 0.0
         for block in self._blocks:
             if isinstance(block, ColorScale):
@@ -256,7 +258,7 @@ class Pen:
         self._zoom = 1.0
         self._begin = (0.0, 0.0)
 
-    def zoomed(self, zoom: float, left: float, top: float) -> "Pen":
+    def copy_zoomed(self, zoom: float, left: float, top: float) -> "Pen":
         """Return a pen that draws into the same commands, in another size, and from a point of this one's."""
         pen = copy(self)
         pen._begin = (left, top)
@@ -272,29 +274,29 @@ class Pen:
         left, top = (begin + self._zoom * way for begin, way in zip(self._begin, (x, y), strict=True))
         return self.camera.left + left / self._scale, self.camera.top - top / self._scale
 
-    def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
+    def draw_rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle from its upper left corner."""
         self.commands.add_rectangle(*self._convert_point(x, y), self._zoom * width, self._zoom * height, color)
 
-    def circle(self, x: float, y: float, radius: float, color: AnyColor, width: float = 0.0) -> None:
+    def draw_circle(self, x: float, y: float, radius: float, color: AnyColor, width: float = 0.0) -> None:
         """Draw a circle; a width of 0 fills it."""
         place = self._convert_point(x, y)
         zoom = self._zoom
         self.commands.add_circles([place], zoom * radius, color, zoom * width, DrawSpace.SCREEN)
 
-    def line(self, points: Iterable[tuple[float, float]], color: AnyColor, width: float) -> None:
+    def draw_line(self, points: Iterable[tuple[float, float]], color: AnyColor, width: float) -> None:
         """Draw a polyline."""
         self.commands.add_line([self._convert_point(*point) for point in points], color, self._zoom * width)
 
-    def polygon(self, points: Iterable[tuple[float, float]], color: AnyColor) -> None:
+    def draw_polygon(self, points: Iterable[tuple[float, float]], color: AnyColor) -> None:
         """Fill a polygon."""
         self.commands.add_polygon([self._convert_point(*point) for point in points], color)
 
-    def turned_text(self, words: str, corner: tuple[float, float], font_px: float, ink: Rgb, angle: float) -> None:
+    def draw_turned_text(self, words: str, corner: tuple[float, float], font_px: float, ink: Rgb, angle: float) -> None:
         """Write words from their upper left corner, turned around that counter-clockwise by degrees."""
         self.commands.add_text(words, *self._convert_point(*corner), ink, self._zoom * font_px, angle)
 
-    def text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
+    def draw_text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
         """Write words whose small letters have their middle so far down."""
         place = self._convert_point(x, middle - MIDDLE * font_px)
         self.commands.add_text(words, *place, ink or self.ink, self._zoom * font_px)
@@ -306,16 +308,16 @@ def _draw_bar(pen: Pen, bar: ColorScale, top: float) -> None:
     bottom = top + _BAR_HEIGHT_PX
     for number, color in enumerate(reversed(bar.colors)):  # each down to the bottom, so that no seam shows
         begin = top + number * step
-        pen.rectangle(0.0, begin, _BAR_PX, bottom - begin, color)
+        pen.draw_rectangle(0.0, begin, _BAR_PX, bottom - begin, color)
     for words, y in ((bar.high, top + 6.0), (bar.middle, (top + bottom) / 2), (bar.low, bottom - 6.0)):
-        pen.text(words, _BAR_PX + 8.0, y, _FONT_PX)
+        pen.draw_text(words, _BAR_PX + 8.0, y, _FONT_PX)
 
 
 def _draw_rows(pen: Pen, block: LegendRows, top: float) -> None:
     top += _draw_title(pen, block.title, top)
     end = _measure_values_end(block)
     if block.heading:
-        pen.text(
+        pen.draw_text(
             block.heading, end - measure_words(block.heading, _SMALL_PX), top + 0.4 * _LINE_PX, _SMALL_PX, pen.faint
         )
         top += _HEADING_PX
@@ -323,9 +325,9 @@ def _draw_rows(pen: Pen, block: LegendRows, top: float) -> None:
         middle = top + (number + 0.5) * _LINE_PX
         color = pen.faint if row.color == SIGN and row.sign != _DISC else row.color
         _draw_sign(pen, row.sign, _SWATCH_PX + 1.0, middle, color)
-        pen.text(row.name, _NAME_PX, middle, _FONT_PX)
+        pen.draw_text(row.name, _NAME_PX, middle, _FONT_PX)
         if row.value:
-            pen.text(row.value, end - measure_words(row.value, _FONT_PX), middle, _FONT_PX)
+            pen.draw_text(row.value, end - measure_words(row.value, _FONT_PX), middle, _FONT_PX)
 
 
 class _SignPart(NamedTuple):
@@ -385,17 +387,17 @@ def _draw_sign(pen: Pen, sign: str, x: float, y: float, color: Rgb) -> None:
         ink = (*(part.color or color), part.alpha)
         points = [(x + right, y + down) for right, down in part.points]
         if part.radius:
-            pen.circle(x, y, part.radius, ink, part.width)
+            pen.draw_circle(x, y, part.radius, ink, part.width)
         elif part.width:
-            pen.line(points, ink, part.width)
+            pen.draw_line(points, ink, part.width)
         else:
-            pen.polygon(points, ink)
+            pen.draw_polygon(points, ink)
 
 
 def _draw_title(pen: Pen, title: str, top: float) -> float:
     """Write a title, and return its height, pixels."""
     if title:
-        pen.text(title, 0.0, top + 0.5 * _LINE_PX, _TITLE_PX)
+        pen.draw_text(title, 0.0, top + 0.5 * _LINE_PX, _TITLE_PX)
     return _measure_title_height(title)
 
 
@@ -507,10 +509,10 @@ def check_colored_values(
         colors, places = apply_colors(cmap, values)
         low, high = _find_span(values, span)
         return ColoredValues(of, ids, tuple(colors), places, _make_function_key(cmap, values, low, high, title))
-    colors = list(table(cmap))
+    colors = list(find_color_table(cmap))
     low, high = _find_span(values, span, is_even=cmap == DIVERGING)
     bar = _make_color_bar(title, colors, low, high) if len(values) else None
-    return ColoredValues(of, ids, tuple(colors), levels(values, low, high), bar)
+    return ColoredValues(of, ids, tuple(colors), find_levels(values, low, high), bar)
 
 
 def _convert_values(values: Iterable[Any], of: str) -> FloatArray:
@@ -553,13 +555,13 @@ def _make_function_key(colorize: Colorize, values: FloatArray, low: float, high:
         return None
     if len(distinct) <= _FEW_COLORS:
         return LegendRows(
-            title, tuple(LegendRow(rgba(colorize(value))[:3], f"{value:g}") for value in distinct.tolist())
+            title, tuple(LegendRow(parse_color(colorize(value))[:3], f"{value:g}") for value in distinct.tolist())
         )
     shown = distinct[np.rint(np.linspace(0, len(distinct) - 1, min(_STEPS, len(distinct)))).astype(int)]
     if np.isfinite(distinct).all() and high > low:  # the nearest existing value at even steps
         wanted = np.linspace(low, high, _STEPS)
         shown = distinct[np.abs(distinct[:, None] - wanted).argmin(axis=0)]
-    return _make_color_bar(title, [rgba(colorize(value))[:3] for value in shown.tolist()], low, high)
+    return _make_color_bar(title, [parse_color(colorize(value))[:3] for value in shown.tolist()], low, high)
 
 
 def _make_color_bar(title: str, colors: list[Rgb], low: float, high: float) -> Block:

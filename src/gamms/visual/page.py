@@ -17,7 +17,7 @@ from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
-from gamms.visual.appearance import PAPER, Rgb, Rgba, choose_inks, rgba
+from gamms.visual.appearance import PAPER, Rgb, Rgba, choose_inks, parse_color
 from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_bar, draw_card
 from gamms.visual.drawers.streets import is_in_metres
@@ -87,8 +87,8 @@ def make_style(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     unit = " m" if columns.crs else ""
     return PageStyle(
         title=as_text(options.get("title", ""), "title"),
-        note=noted(ctx, options.get("note", "")),
-        background=rgba(options.get("background") or theme.background),
+        note=add_source(ctx, options.get("note", "")),
+        background=parse_color(options.get("background") or theme.background),
         is_tight=fit == _FITS[1],
         unit=unit if has_bar else None,
         north=as_bool(options.get("north", False), "north"),
@@ -102,7 +102,7 @@ def make_style(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     )
 
 
-def noted(ctx: IContext, note: str) -> str:
+def add_source(ctx: IContext, note: str) -> str:
     """Return the note, and the source of the map unless the note already names it."""
     note = as_text(note, "note")
     attribution: str | None = getattr(ctx.graph, "attribution", None)
@@ -165,7 +165,7 @@ class Page:
         x, y = camera.to_screen(high[None])[0].tolist()
         return camera, (x, y)
 
-    def looking(self, viewpoint: Viewpoint, share: float = 1.0) -> Camera | None:
+    def find_camera(self, viewpoint: Viewpoint, share: float = 1.0) -> Camera | None:
         """Return the camera of a view that the user has chosen, beside the legend; None: there is no such view.
 
         Args:
@@ -173,7 +173,7 @@ class Page:
             share: the share of the moves of a followed agent.
         """
         width, height = (round(side * self._fine) for side in self._size)
-        camera = viewpoint.camera(width - round(self._column_px * self._fine), height, share)
+        camera = viewpoint.make_camera(width - round(self._column_px * self._fine), height, share)
         return None if camera is None else camera._replace(width=width)
 
     @property
@@ -188,13 +188,15 @@ class Page:
         )
         return left, top, right, bottom
 
-    def tight(self, low: FloatArray, high: FloatArray) -> tuple[int, int]:
+    def find_tight_size(self, low: FloatArray, high: FloatArray) -> tuple[int, int]:
         """Return how large a page is that the map, at the scale of this one, fills; at most as large as this one."""
         across, up = ((high - low) * self.fit(low, high)[0].scale / self._fine).tolist()
-        width, height = (min(side, most) for side, most in zip(self.around(across, up), self._size, strict=True))
+        width, height = (
+            min(side, most) for side, most in zip(self.find_size_around(across, up), self._size, strict=True)
+        )
         return max(ceil(width * self._fine), 1), max(ceil(height * self._fine), 1)
 
-    def around(self, across: float, up: float) -> tuple[float, float]:
+    def find_size_around(self, across: float, up: float) -> tuple[float, float]:
         """Return how large a page is around a map of a size, both in 96ths of an inch."""
         left, top, right, bottom = self._compute_margins()
         title = measure_words(self._style.title, _TITLE_PX) + 2 * self._margin if self._style.title else 0.0
@@ -202,13 +204,13 @@ class Page:
         width, height = self.legend.least
         return max(across + left + right, foot, title, width), max(up, height) + top + bottom
 
-    def pen(self, camera: Camera) -> Pen:
+    def make_pen(self, camera: Camera) -> Pen:
         """Return a pen for this page."""
         return Pen(camera, self._fine, choose_inks(self._style.background)[0])
 
     # -- parts around the map --------------------------------------------------------------------------
 
-    def commands(self, camera: Camera, corner: Point | None = None) -> DrawCommands:
+    def make_commands(self, camera: Camera, corner: Point | None = None) -> DrawCommands:
         """Return it as the camera has to see it; sizes in pixels are not `fine` yet.
 
         Args:
@@ -217,14 +219,14 @@ class Page:
         """
         style = self._style
         _, faint = choose_inks(self._style.background)
-        pen = self.pen(camera)
+        pen = self.make_pen(camera)
         if style.title:
-            pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
+            pen.draw_text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
         left, top = self._place_legend(corner)
         is_beside = corner is None or left > corner[0] / self._fine
         if corner is None and self.legend.width:
             width, height = self._size
-            pen.rectangle(width - self._column_px, 0.0, self._column_px, height, style.background[:3])
+            pen.draw_rectangle(width - self._column_px, 0.0, self._column_px, height, style.background[:3])
         self.legend.draw(pen, left, top, None if is_beside else (*style.background[:3], _GROUND))
         self._draw_foot(pen, faint, camera.scale / self._fine)
         return pen.commands.freeze()
@@ -240,7 +242,7 @@ class Page:
         left, top = inside.move_inside(np.append(at, at + legend)[None])[0, :2].tolist()
         return left, top
 
-    def drawing(
+    def draw_parts(
         self,
         camera: Camera,
         corner: Point | None,
@@ -253,13 +255,15 @@ class Page:
 
         Args:
             camera: of the map.
-            corner: see `commands`.
+            corner: see `make_commands`.
             ctx: the context.
             artists: that have drawn the map.
             labels: place the names of agents.
             bar: the captions.
         """
-        around = join_drawings(self._draw_names(camera, corner, ctx, artists, labels), self.commands(camera, corner))
+        around = join_drawings(
+            self._draw_names(camera, corner, ctx, artists, labels), self.make_commands(camera, corner)
+        )
         return join_drawings(around, self._draw_captions(camera, bar, corner)) if self.has_captions else around
 
     def _draw_names(
@@ -268,7 +272,7 @@ class Page:
         """Return the names of streets, and the labels beside agents, for the position of the map on this page."""
         style = self._style
         layout = self._lay_out(corner)
-        pen = self.pen(camera)
+        pen = self.make_pen(camera)
         draw_names(pen, self._fine, ctx, artists, labels, layout, choice=style.labels, has_streets=style.street_names)
         return pen.commands.freeze()
 
@@ -290,18 +294,18 @@ class Page:
         width, height = self._size
         (left, *_, foot) = self._margins
         lines = self._lines
-        pen = self.pen(camera)
+        pen = self.make_pen(camera)
         top = height - foot + _GAP_PX
         if corner is None:
-            pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
+            pen.draw_rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
         scores = not self.legend.width
         _, faint = choose_inks(self._style.background)
         draw_caption_bar(pen, bar, (left, top, width - 2 * left), lines, faint, scores=scores)
         return pen.commands.freeze()
 
-    def card(self, camera: Camera, card: ResultCard) -> DrawCommands:
+    def draw_card(self, camera: Camera, card: ResultCard) -> DrawCommands:
         """Return how the game ended, on a card upon the map."""
-        pen = self.pen(camera)
+        pen = self.make_pen(camera)
         (left, top, right, bottom) = self._margins
         width, height = self._size
         center = (left + width - right) / 2, top + 0.4 * (height - top - bottom)
@@ -330,25 +334,25 @@ class Page:
         x = self._margin
         if note_px:
             left = width - max(self._margin - _EDGE_PX, 0.0) - note_px
-            pen.rectangle(left, middle - 0.4 * _ROW_PX, note_px, 0.8 * _ROW_PX, ground)
-            pen.text(self._style.note, left + _EDGE_PX, middle, _NOTE_PX, ink)
+            pen.draw_rectangle(left, middle - 0.4 * _ROW_PX, note_px, 0.8 * _ROW_PX, ground)
+            pen.draw_text(self._style.note, left + _EDGE_PX, middle, _NOTE_PX, ink)
         if not mark_px:
             return
         middle -= _ROW_PX * (self._rows - 1)
-        pen.rectangle(x - _EDGE_PX, middle - 0.4 * _ROW_PX, mark_px + _EDGE_PX, 0.8 * _ROW_PX, ground)
+        pen.draw_rectangle(x - _EDGE_PX, middle - 0.4 * _ROW_PX, mark_px + _EDGE_PX, 0.8 * _ROW_PX, ground)
         if mark_px > _NORTH_PX:
             length = find_round_length(self._bar_px / scale)
             end = x + length * scale
             low = middle + 4.0
-            pen.line([(x, low - 5.0), (x, low), (end, low), (end, low - 5.0)], ink, 1.5)
+            pen.draw_line([(x, low - 5.0), (x, low), (end, low), (end, low - 5.0)], ink, 1.5)
             words = f"{length / 1000:g} km" if self._style.unit and length >= 1000 else f"{length:g}{self._style.unit}"
-            pen.text(words, end + 6.0, middle, _NOTE_PX, ink)
+            pen.draw_text(words, end + 6.0, middle, _NOTE_PX, ink)
             x = end + 6.0 + measure_words(words, _NOTE_PX) + 16.0
         if self._style.north:
-            pen.polygon(
+            pen.draw_polygon(
                 [(x, middle + 5.0), (x + 4.0, middle - 7.0), (x + 8.0, middle + 5.0), (x + 4.0, middle + 2.0)], ink
             )
-            pen.text("N", x + 12.0, middle, _NOTE_PX, ink)
+            pen.draw_text("N", x + 12.0, middle, _NOTE_PX, ink)
 
 
 def find_round_length(longest: float) -> float:
@@ -383,11 +387,11 @@ def compute_page_size(
         across, up = np.maximum(high - low, 1e-9).tolist()
         ratio = min(max(across / up, _SLIMMEST), 1 / _SLIMMEST)
         page = Page(_ENDLESS, _ENDLESS, blocks, style, spill=spill)
-        free = page.around((_AREA * ratio) ** 0.5, (_AREA / ratio) ** 0.5)
+        free = page.find_size_around((_AREA * ratio) ** 0.5, (_AREA / ratio) ** 0.5)
         width, height = (round(side * fine) for side in free)
     width = width or round((height or 0) / _SLIMMEST)
     height = height or round(width / _SLIMMEST)
-    tight = Page(width, height, blocks, style, fine, spill).tight(low, high)
+    tight = Page(width, height, blocks, style, fine, spill).find_tight_size(low, high)
     if style.is_tight:
         return tight
     return asked[0] or tight[0], asked[1] or tight[1]

@@ -168,12 +168,12 @@ class Pictures(Guarded):
             MissingExtra (ImportError): pygame or Pillow is not installed.
             ContextTerminated: the context has ended.
         """
-        from gamms.visual.files import Frames, FrameSource, size
+        from gamms.visual.files import Frames, FrameSource, check_size
 
-        width, height = size(self.width if width is None else width, self.height if height is None else height)
+        width, height = check_size(self.width if width is None else width, self.height if height is None else height)
         frames = Frames(FrameSource(self._ctx, self._drawing, self._artists), (width, height), options, self._scene)
         self._scene = frames.scene
-        return frames.at(1.0).pixels().copy()  # which may be written to
+        return frames.paint_frame(1.0).pixels().copy()  # which may be written to
 
     @refuse_while_deciding
     @spell_out_options()

@@ -13,7 +13,7 @@ from gamms.text import reason
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.artist import ArtistGroup, make_state_key
 from gamms.visual.drawing import get_drawing
-from gamms.visual.legend import Block, blocks_of, make_block, make_plain_block
+from gamms.visual.legend import Block, list_blocks, make_block, make_plain_block
 
 Recorded = dict[str, Any]  # `artist`, `layer`, `visible`, and, if it is visible, `commands` and `legend`
 _POINT_BYTES = 200  # memory per point: columns, and the data painted from these
@@ -108,7 +108,7 @@ class RecordedDrawings:
         for known in (self.commands, self.starts, self.legends, self._plain):
             known.clear()
 
-    def recorded(self, name: str, artist: IArtist) -> Recorded:
+    def record_drawing(self, name: str, artist: IArtist) -> Recorded:
         """Return the present drawing of an artist as plain values; errors are logged, as in pictures."""
         found: Recorded = {"artist": name, "layer": artist.get_layer(), "visible": artist.get_visible()}
         if not found["visible"] or name in self._refused:
@@ -127,7 +127,7 @@ class RecordedDrawings:
     def _draw_artist(self, name: str, artist: IArtist) -> Recorded:
         try:
             start = self._start(name, artist)
-            drawn: Recorded = {"commands": ArtistGroup(self._ctx, {name: artist}).commands().to_plain()}
+            drawn: Recorded = {"commands": ArtistGroup(self._ctx, {name: artist}).draw_artists().to_plain()}
             if start is not None and _has_moved_only(start, drawn["commands"]):
                 drawn["start"] = start["points"]
         except BadValue as error:
@@ -135,7 +135,7 @@ class RecordedDrawings:
             self._ctx.logger.warning(f"Artist {name!r}: {reason(error)}")
             return {}
         try:
-            legend = [make_plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
+            legend = [make_plain_block(block) for block in list_blocks(self._ctx, {name: artist})]
         except Exception as error:  # noqa: BLE001 - a function of the user's, as a drawer is
             self._ctx.logger.error(f"The legend of artist {name!r} failed: {type(error).__name__}: {reason(error)}")  # noqa: TRY400 - ILogger has no `exception`
             legend = []
@@ -148,7 +148,7 @@ class RecordedDrawings:
             return None
         motion = get_drawing(self._ctx).motion
         motion.begin_turn()
-        return ArtistGroup(self._ctx, {name: artist}).commands(0.0).to_plain() if motion.moves.rows else None
+        return ArtistGroup(self._ctx, {name: artist}).draw_artists(0.0).to_plain() if motion.moves.rows else None
 
 
 def _has_moved_only(start: dict[str, Any], end: dict[str, Any]) -> bool:

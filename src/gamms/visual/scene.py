@@ -14,10 +14,10 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import Rgba
-from gamms.visual.artist import ArtistGroup, in_painting_order, make_state_key
+from gamms.visual.artist import ArtistGroup, make_state_key, sort_for_painting
 from gamms.visual.backends.pygame_backend import Canvas, load, paint_transparent
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, bounds, frame_drawings, spill
+from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, compute_bounds, frame_drawings, spill
 from gamms.visual.constants import CACHE_ZOOM_MAX
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class SurfacePool:
     def __init__(self) -> None:
         self._kept: dict[tuple[str, int], Any] = {}
 
-    def surface(self, use: str, width: int, height: int, flags: int = 0) -> Any:
+    def get_surface(self, use: str, width: int, height: int, flags: int = 0) -> Any:
         """Return a surface of this size, with the contents of its last use."""
         kept = self._kept.get((use, flags))
         if kept is None or kept.get_width() < width or kept.get_height() < height:
@@ -97,14 +97,14 @@ class _Area(NamedTuple):
     right: int
     bottom: int
 
-    def tiles(self) -> "_Area":
+    def find_tiles(self) -> "_Area":
         """Return the tiles that hold these pixels."""
         return _Area(self.left // SIDE, self.top // SIDE, -(-self.right // SIDE), -(-self.bottom // SIDE))
 
-    def wider(self, by: int) -> "_Area":
+    def widen(self, by: int) -> "_Area":
         return _Area(self.left - by, self.top - by, self.right + by, self.bottom + by)
 
-    def places(self) -> Iterator[Place]:
+    def list_places(self) -> Iterator[Place]:
         return product(range(self.left, self.right), range(self.top, self.bottom))
 
 
@@ -123,7 +123,7 @@ class _Level:
         self.tiles.pop(place, None)
         self.rough.discard(place)
 
-    def view(self, camera: Camera) -> _Area:
+    def find_view(self, camera: Camera) -> _Area:
         """Return the pixels of this level that a camera sees."""
         share = self.scale / camera.scale
         x, y = self._phase
@@ -131,7 +131,7 @@ class _Level:
         top = round(-camera.top * self.scale - y)
         return _Area(left, top, left + round(camera.width * share), top + round(camera.height * share))
 
-    def camera(self, tiles: _Area) -> Camera:
+    def make_camera(self, tiles: _Area) -> Camera:
         """Return a camera that sees just these tiles."""
         size = (tiles.right - tiles.left) * SIDE, (tiles.bottom - tiles.top) * SIDE
         x, y = self._phase
@@ -162,15 +162,15 @@ class Tiles:
     def show(self, canvas: Canvas, camera: Camera, budget: FrameBudget) -> None:
         """Show the view of a camera; with the background None, over the present contents."""
         level = self._choose_level(camera, budget)
-        area = level.view(camera)
+        area = level.find_view(camera)
         if budget.is_leaping:
-            for place in level.rough.intersection(area.tiles().places()):
+            for place in level.rough.intersection(area.find_tiles().list_places()):
                 level.forget(place)
         # A camera that only pans misses few tiles, which are painted at once.
         is_settling = budget.is_zooming or not level.tiles or bool(level.rough)
-        if self._fill(level, area.tiles(), may_cut_out=is_settling and not budget.is_leaping):
+        if self._fill(level, area.find_tiles(), may_cut_out=is_settling and not budget.is_leaping):
             budget.spend()
-        self._sharpen(level, area.tiles(), budget)
+        self._sharpen(level, area.find_tiles(), budget)
         if level.scale == camera.scale:
             self._blit(canvas.surface, level, area)
             return
@@ -181,7 +181,7 @@ class Tiles:
     def is_sharp(self, camera: Camera) -> bool:
         """Return whether everything in view is painted at the scale of the camera."""
         level = self._levels.get(_compute_grid(camera))
-        return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
+        return level is not None and not level.rough.intersection(level.find_view(camera).find_tiles().list_places())
 
     def _choose_level(self, camera: Camera, budget: FrameBudget) -> _Level:
         """Return the level to show: that of the camera's scale, or while zooming one that is near."""
@@ -199,7 +199,7 @@ class Tiles:
 
     def _fill(self, level: _Level, tiles: _Area, *, may_cut_out: bool) -> bool:
         """Make missing tiles: empty, cut out of another level, or painted at once; return whether it took time."""
-        missing = [place for place in tiles.places() if place not in level.tiles]
+        missing = [place for place in tiles.list_places() if place not in level.tiles]
         if not missing:
             return False
         self._evict(level, tiles)
@@ -215,7 +215,7 @@ class Tiles:
 
     def _is_empty(self, level: _Level, place: Place) -> bool:
         """Return whether a tile has no drawings; it is then stored as empty."""
-        camera = level.camera(_Area(*place, place[0] + 1, place[1] + 1))
+        camera = level.make_camera(_Area(*place, place[0] + 1, place[1] + 1))
         if self._box is not None:
             (left, low), (right, high) = (corner.tolist() for corner in self._box)
             spill = _SPILL_PX / level.scale
@@ -231,8 +231,8 @@ class Tiles:
         return True
 
     def _paint(self, level: _Level, tiles: _Area) -> None:
-        surface = self._paint_tiles(level.camera(tiles))
-        for place in tiles.places():
+        surface = self._paint_tiles(level.make_camera(tiles))
+        for place in tiles.list_places():
             level.tiles[place] = _copy_tile(surface, tiles, place)
             level.rough.discard(place)
 
@@ -242,7 +242,7 @@ class Tiles:
         return self._paint_on_color(camera, self.background)
 
     def _paint_on_color(self, camera: Camera, color: Rgba) -> Any:
-        canvas = Canvas(camera.width, camera.height, self._pool.surface(str(color), camera.width, camera.height))
+        canvas = Canvas(camera.width, camera.height, self._pool.get_surface(str(color), camera.width, camera.height))
         canvas.fill(color)
         self.painting.paint(canvas, camera)
         return canvas.surface
@@ -250,7 +250,7 @@ class Tiles:
     def _sharpen(self, level: _Level, tiles: _Area, budget: FrameBudget) -> None:
         """Repaint scaled tiles in view, from the middle outward, until the time is over."""
         middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
-        rough = level.rough.intersection(tiles.places()) if level.rough else set()
+        rough = level.rough.intersection(tiles.list_places()) if level.rough else set()
         outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
         for column, row in outwards:
             if not budget.has_time(self._cost):
@@ -276,20 +276,20 @@ class Tiles:
     @staticmethod
     def _is_known(other: _Level, level: _Level, place: Place) -> bool:
         """Return whether a level has all that is to be seen on a tile of another level."""
-        area = other.view(level.camera(_Area(*place, place[0] + 1, place[1] + 1)))
-        return all(there in other.tiles for there in area.tiles().places())
+        area = other.find_view(level.make_camera(_Area(*place, place[0] + 1, place[1] + 1)))
+        return all(there in other.tiles for there in area.find_tiles().list_places())
 
     def _cut_out_of(self, source: _Level, level: _Level, found: list[Place]) -> None:
         tiles = _enclose_places(found)
-        camera = level.camera(tiles)
-        surface = self._scale_area(source, source.view(camera), (camera.width, camera.height))
+        camera = level.make_camera(tiles)
+        surface = self._scale_area(source, source.find_view(camera), (camera.width, camera.height))
         for place in found:
             level.tiles[place] = _copy_tile(surface, tiles, place)
             level.rough.add(place)
 
     def _evict(self, level: _Level, tiles: _Area) -> None:
         """Drop levels that were not used for long, except the one with the widest view; then distant tiles."""
-        most = max(_MOST_TILES, _MOST_VIEWS * len(list(tiles.places())))
+        most = max(_MOST_TILES, _MOST_VIEWS * len(list(tiles.list_places())))
         farthest = min(self._levels.values(), key=lambda one: one.scale)
         for grid, old in list(self._levels.items()):
             if sum(len(one.tiles) for one in self._levels.values()) <= most:
@@ -297,7 +297,7 @@ class Tiles:
             if old is not level and old is not farthest:
                 del self._levels[grid]
         for one in self._levels.values():
-            kept = set(tiles.wider(_AROUND).places()) if one is level else set()
+            kept = set(tiles.widen(_AROUND).list_places()) if one is level else set()
             for place in [place for place in one.tiles if place not in kept]:
                 one.forget(place)
 
@@ -307,9 +307,9 @@ class Tiles:
         """Return an area in another size; the brightness that shrinking costs is given back."""
         pygame = load()
         flags = pygame.SRCALPHA if self.background is None else 0
-        part = self._pool.surface("part", max(area.right - area.left, 1), max(area.bottom - area.top, 1), flags)
+        part = self._pool.get_surface("part", max(area.right - area.left, 1), max(area.bottom - area.top, 1), flags)
         self._blit(part, level, area, is_copy=True)
-        scaled = self._pool.surface("scaled", *size, flags)
+        scaled = self._pool.get_surface("scaled", *size, flags)
         pygame.transform.smoothscale(part, size, scaled)
         if self.background is not None and size[0] < part.get_width():
             scaled.fill(_LOST, special_flags=pygame.BLEND_RGB_ADD)
@@ -321,7 +321,7 @@ class Tiles:
             surface.fill((0, 0, 0, 0) if self.background is None else self.background[:3])
         placed = [
             (tile, (place[0] * SIDE - area.left, place[1] * SIDE - area.top))
-            for place in area.tiles().places()
+            for place in area.find_tiles().list_places()
             if (tile := level.tiles.get(place)) is not None
         ]
         if self.background is None and not is_copy:
@@ -381,7 +381,7 @@ class ScenePart:
     def box(self) -> tuple[FloatArray, FloatArray] | None:
         """Lower left and upper right corner; None where nothing is drawn."""
         commands = self.painting.commands
-        return bounds(commands) if len(commands) else None
+        return compute_bounds(commands) if len(commands) else None
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint the part visible to a camera."""
@@ -393,7 +393,7 @@ class ScenePart:
             self.tiles = Tiles(self.painting, self.box, behind, pool)
         self.tiles.show(canvas, camera, budget)
 
-    def matches(self, commands: DrawCommands) -> bool:
+    def is_matching(self, commands: DrawCommands) -> bool:
         """Return whether these commands would give the same part."""
         mine = self.painting.commands
         if (
@@ -449,7 +449,7 @@ class Scene:
 
     def _group_artists(self, artists: Mapping[str, IArtist]) -> _Groups:
         """Return artists in painting order, grouped by parts."""
-        by_likeness = groupby(in_painting_order(artists), _group_key)
+        by_likeness = groupby(sort_for_painting(artists), _group_key)
         parts = [(rate, dict(members)) for (rate, *_), members in by_likeness]
         return [(rate, members, ArtistGroup(self._ctx, members)) for rate, members in parts]
 
@@ -458,13 +458,13 @@ class Scene:
         commands = draw(group)
         for part in self._before:
             is_taken = any(part is other for other in self._parts)  # by artists that draw the same
-            if not part.is_static and not is_taken and part.matches(commands):
+            if not part.is_static and not is_taken and part.is_matching(commands):
                 part.artists = group.artists
                 part.is_old |= is_new_turn
                 return part
         return ScenePart(group, commands)
 
-    def box(self) -> Box:
+    def compute_box(self) -> Box:
         """Return the corners of what a picture of all parts shows."""
         return frame_drawings(*(part.painting.commands for part in self._parts))
 

@@ -37,7 +37,7 @@ class MovePaths(NamedTuple):
     offsets: IntArray  # (paths + 1,)  path `i` is `points[offsets[i]:offsets[i + 1]]`
 
     @classmethod
-    def through(cls, straight: FloatArray, bends: Sequence[FloatArray]) -> "MovePaths":
+    def from_bends(cls, straight: FloatArray, bends: Sequence[FloatArray]) -> "MovePaths":
         """Make paths from start to end, (paths, 2, 2), then paths along polylines, (points, 2) each."""
         counts = np.array([*[2] * len(straight), *map(len, bends)], np.int64)
         is_long = (straight[:, 0] != straight[:, 1]).any(axis=1)
@@ -46,7 +46,7 @@ class MovePaths(NamedTuple):
         offsets = np.concatenate(([0], np.cumsum(counts)))
         return cls(points, np.concatenate([shares, *map(_compute_shares, bends)]), offsets)
 
-    def at(self, share: float) -> FloatArray:
+    def find_points(self, share: float) -> FloatArray:
         """Return the points (paths, 2) after a share of each path's length."""
         if len(self.points) == 0:
             return np.empty((0, 2))
@@ -60,7 +60,7 @@ class MovePaths(NamedTuple):
         found: FloatArray = start + part[:, None] * (self.points[end] - start)
         return found
 
-    def until(self, row: int, share: float, end: _Point) -> list[_Point]:
+    def list_points_until(self, row: int, share: float, end: _Point) -> list[_Point]:
         """Return the points of a path up to a share of its length, which is at `end`."""
         part = slice(self.offsets[row], self.offsets[row + 1])
         points = [(x, y) for x, y in self.points[part].tolist()]
@@ -79,7 +79,7 @@ class MovedAgents(NamedTuple):
     paths: MovePaths
 
 
-_NO_MOVES = MovedAgents({}, MovePaths.through(np.empty((0, 2, 2)), ()))
+_NO_MOVES = MovedAgents({}, MovePaths.from_bends(np.empty((0, 2, 2)), ()))
 MOST_TURNS = 200  # that are remembered
 _MOST_PLACES = 1 << 20  # that are: of 100,000 agents 10 turns
 
@@ -130,7 +130,7 @@ class PastTurns:
             state = ctx.current_game.internals.state
             self._state = state
         number = 0 if state is None else state.turn
-        names, places = ctx.agent.positions.noted()
+        names, places = ctx.agent.positions.get_noted()
         if last is None or number < last[2]:  # or the game was reset
             if last is not None:
                 self.forget()
@@ -138,7 +138,7 @@ class PastTurns:
         if names is not self._names:
             self._names = names
             self.entries = deque(self.entries, self.room)
-        named = state.named_edges_of(number) if state is not None and state.named_edges else _NONE_NAMED
+        named = state.find_named_edges(number) if state is not None and state.named_edges else _NONE_NAMED
         now = names, places, number, last[0], last[1], named
         self.latest = now
         self.entries.append(now)
@@ -159,7 +159,7 @@ class PastTurns:
             last: the number of the last of these turns.
             goes_on: whether the first of them follows the latest turn that is stored, if there is one.
         """
-        names = self._ctx.agent.positions.noted_names()
+        names = self._ctx.agent.positions.get_names()
         number = last - len(places)
         if self.latest is not None and number + 1 < self.latest[2]:  # the game was reset
             self.forget()
@@ -182,7 +182,7 @@ class PastTurns:
         """Forget all turns but these moves: the next turn begins at the present positions."""
         self.entries.clear()
         self.entries.extend(past)
-        names, places = self._ctx.agent.positions.noted()
+        names, places = self._ctx.agent.positions.get_noted()
         game = self._ctx.current_game
         self.latest = names, places, 0 if game is None else game.turn, names, places, _NONE_NAMED
 
@@ -212,7 +212,7 @@ class LastMoves:
         self._shown: _Turn | None = None  # the turn that is shown
         self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
 
-    def past(self, turns: int) -> list[MovedAgents]:
+    def list_past(self, turns: int) -> list[MovedAgents]:
         """Return the moves of up to `turns` last turns, the latest first."""
         self._turns.forget_those_of_another_game()
         entries = self._turns.entries
@@ -220,7 +220,7 @@ class LastMoves:
             entry = entries[place]
             if not isinstance(entry, MovedAgents):
                 steps = self._find_steps(entry)
-                entries[place] = self.moves_between(steps | find_steps_along(steps, entry[-1]))
+                entries[place] = self.make_moves(steps | find_steps_along(steps, entry[-1]))
         return [moves for moves in reversed(entries) if isinstance(moves, MovedAgents)][:turns]
 
     def begin_turn(self) -> None:
@@ -237,7 +237,7 @@ class LastMoves:
             steps = self._find_steps(latest).items()
             # An agent whose previous node is its node was put there.
             moved = {name: step for name, step in steps if previous.get(name) != step[1]}
-            self.moves = self.moves_between(moved | find_steps_along(moved, latest[-1]))
+            self.moves = self.make_moves(moved | find_steps_along(moved, latest[-1]))
 
     def _find_steps(self, turn: _Turn) -> dict[str, Step]:
         """Return where each agent was at the begin and at the end of a turn, but for agents that were put elsewhere."""
@@ -249,7 +249,7 @@ class LastMoves:
         steps = zip(names, places, strict=True)
         return {name: (was.get(name, place), place) for name, place in steps if name not in placed}
 
-    def moves_between(self, steps: Mapping[str, Step]) -> MovedAgents:
+    def make_moves(self, steps: Mapping[str, Step]) -> MovedAgents:
         """Return how agents moved in a turn, by the places of each before and after it."""
         moved = {name: step for name, step in steps.items() if step[0] != step[1]}
         others = {name: step for name, step in moved.items() if any(isinstance(end, tuple) for end in step)}
@@ -271,7 +271,7 @@ class LastMoves:
         order = [*flights, *(names[row] for row in (*straight, *bends)), *travels]
         row_of = {name: row for row, name in enumerate(order)}
         rows = {name: row_of[name] for name in moved if name in row_of}
-        return MovedAgents(rows, MovePaths.through(lines, [*bends.values(), *travels.values()]))
+        return MovedAgents(rows, MovePaths.from_bends(lines, [*bends.values(), *travels.values()]))
 
     def _find_traveled_points(self, before: Any, now: Any) -> FloatArray | None:
         """Return the points between two positions, one of them or both on edges; None if the edge was removed."""
@@ -300,7 +300,7 @@ class LastMoves:
         node = graph.get_node(place)
         return [(0.0, node.x, node.y)]
 
-    def position_of(self, name: str, share: float) -> _Point:
+    def find_position(self, name: str, share: float) -> _Point:
         """Return the position of an agent after a share of its last move, from 0.0 (before it) to 1.0 (after it).
 
         Raises:
@@ -316,30 +316,30 @@ class LastMoves:
         agent = self._ctx.agent.get_agent(name)
         if agent.type == AgentType.AERIAL:
             return cast("IAerialAgent", agent).position[:2]
-        place = self.on_edges().get(agent.name)
+        place = self.list_on_edges().get(agent.name)
         if place is not None:
             return place
         node = self._ctx.graph.graph.get_node(agent.current_node_id)
         return node.x, node.y
 
-    def positions_of(self, names: Sequence[str], nodes: IntArray, share: float) -> FloatArray:
-        """Return the positions (agents, 2) of agents on the ground, which are on nodes, as `position_of` does.
+    def find_positions(self, names: Sequence[str], nodes: IntArray, share: float) -> FloatArray:
+        """Return the positions (agents, 2) of agents on the ground, which are on nodes, as `find_position` does.
 
         Raises:
             UnknownName (KeyError): the node of an agent is gone.
         """
         positions: FloatArray = self._ctx.graph.graph.positions(nodes)
-        on_edges = self.on_edges()
+        on_edges = self.list_on_edges()
         for row, name in enumerate(names) if on_edges else ():
             positions[row] = on_edges.get(name, positions[row])
         if share < 1.0 and self.moves.rows:
-            rows = self.paths_of(names)
+            rows = self.find_paths(names)
             positions[rows >= 0] = self._compute_positions(share)[rows[rows >= 0]]
         for row, name in enumerate(names) if self.reported else ():
             positions[row] = self.reported.get(name, positions[row])
         return positions
 
-    def paths_of(self, names: Sequence[str]) -> IntArray:
+    def find_paths(self, names: Sequence[str]) -> IntArray:
         """Return the rows (agents,) of the paths of agents in the turn that is shown; -1: it did not move."""
         known = self._paths
         if known is None or known[0] is not names or known[1] is not self.moves:
@@ -348,7 +348,7 @@ class LastMoves:
             self._paths = known
         return known[2]
 
-    def on_edges(self) -> dict[str, _Point]:
+    def list_on_edges(self) -> dict[str, _Point]:
         """Return agent -> position, for agents on edges."""
         positions = self._ctx.agent.positions
         graph = self._ctx.graph.graph
@@ -362,7 +362,7 @@ class LastMoves:
     def _compute_positions(self, share: float) -> FloatArray:
         """Return where all that moved are, (paths, 2)."""
         if self._now is None or self._now[0] != share:
-            self._now = share, self.moves.paths.at(share)
+            self._now = share, self.moves.paths.find_points(share)
         return self._now[1]
 
     def _find_rows(self, steps: list[tuple[int, int]]) -> IntArray:
@@ -373,7 +373,7 @@ class LastMoves:
             columns = self._ctx.graph.columns()
         except ContextTerminated:
             return np.full((len(steps), 2), -1)
-        return kernels.rows_of(columns.node_ids, np.array(steps, np.int64), columns.node_order)
+        return kernels.find_rows(columns.node_ids, np.array(steps, np.int64), columns.node_order)
 
     def _find_polylines(self, ends: IntArray) -> dict[int, FloatArray]:
         """Return the polylines of the first edges between nodes, for the steps (steps, 2) that have one."""
@@ -404,11 +404,11 @@ class TurnEvents:
         self._eliminated = frozenset[str]()
         self._ends: dict[str, bool] | None = None  # of all agents that went out, once they are asked for
 
-    def of_turn(self) -> list[dict[str, Any]]:
+    def list_last(self) -> list[dict[str, Any]]:
         """Return the events of the last turn."""
         return list(self._list_latest(1))[::-1]
 
-    def of_turns(self, kind: str, turns: int) -> list[dict[str, Any]]:
+    def list_recent(self, kind: str, turns: int) -> list[dict[str, Any]]:
         """Return the events of a kind in the last turns, up to a limit, the latest first."""
         return [event for event in self._list_latest(turns) if event.get("kind") == kind]
 
@@ -426,7 +426,7 @@ class TurnEvents:
             self._sides = positions.structure_version, dict(zip(positions.names, sides, strict=True))
         return self.views.find_witnesses(event, self._sides[1])
 
-    def eliminated(self) -> frozenset[str]:
+    def list_eliminated(self) -> frozenset[str]:
         """Return the names of the agents that went out of the game in the last turn."""
         self._renew()
         return self._eliminated
@@ -437,11 +437,11 @@ class TurnEvents:
         key = (0, 0) if game is None else (game.turn, len(game.events))
         if key != self._key:
             self._key = key
-            names = (event.get("agent") for event in self.of_turns("eliminated", 1))
+            names = (event.get("agent") for event in self.list_recent("eliminated", 1))
             self._eliminated = frozenset(name for name in names if isinstance(name, str))
             self._ends = None
 
-    def out(self) -> dict[str, bool]:
+    def list_out(self) -> dict[str, bool]:
         """Return the agents that are out of the game, and for each whether it went out because it had arrived."""
         positions = self._ctx.agent.positions
         missing = {positions.names[row] for row in positions.inactive}
@@ -496,7 +496,7 @@ class SensorCarriers:
         recorded = self.read_reports()
         return self.follow().read() if recorded is None else recorded
 
-    def of(self, sensor: ISensor) -> list[Any]:
+    def list_carriers(self, sensor: ISensor) -> list[Any]:
         """Return the agents that carry a sensor, dead ones too, in the order of their creation."""
         version = self._ctx.agent.structure_version
         if version is None or version != self._key:
@@ -510,10 +510,10 @@ class SensorCarriers:
 
     def is_blind(self, sensor: ISensor) -> bool:
         """Return whether all agents that carry a sensor are out of the game."""
-        carriers = self.of(sensor)
+        carriers = self.list_carriers(sensor)
         return bool(carriers) and not any(agent.alive for agent in carriers)
 
-    def sights(self, most: int) -> list[ShownView]:
+    def list_views(self, most: int) -> list[ShownView]:
         """Return the views of sensors that have sensed; empty if there are more than the limit."""
         found = list(islice(self._list_looking_sensors(), most + 1))
         return [] if len(found) > most else [self.sight(*one) for one in found]
@@ -523,7 +523,7 @@ class SensorCarriers:
         game = self._ctx.current_game
         is_played = game is not None and game.turn > 0  # here or in a recording: then all have looked
         for sensor in self._ctx.sensor.sensors.values():
-            carriers = self.of(sensor)
+            carriers = self.list_carriers(sensor)
             living = [agent for agent in carriers if agent.alive] if carriers else [None]
             if sensor.type is not SensorType.NEIGHBOR and living and ((is_played and carriers) or _has_looked(sensor)):
                 yield from ((sensor, agent) for agent in living)

@@ -35,7 +35,7 @@ def read_page(name: str) -> str:
     # The script is ASCII, so that its hash is valid in any encoding; other letters occur only in strings.
     script = re.sub(r"[^\x00-\x7f]", lambda match: f"\\u{ord(match[0]):04x}", script)
     style = "".join(_read(f"{one}.css") for one in styles)
-    parts = {"script_hash": hash_of(script), "style_hash": hash_of(style), "script": script, "style": style}
+    parts = {"script_hash": compute_hash(script), "style_hash": compute_hash(style), "script": script, "style": style}
     parts["themes"] = json.dumps({name: _make_color_table(name) for name in VIEWER_THEMES})
     parts["keys"] = json.dumps({"actions": find_actions("page"), "help": explain_keys("page")})
     return re.sub(r"\{(\w+)\}", lambda match: parts.get(match[1], match[0]), _read("page.html"))
@@ -67,7 +67,7 @@ def format_css(color: Sequence[int]) -> str:
     return "#" + bytes(color).hex().removesuffix("ff" if len(color) > 3 else "")
 
 
-def hash_of(text: str) -> str:
+def compute_hash(text: str) -> str:
     """Return the hash of an inline script or style, as written in a content security policy."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 

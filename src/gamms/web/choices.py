@@ -12,7 +12,7 @@ from gamms import recorder
 from gamms.clocks import Clock
 from gamms.context import Context
 from gamms.errors import BadFile, BadValue, GammsError
-from gamms.game.channels import check_outboxes, receivers_of
+from gamms.game.channels import check_outboxes, find_receivers
 from gamms.game.deeds import check_wanted_deeds, parse_field
 from gamms.plain import Plain, as_json
 from gamms.text import reason, shown
@@ -178,7 +178,7 @@ def list_deeds(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> 
     return offered
 
 
-def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, Plain]]:
+def list_channels(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, Plain]]:
     """Return channel -> its possible receivers (`to`) and its limit (`bytes`).
 
     Receivers are None (everyone), teams, the person's other agents, visible agents, and senders of received messages.
@@ -196,7 +196,7 @@ def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) ->
             others = [
                 to
                 for to in (*named, *known)
-                if any(one != me and channel.is_for(teams[one]) for one in receivers_of(to, teams))
+                if any(one != me and channel.is_for(teams[one]) for one in find_receivers(to, teams))
             ]
             offered[name] = {"to": [None, *dict.fromkeys(others)], "bytes": channel.max_bytes_per_turn}
     return offered
@@ -210,7 +210,7 @@ def list_inbox(state: Mapping[str, Any]) -> list[Plain]:
 # -- choices --------------------------------------------------------------------------------------------------------
 
 
-def written(choice: Mapping[str, Plain]) -> dict[str, Plain]:
+def select_recorded(choice: Mapping[str, Plain]) -> dict[str, Plain]:
     """Return the part of a choice that is recorded: without `question`, and without empty `edge`, `do`, `messages`."""
     return {
         key: value

@@ -38,7 +38,7 @@ Fact = tuple[str, str, str, str | None]
 """An agent, a heading, a key, and the new text; None: the fact no longer holds."""
 
 
-class OnEdges(NamedTuple):
+class AgentsOnEdges(NamedTuple):
     """The agents on the ground that are between two nodes."""
 
     agents: IntArray  # (agents,) rows
@@ -46,7 +46,7 @@ class OnEdges(NamedTuple):
     shares: FloatArray  # (agents,) the covered share of the edge, from 0 to 1
 
 
-class InAir(NamedTuple):
+class FlyingAgents(NamedTuple):
     """The flying agents that have a position."""
 
     agents: IntArray  # (agents,) rows
@@ -80,8 +80,8 @@ class Turn(NamedTuple):
     status: IntArray
     nodes: IntArray
     sides: Sequence[str]
-    on_edges: OnEdges
-    in_air: InAir
+    on_edges: AgentsOnEdges
+    in_air: FlyingAgents
     ways: Mapping[int, Sequence[int]]
     named: Mapping[int, int]
     messages: Sequence[tuple[str, str | None, int]]
@@ -97,7 +97,7 @@ def frame(value: Plain) -> bytes:
     return len(body).to_bytes(4, "little") + body
 
 
-def part_of(
+def make_part(
     first: int,
     turns: Sequence[Turn],
     step: float,
@@ -292,7 +292,7 @@ def _concatenate(parts: Sequence[IntArray]) -> "np.ndarray[Any, Any]":
 # -- the map ------------------------------------------------------------------------------------------------------
 
 
-def drawn_map(
+def encode_drawn_map(
     world: bytes, attributes: Collection[str] | None = None, lat_lon: "np.ndarray[Any, Any] | None" = None
 ) -> bytes:
     """Encode the drawn parts of a map, with its scenery.

@@ -30,7 +30,7 @@ from gamms.knowledge.sides import (
     name_side,
 )
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import reporting_damage
+from gamms.recorder.errors import report_damage
 from gamms.text import as_digits, as_text
 from gamms.typing import IAgent, ISensor
 from gamms.typing.context import HostContext
@@ -134,18 +134,18 @@ class KnowledgeTracker:
         self._held = 0
         self._shapes.clear()
 
-    def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> SensedTurn:
+    def make_sensed_turn(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> SensedTurn:
         """Return the sensor reports of the current state, and the knowledge of each side.
 
         Args:
             looked: the data of events of the kind `SENSED`.
             state: the current state of the game.
         """
-        names = state.agents.names_by_number()
+        names = state.agents.get_names_by_number()
         self._on_edges = find_places(self._ctx)
         nodes = find_node_rows(self._ctx.graph, state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
-        with reporting_damage("What was sensed is not right", with_type=True):
+        with report_damage("What was sensed is not right", with_type=True):
             refuse_many(looked)
             each = [decode_looks(data, None, self._fields, lambda: self._first_map) for data in looked]
             found = list(chain.from_iterable(each))
@@ -277,13 +277,13 @@ class AgentFacts:
         self._sent: dict[int, list[tuple[str, str, int, str, str]]] = {}  # turn -> messages that arrive in it
         self.messages: list[tuple[str, str | None, int]] = []  # see `columns.Turn`
 
-    def present(self) -> Iterator[tuple[str, str, str, str | None]]:
+    def list_present(self) -> Iterator[tuple[str, str, str, str | None]]:
         """Yield all current facts: agent, heading, key, text."""
         for known in (self._known, self._momentary):
             for name, facts in known.items():
                 yield from ((name, *key, words) for key, words in facts.items())
 
-    def changes(self, log: Log | None, turn: int) -> Iterator[tuple[str, str, str, str | None]]:
+    def list_changes(self, log: Log | None, turn: int) -> Iterator[tuple[str, str, str, str | None]]:
         """Yield the changed facts: agent, heading, key, and the new text, or None if the fact no longer holds.
 
         Args:
@@ -291,7 +291,7 @@ class AgentFacts:
             turn: the turn number of the game.
         """
         for name in self._find_changed_agents(log):
-            now = self._list_facts(self._state.agents.row(name))
+            now = self._list_facts(self._state.agents.find_row(name))
             yield from _list_differences(name, self._known.get(name, {}), now)
             self._known[name] = now
         momentary = self._list_facts_of_turn(log or [], turn)

@@ -102,14 +102,14 @@ class Links:
         """Create a token for a grant, and return it."""
         token = secrets.token_urlsafe(24)
         with self._lock:
-            self._grants[digest_of(token)] = grant
+            self._grants[compute_digest(token)] = grant
         return token
 
     def find(self, token: object) -> LinkPermissions | None:
         """Return the grant of a token, in constant time; None if the token is unknown."""
         if not isinstance(token, str) or len(token) > 200:
             return None
-        digest = digest_of(token)
+        digest = compute_digest(token)
         found = None
         with self._lock:
             for known, grant in self._grants.items():
@@ -118,7 +118,7 @@ class Links:
         return found
 
 
-def digest_of(text: str) -> str:
+def compute_digest(text: str) -> str:
     """Return the SHA-256 digest of a text, in hexadecimal."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 

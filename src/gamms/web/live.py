@@ -505,7 +505,7 @@ class Live(Handle):
         if self._error is not None and (connection.grant.audience.is_everything or connection.grant.may_control):
             status["error"] = f"the game has failed: {reason(self._error)}"  # the reason may name any agent
         if connection.grant.may_control and self.scenario is not None:
-            status |= {"restart": True, "numbers": list(numbers_of(self.scenario)), "seed": self._seed}
+            status |= {"restart": True, "numbers": list(list_numbers(self.scenario)), "seed": self._seed}
         connection.tell(status)
 
     # -- messages of clients that may control ---------------------------------------------------------------------
@@ -548,7 +548,7 @@ class Live(Handle):
             self.pace.release(is_released=True)
 
 
-def numbers_of(scenario: Scenario) -> Iterator[dict[str, Plain]]:
+def list_numbers(scenario: Scenario) -> Iterator[dict[str, Plain]]:
     """Yield the numbers of a scenario that can be changed in the browser: `path`, `value`, `low`, `high`, `step`."""
     found = (
         (path, value) for path, value in _list_numbers(scenario.to_dict()) if path.partition(".")[0] not in _NO_NUMBERS
@@ -603,7 +603,7 @@ class Players:
 
     def _add_connection(self, connection: Connection) -> None:
         if self._people is not None and connection.grant.may_play:
-            self._people.come(connection.grant.name)
+            self._people.mark_present(connection.grant.name)
             self._tell_sharers(connection.grant)
 
     def left(self, connection: Connection) -> None:
@@ -634,7 +634,7 @@ class Players:
     def _tell(self, connection: Connection, people: People) -> None:
         asked: Mapping[str, Plain] = {
             "type": "questions",
-            "questions": people.asked(connection.grant.name),
+            "questions": people.list_questions(connection.grant.name),
             "waiting": people.is_waiting,
             "pages": len(self._list_open_pages(connection.grant)),
         }
@@ -657,7 +657,7 @@ def _list_numbers(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[s
 
 def _replace_numbers(scenario: Scenario, chosen: object) -> Scenario:
     """Return a copy of a scenario with the chosen numbers, path -> number, after checking them."""
-    known = {one["path"]: one for one in numbers_of(scenario)}
+    known = {one["path"]: one for one in list_numbers(scenario)}
     if not isinstance(chosen, dict):
         raise Refused("The numbers are a mapping from paths to numbers.")
     for path, value in chosen.items():

@@ -19,7 +19,7 @@ from gamms.knowledge.sides import list_sides
 from gamms.plain import Plain
 from gamms.recorder import Recording
 from gamms.recorder import open as opened
-from gamms.recorder.errors import DAMAGES, reporting_damage
+from gamms.recorder.errors import DAMAGES, report_damage
 from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
@@ -170,12 +170,12 @@ def _encode_for_viewer(recording: Recording, team: str | None) -> bytes:
         known = BytesIO()
         with_sensed(recording).cut(known, team)
         recording = opened(BytesIO(known.getvalue()))
-    with reporting_damage("This recording cannot be shown", DAMAGES, with_type=True):
+    with report_damage("This recording cannot be shown", DAMAGES, with_type=True):
         return _encode_turns(recording)
 
 
 def _encode_turns(recording: Recording) -> bytes:
-    state = recording.detached(0).keyframe(0)
+    state = recording.detached(0).make_keyframe(0)
     every = min(max(_PART_MOVES // max(len(state["names"]), 1), _FEWEST_TURNS), _MOST_TURNS)
     sides = recording.header.get("sides") or list_sides(recording.header, state)
     whole = {**recording.header, "world": recording.graph.packed, "sides": sides}
@@ -184,9 +184,9 @@ def _encode_turns(recording: Recording) -> bytes:
         painter.begin()
         for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
             if turn and turn % every == 0:
-                parts.append(painter.part(is_last=False))
+                parts.append(painter.encode_part(is_last=False))
             painter.add(log)
-        return b"".join([*parts, painter.part()])
+        return b"".join([*parts, painter.encode_part()])
 
 
 def select_header(header: Mapping[str, Plain]) -> dict[str, Plain]:

@@ -26,11 +26,11 @@ from gamms.recorder.resuming import open_context
 from gamms.text import as_text
 from gamms.typing import IArtist
 from gamms.visual.artist import ArtistGroup, make_state_key
-from gamms.visual.captions import UNMARKED, ending, list_rises, write_captions
+from gamms.visual.captions import UNMARKED, describe_ending, list_rises, write_captions
 from gamms.visual.charts import select_charts
 from gamms.visual.drawers.marks import get_drawn_marks
 from gamms.visual.drawers.rules import find_teams_of_rules
-from gamms.visual.legend import LegendRow, blocks_of, make_plain_block
+from gamms.visual.legend import LegendRow, list_blocks, make_plain_block
 from gamms.visual.recorded_drawings import RecordedDrawer
 from gamms.visual.themes import THEMES
 from gamms.web.bundle import VIEWER_THEMES
@@ -38,15 +38,15 @@ from gamms.web.columns import (
     ALIVE,
     FLIES,
     THERE,
+    AgentsOnEdges,
     Change,
     Fact,
-    InAir,
-    OnEdges,
+    FlyingAgents,
     Turn,
     convert_to_steps,
-    drawn_map,
+    encode_drawn_map,
     frame,
-    part_of,
+    make_part,
 )
 from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, list_side_names
 
@@ -139,7 +139,7 @@ class Painter:
         self._turns: list[Turn] = []  # turns for the next part
         self._last: Turn | None = None
         list(self._list_changes())
-        list(self._facts.changes(None, self._get_game_turn()))
+        list(self._facts.list_changes(None, self._get_game_turn()))
 
     def __enter__(self) -> Self:
         return self
@@ -154,7 +154,7 @@ class Painter:
     def begin(self) -> None:
         """Begin a part that can be read without earlier parts; it repeats the last turn."""
         changes = list(self._slots.items())
-        facts = list(self._facts.present())
+        facts = list(self._facts.list_present())
         last = self._make_turn({}, {}, [], [], [], None) if self._last is None else self._last
         self._turns = [last._replace(changes=changes, facts=facts, captions=[])]
         self._is_whole = True
@@ -167,7 +167,7 @@ class Painter:
         self._edited_at = self._at
         self._last = None
         list(self._list_changes())
-        list(self._facts.changes(None, self._get_game_turn()))
+        list(self._facts.list_changes(None, self._get_game_turn()))
 
     def add(self, log: Log) -> None:
         """Apply the log of a turn, and add the turn to the next part."""
@@ -175,7 +175,7 @@ class Painter:
         self._looked = [data for kind, data in events if kind == kinds.SENSED] or self._looked
         self._following = ()
         has_sensed = any(kind == kinds.SENSED for kind, _ in events)
-        sensed = self._sights.sensed(self._looked, self._state) if has_sensed else None
+        sensed = self._sights.make_sensed_turn(self._looked, self._state) if has_sensed else None
         self._state.apply(log)
         self._replayer.play_log([one for one in log if type(one) is not tuple or one[0] not in _UNREAD])
         self._at += 1
@@ -186,7 +186,7 @@ class Painter:
             self._sights.forget()
         if sensed is not None:
             self._note_views(sensed)
-        facts = list(self._facts.changes(log, self._get_game_turn()))
+        facts = list(self._facts.list_changes(log, self._get_game_turn()))
         ways = self._find_ways(events)
         named = self._find_named_edges(events)
         self._last = self._make_turn(
@@ -198,7 +198,7 @@ class Painter:
         """Take the sensor reports that follow the last turn: data of `SENSED` events; empty if they are unknown."""
         self._following = looked
 
-    def part(self, *, is_last: bool = True) -> bytes:
+    def encode_part(self, *, is_last: bool = True) -> bytes:
         """Encode the turns since the last call as a part; empty if there are none.
 
         Args:
@@ -207,10 +207,10 @@ class Painter:
         if not self._turns:
             return b""
         looked = self._following or self._looked
-        rest = self._sights.sensed(looked, self._state) if is_last and looked else None
+        rest = self._sights.make_sensed_turn(looked, self._state) if is_last and looked else None
         first = self._at - len(self._turns) + 1
         is_early = not self._following
-        found = part_of(first, self._turns, self._step(), is_whole=self._is_whole, rest=rest, is_early=is_early)
+        found = make_part(first, self._turns, self._step(), is_whole=self._is_whole, rest=rest, is_early=is_early)
         self._turns = []
         self._is_whole = False
         return frame(found)
@@ -252,10 +252,10 @@ class Painter:
         nodes = find_node_rows(self._ctx.graph, columns["node"])
         on_edge = np.flatnonzero((columns["edge_share"] > 0.0) & ~flies)
         ends = [find_node_rows(self._ctx.graph, columns[name][on_edge]) for name in ("edge_source", "edge_target")]
-        on_edges = OnEdges(on_edge, np.column_stack(ends), columns["edge_share"][on_edge])
+        on_edges = AgentsOnEdges(on_edge, np.column_stack(ends), columns["edge_share"][on_edge])
         in_air = np.flatnonzero(flies & np.isfinite(columns["position"]).all(axis=1))
         headings = _compute_headings(columns["quat"][in_air])
-        air = InAir(in_air, columns["position"][in_air], headings)
+        air = FlyingAgents(in_air, columns["position"][in_air], headings)
         version = self._state.agents, self._state.agents.version
         if version != self._listed[0]:
             self._listed = version, list(columns["names"]), list_side_names(columns)
@@ -272,7 +272,7 @@ class Painter:
                 named = as_named_edges(data["named_edges"])
         there = {name: edge for name, (_, edge) in named.items() if name in agents.columns["names"]}
         edges = find_edge_rows(self._ctx.graph, [*there.values()]).tolist()
-        return dict(zip(map(agents.row, there), edges, strict=True))
+        return dict(zip(map(agents.find_row, there), edges, strict=True))
 
     def _find_ways(self, events: Sequence[tuple[int, Any]]) -> dict[int, list[int]]:
         """Return row of an agent -> rows of passed nodes, see `columns.Turn.ways`."""
@@ -286,7 +286,7 @@ class Painter:
                     if known is not None:
                         known.append(node)
             elif kind == kinds.AGENT_CURRENT_NODE and data["agent_name"] in agents.columns["names"]:
-                passed[int(agents.columns["numbers"][agents.row(data["agent_name"])])] = None
+                passed[int(agents.columns["numbers"][agents.find_row(data["agent_name"])])] = None
             elif kind == kinds.SNAPSHOT:
                 passed = dict.fromkeys(agents.columns["numbers"].tolist())
         long = {number: way or [] for number, way in passed.items() if not way or len(way) > 1}
@@ -360,7 +360,7 @@ class Painter:
         key = (self._edition, self._ctx.visual.artists.edits)
         if self._artists.get(theme, (None,))[0] != key:
             with self._ctx.visual.drawing.themed(THEMES[theme]):
-                self._artists[theme] = key, artists.signs()
+                self._artists[theme] = key, artists.list_signs()
         return self._artists[theme][1]
 
     def _get_drawing(self, name: str, artist: IArtist, theme: str) -> Drawn | None:
@@ -378,8 +378,8 @@ class Painter:
         if not artist.get_visible():
             return None
         with self._ctx.visual.drawing.themed(THEMES[theme]):
-            commands = ArtistGroup(self._ctx, {name: artist}).commands()
-            legend = [make_plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
+            commands = ArtistGroup(self._ctx, {name: artist}).draw_artists()
+            legend = [make_plain_block(block) for block in list_blocks(self._ctx, {name: artist})]
         try:
             plain = commands.to_plain()
         except BadValue:  # the drawing has too many points
@@ -438,7 +438,7 @@ class Painter:
             elif kind == kinds.GAME_OVER and data:
                 winner = data.get("winner")
                 agent = None if winner is None else as_text(winner)
-                later.append({"words": ": ".join(ending(data)), "agent": agent, "major": True, "marked": True})
+                later.append({"words": ": ".join(describe_ending(data)), "agent": agent, "major": True, "marked": True})
         is_marked = any(event.get("kind") not in UNMARKED for event in events)
         for words, name in write_captions(events):
             yield {"words": words, "agent": None if name is None else str(name), "major": False, "marked": is_marked}
@@ -464,7 +464,7 @@ def _compute_headings(quat: FloatArray) -> FloatArray:
 @lru_cache(maxsize=2)  # restarted games have the same map
 def map_for_viewer(world: bytes) -> bytes:
     """Convert the bytes of a saved map to the format of the viewer."""
-    return drawn_map(world, _ATTRIBUTES)
+    return encode_drawn_map(world, _ATTRIBUTES)
 
 
 def convert_drawing(light: Drawn, dark: Drawn, step: float) -> Drawn:

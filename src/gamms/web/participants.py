@@ -16,9 +16,9 @@ from typing import Any, NotRequired, TypedDict
 
 from gamms import kernels
 from gamms.errors import BadFile, BadValue
-from gamms.folders import add_lines, as_kind, damaged, read_json_lines
+from gamms.folders import add_lines, as_kind, make_line_error, read_json_lines
 from gamms.text import shown
-from gamms.web.links import Refused, digest_of
+from gamms.web.links import Refused, compute_digest
 from gamms.web.live import Live
 from gamms.web.server import Json
 
@@ -150,7 +150,7 @@ class Participants:
             try:
                 self._apply(line)
             except BadFile as error:
-                raise damaged(file, place, _OF_STUDY, str(error)) from None
+                raise make_line_error(file, place, _OF_STUDY, str(error)) from None
 
     def _apply(self, line: Line) -> None:
         """Apply a line of the file.
@@ -201,7 +201,7 @@ class Participants:
         """Append the numbers of rounds and attempts of a group to the file."""
         add_lines(self._file, [{"group": group.number, "played": group.played, "attempt": group.attempts}])
 
-    def known(self, code: str, message: Json) -> Participant | None:
+    def find_participant(self, code: str, message: Json) -> Participant | None:
         """Return the participant who sends a message, after consent if the message contains it; None: no consent yet.
 
         Raises:
@@ -210,7 +210,7 @@ class Participants:
         one = self.by_code.get(code)
         secret = message.get("secret")
         if one is not None and one.secret is not None:
-            if not isinstance(secret, str) or not hmac.compare_digest(one.secret, digest_of(secret)):
+            if not isinstance(secret, str) or not hmac.compare_digest(one.secret, compute_digest(secret)):
                 raise Refused("This code is used in another browser. Go on there, or ask who gave it to you.")
             return one
         if message.get("agree") is not True:
@@ -223,7 +223,7 @@ class Participants:
             one = Participant(code, self._agreed, None)
             self.by_code[code] = one
             self._agreed += 1
-        self.keep_secret(one, digest_of(secret))
+        self.keep_secret(one, compute_digest(secret))
         return one
 
     def keep_secret(self, one: Participant, digest: str | None) -> None:
@@ -232,7 +232,7 @@ class Participants:
         now = datetime.now(UTC).isoformat(timespec="seconds")
         add_lines(self._file, [{"participant": one.code, "number": one.number, "secret": digest, "time": now}])
 
-    def group_of(self, one: Participant) -> Group | None:
+    def form_group(self, one: Participant) -> Group | None:
         """Form a group of the participants who have waited longest, and return it; None: there are not enough.
 
         If the participant has waited too long, `came_at` becomes None until the next request of the page.

@@ -19,7 +19,7 @@ from typing import Any
 from gamms.arguments import as_function_of, as_name, as_positive
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, Duplicate
-from gamms.game.snapshots import own
+from gamms.game.snapshots import get_counterpart
 from gamms.plain import Plain, as_json
 from gamms.strategies import stay
 from gamms.text import shown
@@ -31,7 +31,7 @@ from gamms.web.choices import (
     Question,
     RefusedChoice,
     as_action,
-    channels_of,
+    list_channels,
     list_deeds,
     list_edges,
     list_inbox,
@@ -39,7 +39,7 @@ from gamms.web.choices import (
     list_moves,
     make_action,
     read_choices,
-    written,
+    select_recorded,
 )
 from gamms.web.links import PartOfServer
 
@@ -64,7 +64,7 @@ class Person:
 class People(PartOfServer):
     """The questions to the people of a game, and their choices; a rule that emits each choice as an event.
 
-    Its methods are thread-safe. `People.of(ctx)` returns the instance of a game after a server has opened it.
+    Its methods are thread-safe. `People.get_people(ctx)` returns the instance of a game after a server has opened it.
     """
 
     __name__ = "people"
@@ -89,14 +89,14 @@ class People(PartOfServer):
         return People()
 
     @classmethod
-    def of(cls, ctx: Context) -> "People | None":
+    def get_people(cls, ctx: Context) -> "People | None":
         """Return the people of a game; None if no server has opened it."""
         return next((named.rule for named in ctx.game.rules if isinstance(named.rule, cls)), None)
 
     @classmethod
     def open(cls, ctx: Context) -> "People":
         """Open a game to people, and return them."""
-        people = cls.of(ctx)
+        people = cls.get_people(ctx)
         if people is None:
             people = cls()
             ctx.game.add(people)
@@ -133,7 +133,7 @@ class People(PartOfServer):
         with self._lock:
             self._persons = found
 
-    def person_of(self, agent: str) -> Person:
+    def find_person(self, agent: str) -> Person:
         """Return the person who plays an agent.
 
         Raises:
@@ -146,7 +146,7 @@ class People(PartOfServer):
 
     # -- for the server -------------------------------------------------------------------------------------------
 
-    def come(self, person: str) -> None:
+    def mark_present(self, person: str) -> None:
         """Mark a person as present; the time for the first choice starts now."""
         with self._lock:
             known = self._persons.get(person)
@@ -162,7 +162,7 @@ class People(PartOfServer):
             question.wake()
         self._notify()
 
-    def asked(self, person: str) -> list[dict[str, Plain]]:
+    def list_questions(self, person: str) -> list[dict[str, Plain]]:
         """Return the questions to a person in the current turn, including answered ones, as messages."""
         with self._lock:
             return [question.as_message() for name, question in self._questions.values() if name == person]
@@ -194,7 +194,7 @@ class People(PartOfServer):
             action = make_action(choice, question, self._ctx)
             question.took_s = question.clock.now() - question.began
             question.action = action
-            question.chosen = json.dumps(as_json(written(choice)), sort_keys=True)
+            question.chosen = json.dumps(as_json(select_recorded(choice)), sort_keys=True)
         question.wake()
         self._notify()
 
@@ -233,7 +233,7 @@ class People(PartOfServer):
             with suppress(RuntimeError):  # the loop is closed: the game is over
                 loop.call_soon_threadsafe(woken.set)
 
-        person = self.person_of(state["name"])
+        person = self.find_person(state["name"])
         question = self._put(person, state, wake, seconds, joins_within)
         try:
             while question.chosen is None and (left := question.until - question.clock.now()) > 0:
@@ -296,7 +296,7 @@ class People(PartOfServer):
                 as_json(state["curr_pos"]),
                 list_edges(state, ctx),
                 list_deeds(state, person.agents, ctx),
-                channels_of(state, person.agents, ctx),
+                list_channels(state, person.agents, ctx),
                 list_inbox(state),
                 as_json(state.get("doing")),
                 *(min(seconds, latest), now, until, wake, clock),
@@ -334,7 +334,9 @@ class Human:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Human":
         """Return a strategy for a copy of the game."""
-        return Human(self.name, self._seconds, self._joins_within, own(self._otherwise, memo), self._choices)
+        return Human(
+            self.name, self._seconds, self._joins_within, get_counterpart(self._otherwise, memo), self._choices
+        )
 
     def prepare(self, ctx: Context) -> None:
         """Find the people of the game when it begins.
@@ -346,12 +348,12 @@ class Human:
         if prepare is not None:
             prepare(ctx)
         if self._choices is not None:
-            self._people = People.of(ctx)
+            self._people = People.get_people(ctx)
             if self._people is None:
                 self._people = People()
                 ctx.game.add(self._people)
             return
-        self._people = People.of(ctx)
+        self._people = People.get_people(ctx)
         if self._people is None or not self._people.is_open:
             played = [agents for human, agents in _list_humans(ctx) if human is self]
             names = ", ".join(map(shown, played[0])) if played else "This agent"

@@ -19,10 +19,10 @@ from gamms.errors import BadValue, GammsError, MissingFile
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.spec import LatLon, Rule, Team
 from gamms.text import shown
-from gamms.visual.appearance import team_colors
+from gamms.visual.appearance import assign_team_colors
 from gamms.visual.themes import THEMES
 from gamms.web.bundle import VIEWER_THEMES, format_css
-from gamms.web.columns import drawn_map
+from gamms.web.columns import encode_drawn_map
 from gamms.web.pages import as_json, as_text_of, fill_page
 
 _SCENARIOS = (".yaml", ".yml", ".json")
@@ -115,7 +115,7 @@ def _make_options(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
 def _add_colors(teams: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return teams with their colors in each theme."""
     names = [team["name"] for team in teams]
-    by_theme = {theme: team_colors(names, palette=THEMES[theme].teams) for theme in VIEWER_THEMES}
+    by_theme = {theme: assign_team_colors(names, palette=THEMES[theme].teams) for theme in VIEWER_THEMES}
     return [
         {**team, "colors": {theme: format_css(colors[str(team["name"])]) for theme, colors in by_theme.items()}}
         for team in teams
@@ -145,7 +145,7 @@ def _encode_map(game: Scenario) -> bytes:
             lat_lon = np.column_stack(ctx.graph.to_latlon(xy[:, 0], xy[:, 1]))
         except GammsError:  # the map has no CRS, or the library for its CRS is not installed
             lat_lon = None
-    return drawn_map(packed, lat_lon=lat_lon)
+    return encode_drawn_map(packed, lat_lon=lat_lon)
 
 
 __all__ = ["map_page"]

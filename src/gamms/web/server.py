@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, NetworkError
 from gamms.plain import Plain
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.text import shown
 from gamms.web.links import LinkPermissions, Links, Refused
 
@@ -107,7 +107,7 @@ class Connection:
         self.counts["received"] += 1
         return self._rate.count() and self.counts["bad"] < _MOST_BAD
 
-    def told(self) -> list[str]:
+    def take_messages(self) -> list[str]:
         """Return the queued messages, and clear the queue."""
         told = self._told
         self._told = {}
@@ -197,7 +197,7 @@ class Server:
     """
 
     def __init__(self, site: Site, *, host: str = "127.0.0.1", port: int = 0, allow_network: bool = False) -> None:
-        with needing("A live view in the browser", "web"):
+        with require_extra("A live view in the browser", "web"):
             import starlette  # noqa: F401 - raises now if it is missing, as does websockets
             import uvicorn
             import websockets  # noqa: F401
@@ -216,7 +216,7 @@ class Server:
         self.links = site.links
         self._hub = _SiteRouter(site)
         idle = IdleTimeout(_MOST_QUIET, _QUIET_S)
-        guard = _Guard(self._hub.application(), _list_own_names(port) if is_local else None, idle)
+        guard = _Guard(self._hub.make_application(), _list_own_names(port) if is_local else None, idle)
 
         def protocol(**keywords: Any) -> WatchedConnection:  # called by uvicorn
             return WatchedConnection(H11Protocol(**keywords), idle)
@@ -327,7 +327,7 @@ class IdleTimeout:
         self._busy: dict[Client, tuple[float, Callable[[], object]]] = {}
         self._timer: asyncio.TimerHandle | None = None
 
-    def opened(self, client: Client, end: Callable[[], object]) -> None:
+    def add_connection(self, client: Client, end: Callable[[], object]) -> None:
         """Add a new connection with the function that closes it; close another one if there are too many."""
         self._quiet[client] = monotonic(), end
         if len(self._quiet) > self._most:
@@ -336,18 +336,18 @@ class IdleTimeout:
             self._end(next(one for one in self._quiet if counts[one[0]] == most))
         self._schedule_check()
 
-    def asks(self, client: Client) -> None:
+    def mark_busy(self, client: Client) -> None:
         """Mark a connection as busy with a request."""
         if (known := self._quiet.pop(client, None)) is not None:
             self._busy[client] = monotonic(), known[1]
 
-    def answered(self, client: Client) -> None:
+    def mark_idle(self, client: Client) -> None:
         """Mark a connection as idle, after a response."""
         if (known := self._busy.pop(client, None)) is not None:
             self._quiet[client] = monotonic(), known[1]
             self._schedule_check()
 
-    def gone(self, client: Client) -> None:
+    def remove_connection(self, client: Client) -> None:
         """Stop watching a connection."""
         self._quiet.pop(client, None)
         self._busy.pop(client, None)
@@ -390,11 +390,11 @@ class WatchedConnection(asyncio.Protocol):
         with suppress(TypeError, IndexError):  # the peer has disconnected already
             self._client = made.get_extra_info("peername")[:2]
         self._protocol.connection_made(transport)
-        self._idle.opened(self._client, made.abort)
+        self._idle.add_connection(self._client, made.abort)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """See `asyncio.Protocol`."""
-        self._idle.gone(self._client)
+        self._idle.remove_connection(self._client)
         self._protocol.connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -431,14 +431,14 @@ class _Guard:
     async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
         client = _get_client(scope)
         if scope["type"] == "websocket":  # WebSockets have their own limits
-            self._idle.gone(client)
+            self._idle.remove_connection(client)
             await self._answer(scope, receive, send)
             return
-        self._idle.asks(client)
+        self._idle.mark_busy(client)
         try:
             await self._answer(scope, receive, send)
         finally:
-            self._idle.answered(client)
+            self._idle.mark_idle(client)
 
     async def _answer(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
         from starlette.datastructures import MutableHeaders
@@ -495,7 +495,7 @@ class _SiteRouter:
         self._news: asyncio.Event
         self._pump: asyncio.Task[None]
 
-    def application(self) -> "ASGIApp":
+    def make_application(self) -> "ASGIApp":
         """Return the Starlette application with all routes."""
         from starlette.applications import Starlette
         from starlette.routing import Route, WebSocketRoute
@@ -550,12 +550,12 @@ class _SiteRouter:
         self._begin()
         client = _get_client(websocket.scope)
         try:
-            grant = await self._grant_of(websocket, client)
+            grant = await self._wait_for_token(websocket, client)
         except TimeoutError:
             await websocket.close(_TOO_MANY, "No token has come in time.")
             return
         finally:
-            self._strangers.gone(client)
+            self._strangers.remove_connection(client)
         if grant is None:
             await websocket.close(_BAD_TOKEN, "This link is not known here, or not any more.")
             return
@@ -571,7 +571,7 @@ class _SiteRouter:
             self._loop = asyncio.get_running_loop()
             self._pump = self._loop.create_task(self._send_in_rounds())
 
-    async def _grant_of(self, websocket: "WebSocket", client: Client) -> LinkPermissions | None:
+    async def _wait_for_token(self, websocket: "WebSocket", client: Client) -> LinkPermissions | None:
         """Wait for the first message of a client, which contains its token; None: the token is unknown.
 
         Raises:
@@ -579,7 +579,7 @@ class _SiteRouter:
         """
         loop = asyncio.get_running_loop()
         async with asyncio.timeout(None) as limit:
-            self._strangers.opened(client, lambda: limit.reschedule(loop.time()))
+            self._strangers.add_connection(client, lambda: limit.reschedule(loop.time()))
             await websocket.accept()
             first = await websocket.receive()
         with suppress(Refused):
@@ -650,7 +650,7 @@ async def _send_all(websocket: "WebSocket", connection: Connection, talk: Socket
         while True:
             await connection._woken.wait()
             connection._woken.clear()
-            for text in connection.told():
+            for text in connection.take_messages():
                 async with asyncio.timeout(_MOST_STUCK_S):
                     await websocket.send_text(text)
             for piece in talk.news(connection):

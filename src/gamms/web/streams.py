@@ -78,7 +78,7 @@ class AudienceStream:
         visuals = header.get("visuals")
         self._cut = None if is_everything else KnowledgeFilter(state, audience.has, nearest, get_map, visuals)
         if self._cut is not None:
-            state = self._cut.keyframe(0)
+            state = self._cut.make_keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
             header |= {"agents": sorted(audience.agents)} if audience.agents else {}
         self._painter = Painter(header, state, turns)
@@ -110,14 +110,14 @@ class AudienceStream:
         for given in cut.add(log, is_end=is_over):
             self._add_turn(given, cut.looked)
         if not self._is_seen and (cut.is_shown or is_over):  # no turn contains sensor data from before the first turn
-            self._painter.restore(cut.keyframe(self._turns - self._begun_at))
+            self._painter.restore(cut.make_keyframe(self._turns - self._begun_at))
             self._painter.look_ahead(cut.looked)
             self._add_keyframe()
             self._is_seen = True
 
     def write(self) -> None:
         """Encode the added turns as one part."""
-        if part := self._painter.part():
+        if part := self._painter.encode_part():
             self._add(part)
 
     def close(self) -> None:
@@ -126,7 +126,7 @@ class AudienceStream:
 
     def end(self) -> None:
         """Encode the last turn of the game; no sensing follows it."""
-        for given in () if self._cut is None else self._cut.rest():
+        for given in () if self._cut is None else self._cut.take_rest():
             self._add_turn(given)
             self._is_seen = False  # in case the game continues
         self.write()
@@ -142,7 +142,7 @@ class AudienceStream:
     def _add_keyframe(self) -> None:
         self.write()
         self._painter.begin()
-        self._add(self._painter.part(), is_keyframe=True)
+        self._add(self._painter.encode_part(), is_keyframe=True)
 
     def _add(self, part: bytes, *, is_keyframe: bool = False) -> None:
         messages = _split_messages(part)
@@ -271,7 +271,7 @@ class Streams(PartOfServer):
             for stream in filter(None, self._streams.values()):
                 stream.end()
 
-    def of(self, audience: Audience) -> AudienceStream | None:
+    def get_stream(self, audience: Audience) -> AudienceStream | None:
         """Return the stream of an audience, and begin it if needed; None before a game begins."""
         with self._lock:
             self._catch_up()
@@ -285,7 +285,7 @@ class Streams(PartOfServer):
         return any(not audience.is_everything for audience in list(self._streams))
 
     def drop(self, audience: Audience) -> None:
-        """End the stream of an audience; `of` begins a new one."""
+        """End the stream of an audience; `get_stream` begins a new one."""
         with self._lock:
             stream = self._streams.pop(audience, None)
             if stream is not None:
@@ -304,7 +304,7 @@ class Streams(PartOfServer):
 
     def _begin_stream(self, audience: Audience) -> AudienceStream:
         assert self._state is not None  # noqa: S101 - callers look
-        state = self._state.keyframe(self._turns)
+        state = self._state.make_keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
         header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
         first_map = self._first_map
@@ -317,7 +317,7 @@ class Streams(PartOfServer):
 
 def list_news(streams: Streams, connection: Connection) -> Iterator[bytes]:
     """Yield the messages that a connection has not received yet, and update its position."""
-    stream = streams.of(connection.grant.audience)
+    stream = streams.get_stream(connection.grant.audience)
     if stream is None:
         return
     place = connection.place

@@ -38,7 +38,7 @@ from gamms.plain import Plain, as_json
 from gamms.scenario import Scenario
 from gamms.text import reason, shown
 from gamms.versions import versions
-from gamms.web.bundle import hash_of
+from gamms.web.bundle import compute_hash
 from gamms.web.choices import CHOSEN, EVENT
 from gamms.web.links import Handle, LinkPermissions, Links, Refused
 from gamms.web.live import Live, ServeOptions
@@ -366,7 +366,7 @@ class Study(Handle):
         with self._lock:
             if self.codes is None and code not in self._known.by_code and message.get("agree") is True:
                 self._agreed.count(address)
-            one = self._known.known(code, message)
+            one = self._known.find_participant(code, message)
             return {"stage": "consent", "text": self._consent} if one is None else self._stage(one, message)
 
     def _is_known(self, grant: LinkPermissions, code: str) -> bool:
@@ -377,7 +377,7 @@ class Study(Handle):
     def _stage(self, one: Participant, message: Json) -> Json:
         """Return the stage of a participant who has consented; begin the next round on request."""
         within: Json = {"within_s": self._partner_within}
-        group = one.group or self._known.group_of(one)
+        group = one.group or self._known.form_group(one)
         if group is None:
             return {"stage": "alone" if one.came_at is None else "wait", **within}
         if self._is_done(group):
@@ -618,7 +618,7 @@ def _make_page(title: str) -> bytes:
     page = (Path(__file__).parent.parent / "data" / "study.html").read_text(encoding="utf-8")
     for name in ("script", "style"):
         part = page[page.index(f"<{name}>") + len(name) + 2 : page.index(f"</{name}>")]
-        page = page.replace(f"{{{name}_hash}}", hash_of(part))
+        page = page.replace(f"{{{name}_hash}}", compute_hash(part))
     return page.replace("{title}", escape(title)).encode()
 
 

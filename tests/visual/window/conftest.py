@@ -107,8 +107,10 @@ def said(monkeypatch):
     from gamms.visual.window import overlay
 
     words = []
-    text = overlay.Canvas.text
+    text = overlay.Canvas.draw_text
     monkeypatch.setattr(
-        overlay.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
+        overlay.Canvas,
+        "draw_text",
+        lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more),
     )
     return words

@@ -228,7 +228,7 @@ def test_the_loop_of_the_paper_ends_quietly_when_the_window_is_closed(ctx, perso
     assert agent.get_state()["curr_pos"] == 3
 
 
-def test_drawing_choices_without_a_window_draws_what_is_asked():
+def test_drawing_choices_without_a_window_draws_the_question():
     with gamms.create_context() as ctx:
         star(ctx, 3)
         data = {"graph_data": gamms.visual.GraphData(), "_input_options": {0: 0, 1: 2}, "_waiting_user_input": True}
@@ -271,7 +271,7 @@ def shown_in_a_question(ctx, person, name="anna"):
     return shown
 
 
-def test_who_is_asked_sees_what_its_sensors_know(hunt, person):
+def test_a_person_sees_only_agents_that_sensors_show(hunt, person):
     assert shown_in_a_question(hunt(), person) == ["anna", "near"]
 
 
@@ -358,8 +358,8 @@ def test_in_fog_the_panel_tells_of_others_no_more_than_their_names(hunt, person)
     def note():
         for name in ("anna", "near"):
             overlay._pinned = name
-            told[name] = overlay.pointed_at()[0]
-            told[name, "views"] = list(overlay.hints())
+            told[name] = overlay.describe_pointed()[0]
+            told[name, "views"] = list(overlay.list_hints())
         person.press("0")
         return []
 

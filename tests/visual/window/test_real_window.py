@@ -50,7 +50,7 @@ while not ctx.is_terminated():
     anna.set_state()
     ctx.visual.simulate()
     if not ctx.is_terminated():
-        say(node=anna.current_node_id, pinned=ctx.visual.overlay.pointed_at() is not None)
+        say(node=anna.current_node_id, pinned=ctx.visual.overlay.describe_pointed() is not None)
 """
 
 LOOP_OF_THE_PAPER = """

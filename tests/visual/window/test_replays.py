@@ -134,14 +134,14 @@ def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
         TimelineMark(5, "red", "red scores: 2", True),
         TimelineMark(8, "red", "red won", True),
     )
-    assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 3)) == ["turn 3: bert is out"]
-    assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 4)) == ["turn 4"]
-    assert ctx.visual.overlay.timeline.words_at((3, 3)) == []
+    assert ctx.visual.overlay.timeline.describe_events(place_of(ctx, 3)) == ["turn 3: bert is out"]
+    assert ctx.visual.overlay.timeline.describe_events(place_of(ctx, 4)) == ["turn 4"]
+    assert ctx.visual.overlay.timeline.describe_events((3, 3)) == []
 
 
 def test_the_score_is_written_once(ctx, recording):
     play(ctx, recording, {})
-    assert ctx.visual.overlay.turn_lines(ctx) == ["turn 8", "left: red 1 · blue 0"]  # the legend has the scores
+    assert ctx.visual.overlay.write_turn_lines(ctx) == ["turn 8", "left: red 1 · blue 0"]  # the legend has the scores
 
 
 def test_a_window_has_the_title_of_the_game(recording, open_window):
@@ -153,13 +153,13 @@ def test_a_window_has_the_title_of_the_game(recording, open_window):
 
 def test_the_end_is_announced_and_can_be_dismissed(ctx, recording, person):
     play(ctx, recording, {})
-    title, color, lines = ctx.visual.overlay.card()
+    title, color, lines = ctx.visual.overlay.get_card()
     assert (title, color, lines) == ("red won", TEAM_COLORS[1], ("enough", "red 2 · blue 0", "8 turns"))
     person.press("ESCAPE")
     ctx.visual.update()
-    assert ctx.visual.overlay.card() is None
+    assert ctx.visual.overlay.get_card() is None
     ctx.visual.seek(7)
-    assert ctx.visual.overlay.card() is None
+    assert ctx.visual.overlay.get_card() is None
 
 
 def test_a_replay_that_stays_open_can_be_played_again(ctx, recording, person):
@@ -202,7 +202,7 @@ def test_a_drag_on_the_line_of_a_game_moves_neither_its_turns_nor_the_map(open_w
 
 def test_a_press_beside_the_line_is_none_on_it():
     timeline = Timeline(lambda name: None)
-    assert timeline.place_at((0, 0)) is None
+    assert timeline.find_place((0, 0)) is None
     assert not timeline.is_button((0, 0))
 
 

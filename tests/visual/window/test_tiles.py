@@ -38,10 +38,10 @@ def settle(ctx):
 
 def painted_now(ctx):
     """The world without any memory, through the window's camera."""
-    from gamms.visual.backends.raster import painted
+    from gamms.visual.backends.raster import paint_picture
 
     camera, background = ctx.visual._render_manager.camera(), ctx.visual.overlay.hud.theme.background
-    return painted(ctx.visual.draw_commands(), camera, background).pixels()
+    return paint_picture(ctx.visual.draw_commands(), camera, background).pixels()
 
 
 def differs(one, other):
@@ -78,7 +78,7 @@ def test_zooming_out_does_not_dim_the_paper(ctx, seen, person):
         assert np.abs(seen(ctx)[:, 5:60].astype(int) - (252, 252, 250)).max() <= 2
 
 
-def test_glass_shows_what_is_behind_it(ctx, seen):
+def test_glass_shows_the_map_behind_it(ctx, seen):
     """A static layer above a moving one is painted on a transparent surface."""
     ctx.visual.set_graph_visual(node_size=2)
     behind = {"drawer": lambda ctx, data: ctx.visual.render_circle(150, 150, 100, (255, 0, 0)), "layer": 3}
@@ -105,7 +105,7 @@ def test_a_repeated_action_takes_the_time_of_the_first():
 
 def test_a_sheet_that_would_hold_too_much_memory_is_not_kept():
     pool = SurfacePool()
-    assert pool.surface("part", 3000, 2000).get_parent() is not pool.surface("part", 3000, 2000).get_parent()
+    assert pool.get_surface("part", 3000, 2000).get_parent() is not pool.get_surface("part", 3000, 2000).get_parent()
 
 
 def test_a_window_paints_nothing_after_the_context_has_ended(ctx):

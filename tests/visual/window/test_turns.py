@@ -165,7 +165,7 @@ def test_trails_remember_the_last_turns(play):
         agent.set_state()
         ctx.visual.simulate()
     trails = {name: ctx.visual.overlay.shown[name] for name in ("past trails", "trails")}
-    commands = ArtistGroup(ctx, trails).commands()
+    commands = ArtistGroup(ctx, trails).draw_artists()
     lines = [commands.points[a:b].tolist() for a, b in zip(commands.offsets, commands.offsets[1:], strict=False)]
     assert lines == [[[10.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [10.0, 0.0]]]
     assert commands.color[:, 3].tolist()[0] < commands.color[:, 3].tolist()[1]

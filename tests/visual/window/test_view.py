@@ -67,7 +67,7 @@ def test_an_impossible_size_is_refused_and_changes_nothing(bad):
     assert (view.camera_size, view.screen_width, view.screen_height) == (15, 1280, 720)
 
 
-def test_what_crosses_the_view_with_all_points_outside_is_not_culled():
+def test_a_shape_across_the_view_with_all_points_outside_is_not_culled():
     view = RenderManager(None, 0, 0, 10, 100, 100)
     assert not view.check_line_culled(-50, 0, 50, 1)
     assert not view.check_lines_culled([(-50, 50), (-50, 0), (50, 0), (50, 50), (-50, 50)])
@@ -76,7 +76,7 @@ def test_what_crosses_the_view_with_all_points_outside_is_not_culled():
     assert view.check_polygon_culled([(21, 0), (0, 21), (50, 50)])
 
 
-def test_circles_and_rectangles_are_culled_by_what_is_drawn():
+def test_circles_and_rectangles_are_culled_by_their_drawn_size():
     view = RenderManager(None, 0, 0, 10, 100, 100)
     assert not view.check_circle_culled(14, 0, 5)
     assert view.check_circle_culled(14, 14, 5)

@@ -179,7 +179,7 @@ def test_closing_the_window_while_a_turn_is_shown_ends_the_context(open_window, 
 
 
 @pytest.mark.parametrize("who", ["drawer", "hud"])
-def test_what_is_drawn_may_end_the_context(ctx, who):
+def test_a_drawer_may_end_the_context(ctx, who):
     if who == "hud":
         ctx.visual.hud = lambda ctx: ctx.terminate() or []
     else:
@@ -254,23 +254,23 @@ def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail
     x, y = ctx.visual._render_manager.world_to_screen(*ctx.visual.drawing.position_of("red_0"))
     person.click(x, y)
     ctx.visual.update()
-    assert ctx.visual.overlay.pointed_at() is not None
+    assert ctx.visual.overlay.describe_pointed() is not None
     assert "sensor_eyes" in ctx.visual.overlay.shown
     before = seen(ctx)
     ctx.game.step()
     for _ in range(2):  # with the cross, and without
         ctx.visual.update()
-        assert ctx.visual.overlay.pointed_at() is None
+        assert ctx.visual.overlay.describe_pointed() is None
         assert "sensor_eyes" not in ctx.visual.overlay.shown
-        assert not ctx.visual.overlay.hints()
+        assert not ctx.visual.overlay.list_hints()
         assert ctx.visual.overlay.shown["red_0"].data["agent_data"].current_position is None
         assert "red_0" not in ctx.visual.overlay.shown["trails"].data["colors"]
         ctx.game.step()
     ctx.visual.update()
     assert (before != seen(ctx)).any()
-    assert "left: red 0 · blue 1" in ctx.visual.overlay.turn_lines(ctx)
+    assert "left: red 0 · blue 1" in ctx.visual.overlay.write_turn_lines(ctx)
     ctx.agent.delete_agent("blue_0")
-    assert "left: red 0" in ctx.visual.overlay.turn_lines(ctx)
+    assert "left: red 0" in ctx.visual.overlay.write_turn_lines(ctx)
 
 
 @pytest.mark.parametrize(

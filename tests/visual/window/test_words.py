@@ -11,7 +11,7 @@ from gamms.visual.camera import Camera
 from gamms.visual.charts import ChartLine, draw_chart
 from gamms.visual.legend import LegendRow, LegendRows, Pen
 from gamms.visual.window import overlay, panels
-from gamms.visual.window.input import question
+from gamms.visual.window.input import make_question
 
 
 def frame(ctx, said):
@@ -96,7 +96,7 @@ def test_an_agent_whose_node_is_gone_is_logged_and_the_window_goes_on(ctx, said,
     assert any("red_0" in record.message for record in caplog.records if record.levelname == "ERROR")
 
 
-def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, said):
+def test_only_declared_drawings_are_explained(ctx, said):
     ctx.visual.set_graph_visual()
     assert {"red", "blue"}.isdisjoint(frame(ctx, said))
     artist = ctx.visual.add_artist(
@@ -120,7 +120,7 @@ def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, sai
         ("x" * 50, "x" * 39 + "…"),
     ],
 )
-def test_what_a_sensor_found_in_a_few_words(data, words):
+def test_sensor_data_is_described_in_a_few_words(data, words):
     assert overlay._summarize_data(data) == words
 
 
@@ -164,7 +164,7 @@ def tell(ctx, kinds):
             ctx.game.emit(kind, agent="red_0")
 
 
-def test_what_happens_in_a_turn_is_said(ctx, said):
+def test_events_of_a_turn_are_described(ctx, said):
     tell(ctx, {1: ["storm"], 3: ["dusk"]})
     for expected in (["red_0: storm"], [], ["red_0: dusk"]):
         ctx.game.step()
@@ -174,7 +174,7 @@ def test_what_happens_in_a_turn_is_said(ctx, said):
 def test_it_is_said_for_two_seconds_however_fast_turns_are_shown(ctx, said):
     tell(ctx, {1: ["storm"]})
     ctx.visual.turn_seconds = 0.04
-    ctx.visual.pace.faster(-2)  # a sixth of a second
+    ctx.visual.pace.change_speed(-2)  # a sixth of a second
     lines = []
     for _ in range(14):
         ctx.game.step()
@@ -182,7 +182,7 @@ def test_it_is_said_for_two_seconds_however_fast_turns_are_shown(ctx, said):
     assert lines == [True] * 12 + [False] * 2
 
 
-def test_the_newest_is_above_what_happened_before_and_older_lines_go(open_window, said):
+def test_the_newest_line_is_above_older_ones_which_disappear(open_window, said):
     ctx = open_window(simulation_time_constant=0.01)
     tell(ctx, {1: ["dawn"], 2: ["noon"], 3: ["dusk"]})
     for _ in range(3):
@@ -199,7 +199,7 @@ def test_captions_and_questions_cover_each_other_in_no_window(open_window, said)
     ctx = open_window(width=300, height=300)
     tell(ctx, {1: ["a storm of which much can be said, more than the window is wide"]})
     ctx.game.step()
-    ctx.visual.question = question(ctx, "red_0", {"curr_pos": 0})
+    ctx.visual.question = make_question(ctx, "red_0", {"curr_pos": 0})
     words = frame(ctx, said)
     assert any(line.startswith("red_0: a storm of which") and line.endswith("…") for line in words)
     prompt, *_, captions = [box for box in ctx.visual.overlay.hud.layout.areas if box[2] - box[0] > 100]
@@ -226,7 +226,7 @@ def test_captions_have_the_colours_of_the_theme(ctx):
 @pytest.mark.parametrize(("options", "scale", "names"), [({}, 3.0, 1), ({}, 0.3, 0), ({"street_names": False}, 3.0, 0)])
 def test_streets_have_their_names_close_by(open_window, monkeypatch, options, scale, names):
     written = []
-    monkeypatch.setattr(overlay.Canvas, "text", lambda self, words, *_, **__: written.append(words))
+    monkeypatch.setattr(overlay.Canvas, "draw_text", lambda self, words, *_, **__: written.append(words))
     ctx = open_window(is_empty=True, **options)
     graph = nx.MultiDiGraph(crs="EPSG:32635")
     for number in range(6):

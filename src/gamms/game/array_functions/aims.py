@@ -144,20 +144,20 @@ class ActionFinder:
         self._routes = routes
         self._actions: list[int | list[int] | EdgeAction] = []
 
-    def towards(
+    def find_action_towards(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
     ) -> IntArray:
-        """Return the actions of agents, as `Movement.towards` does; `which` are their games and numbers."""
+        """Return the actions of agents, as `Movement.find_action_towards` does; `which` are their games and numbers."""
         movement = self._movement
-        ids = movement.streets.ids_of
+        ids = movement.streets.get_ids
         is_allowed: Callable[[int], bool] | None = None
         if allowed is not None:
             allowed = as_array(allowed, "allowed", "booleans", (movement.streets.num_nodes,))
             is_allowed = set(ids(np.flatnonzero(allowed)).tolist()).__contains__
-        rows, are_legal = movement.legal(node, which)
+        rows, are_legal = movement.find_legal(node, which)
         are_paced = movement.is_paced[which[1]].tolist()
         modes = movement.mode_of[which[1]].tolist()
-        edges = movement.on_edge(which)
+        edges = movement.find_edges(which)
         found = np.full(node.shape, -1)
         for place, has_speed in enumerate(are_paced):
             here, target = ids(np.array([node[place], targets[place]])).tolist()
@@ -187,9 +187,9 @@ class ActionFinder:
         return _FIRST + len(self._actions) - 1
 
     def are_known(self, actions: IntArray) -> BoolArray:
-        """Return a mask of the actions that `towards` has returned."""
+        """Return a mask of the actions that `find_action_towards` has returned."""
         return (actions >= _FIRST) & (actions < _FIRST + len(self._actions))
 
-    def action(self, number: int) -> int | list[int] | EdgeAction | None:
+    def get_action(self, number: int) -> int | list[int] | EdgeAction | None:
         """Return the value of `state["action"]` of an action by its number; None: it is the number of a legal node."""
         return self._actions[number - _FIRST] if number >= _FIRST else None

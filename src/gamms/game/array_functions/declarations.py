@@ -18,12 +18,12 @@ from gamms.game.array_functions.aims import ActionFinder
 from gamms.game.array_functions.given import make_flight_action
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, make_asked_view
-from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, mode_of
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_mode
 from gamms.game.block.initial_state import LastTurn, make_movement
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.deeds import DeclaredDeeds, check_value
-from gamms.game.lasting import DoingReader
+from gamms.game.lasting import DeedReader
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import TurnMoves
@@ -175,13 +175,13 @@ def _make_block(ctx: HostContext) -> GameArrays:
     state.deeds = DeclaredDeeds(game.deeds, partial(check_value, ctx=ctx), roster.names, streets)
     if state.deeds.lasting:
         values = game.internals.state
-        state.doings = DoingReader(game.settings(), roster.names, roster.teams_by_agent(), lambda _: values.data)
+        state.doings = DeedReader(game.settings(), roster.names, roster.list_teams(), lambda _: values.data)
     if state.flights is not None:
         flying: list[Any] = [roster.agents[number] for number in state.flyers.tolist()]
         state.position[0] = [agent.position for agent in flying]
         state.start_position[0] = [game.start_node(agent) for agent in flying]
     for number, name in enumerate(roster.names):
-        place = block.on_edge(block.row_of(name))
+        place = block.get_edge_position(block.find_row(name))
         if place is not None:
             state.movement.put_on(number, place)
     if state.movement.traffic is not None:
@@ -207,17 +207,17 @@ def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
     known = game.ctx.agent.agents
     names = state.roster.names
     turns = game.internals.parts.turns
-    legal = turns.legal([name for name in names if name in known])
+    legal = turns.list_legal([name for name in names if name in known])
     columns = state.streets.columns
     block = game.ctx.agent.block
     for i, name in enumerate(names):
         node = state.node[number, i]
         moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
-        moves.place(number, i, (-1, -1, -1), 0.0, columns.xy[node])
-        progress = block.on_edge(block.row_of(name)) if name in known else None
+        moves.note_position(number, i, (-1, -1, -1), 0.0, columns.xy[node])
+        progress = block.get_edge_position(block.find_row(name)) if name in known else None
         place = None if progress is None else locate(game.ctx.graph.graph, progress)
         if place is not None:
-            moves.place(number, i, *place[:3])
+            moves.note_position(number, i, *place[:3])
 
 
 # -- strategies -------------------------------------------------------------------------------------------------------
@@ -247,7 +247,7 @@ class _Decisions(NamedTuple):
 
 def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> None:
     """Set the action of an agent; the first one that is asked lets the function decide for all, as in a batch."""
-    with get_phase(ctx).suspended(changes_world=False):
+    with get_phase(ctx).suspend(changes_world=False):
         asked = ctx.game.internals.parts.turns.asked
         cache = ctx.game.internals.kept
     key = (_CACHE, make_form_key(function), "quat" in state)
@@ -269,7 +269,7 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
         state["action"] = {"edge": edge, "do": done} if done else {"edge": edge}
         return
     number = int(known.given[0, place])
-    action: Any = None if view._aims is None else view._aims.action(number)
+    action: Any = None if view._aims is None else view._aims.get_action(number)
     if action is None:
         action = state["legal"][number]
     if isinstance(action, dict):
@@ -280,7 +280,7 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
 
 def _decide_for_agents(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decisions:
     """Call an array function for an agent that is asked, and for all others that it decides for at this moment."""
-    with get_phase(ctx).suspended(changes_world=False):
+    with get_phase(ctx).suspend(changes_world=False):
         block = _make_block(ctx)
         turns = ctx.game.internals.parts.turns
         data = ctx.game.data
@@ -301,7 +301,7 @@ def _decide_for_agents(ctx: HostContext, state: dict[str, Any], function: ArrayS
     names = block.roster.names
     deeds: dict[str, dict[str, dict[str, Any]]] = {}
     for one in view._deeds or ():
-        for number, fields in zip(one.agents.tolist(), block.deeds.numbering.fields(one), strict=True):
+        for number, fields in zip(one.agents.tolist(), block.deeds.numbering.list_fields(one), strict=True):
             deeds.setdefault(names[number], {})[one.kind] = fields
     messages: dict[str, list[dict[str, Any]]] = {}
     for box in view._outboxes or ():
@@ -315,7 +315,7 @@ def _decide_for_agents(ctx: HostContext, state: dict[str, Any], function: ArrayS
 def _find_routes(ctx: HostContext, legality: Legality, roster: AgentTable, number: int) -> RoutesWithTurns | None:
     """Return the routes of an agent that obeys turn restrictions, by its number; None: it does not."""
     agent = roster.agents[number]
-    mode = mode_of(agent)
+    mode = get_mode(agent)
     if mode is None or not split_mode(mode)[1]:
         return None
     place = getattr(agent, "edge", None)
@@ -334,7 +334,7 @@ def _find_agents_asked_together(ctx: HostContext, block: GameArrays, name: str, 
     if not game.internals.parts.turns.is_deciding or game.time_budget is not None:
         return own
     key = make_form_key(function)
-    part_of = roster.part_of(game.order)
+    part_of = roster.find_parts(game.order)
     forms = [get_strategy_spec(find_decider(agent, game.plans)).array_form for agent in roster.agents]
     has_function = np.array([form is not None and make_form_key(form) == key for form in forms], np.bool_)
     found = np.flatnonzero(has_function & (part_of == part_of[own]) & (roster.flies == roster.flies[own]))
@@ -351,9 +351,9 @@ def _find_deciding_agents(ctx: HostContext, block: GameArrays, state: dict[str, 
     if turns.is_deciding and turns.asked_part is not None and ctx.game.time_budget is None:
         order, part = turns.asked_part
         number_of = {name: number for number, name in enumerate(names)}
-        here[0, [number_of[order.names[i]] for i in part.present(part.members)]] = True
-        for slot in order.slots.made():
-            drawn[0, number_of[slot.name]] = slot.marks()[0] or 0
+        here[0, [number_of[order.names[i]] for i in part.select_present(part.members)]] = True
+        for slot in order.slots.list_made():
+            drawn[0, number_of[slot.name]] = slot.get_marks()[0] or 0
     return here, drawn
 
 
@@ -373,14 +373,14 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
         if "looked" not in block.now:
             block.now["looked"] = True
             with block.reading():
-                note_sights(block, ctx, turns.looks, 0)
+                note_sights(block, ctx, turns.read_sensors, 0)
 
     block.look = look
-    block.reading = partial(get_phase(ctx).suspended, changes_world=False)
+    block.reading = partial(get_phase(ctx).suspend, changes_world=False)
     if game.channels:
         turns.messages.follow()
         gone = {name: team for name, (team, _) in game.internals.state.departed.items()}
-        block.radio = turns.messages.share(roster.team_by_name(), roster.part_of(None), gone)
+        block.radio = turns.messages.share(roster.get_teams_by_name(), roster.find_parts(None), gone)
 
 
 # -- rules ------------------------------------------------------------------------------------------------------------
@@ -401,8 +401,8 @@ class _SingleGameTurn(ArrayTurn):
         state.change_roads = lambda _, verb, edges: getattr(ctx.graph, verb)(edges)
         state.events.show(0, game.events)
         state.scores.put(0, game.scores)
-        self._scores_before = state.scores.of(0)
-        state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
+        self._scores_before = state.scores.get_scores(0)
+        state.placed[0] = [block.find_row(name) in block.placed for name in roster.names]
         now = game.turn + game.is_moving
         of_now = takewhile(lambda event: event["turn"] == now, reversed(game.events))
         out = {event["agent"] for event in of_now if event["kind"] == "eliminated"}
@@ -410,15 +410,17 @@ class _SingleGameTurn(ArrayTurn):
         self.took_part = np.zeros(self.node.shape, np.bool_)
         moves: TurnMoves | None = game.internals.state.moves
         if moves is not None:
-            self.starts, self.ends, self.took_part, self.paths = LastTurn.of(moves, roster, state.movement, self.node)
+            self.starts, self.ends, self.took_part, self.paths = LastTurn.from_moves(
+                moves, roster, state.movement, self.node
+            )
             for number in np.flatnonzero(roster.flies & self.took_part[0]).tolist():
-                state.placed[0, number] |= moves.was_put(moves.order.index_of[roster.names[number]])
+                state.placed[0, number] |= moves.is_displaced(moves.order.index_of[roster.names[number]])
         state.deed_log = game.internals.state.deed_log
         self._rows_in_log = np.array([game.internals.state.row])
 
     def _close(self) -> None:
         """Write scores and kept arrays to the game."""
-        for key, points in self._state.scores.of(0).items():
+        for key, points in self._state.scores.get_scores(0).items():
             if self._scores_before.get(key) != points:
                 self._game.scores[key] = points
         if self._state.kept:

@@ -51,17 +51,17 @@ class OutsideActions(NamedTuple):
         has_moves = self.edges is None or self.leads
         return has_moves and self.flights is None and not (self.deeds or self.messages)
 
-    def agents(self, roster: AgentTable, team: Hashable) -> IntArray:
+    def select_agents(self, roster: AgentTable, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team that the actions are for."""
         return roster.members(team) if self.name is None else np.array([roster.names.index(self.name)])
 
-    def moves_in(self, view: ArrayView, moves: IntArray) -> IntArray:
+    def get_moves(self, view: ArrayView, moves: IntArray) -> IntArray:
         """Return the moves of the agents of a view; with `may_stay`, illegal moves become 0."""
         if not self.may_stay:
             return moves
         return np.where((moves >= 0) & (moves < view.counts), moves, 0)
 
-    def edges_in(self, view: ArrayView) -> IntArray | None:
+    def get_edges(self, view: ArrayView) -> IntArray | None:
         """Return the edges of the agents of a view; with `may_stay`, agents stop that name an illegal edge."""
         if self.edges is None:
             return None
@@ -176,7 +176,7 @@ class ActionLog:
         del self._entries[:first]
         self._begun -= first
 
-    def of(self, game: int) -> dict[int, dict[Hashable, OutsideActions]]:
+    def list_actions(self, game: int) -> dict[int, dict[Hashable, OutsideActions]]:
         """Return the actions of a game: the number of turns played before -> team -> actions.
 
         Raises:

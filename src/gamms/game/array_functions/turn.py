@@ -9,14 +9,14 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
-from gamms.game.block.columns import get_or_make, lock, once, put_locked
+from gamms.game.block.columns import find_unique_pairs, get_or_make, lock, put_locked
 from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays, MapViewMixin
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.movement.courses import Paths
 from gamms.game.movement.routes import RouteTable
 from gamms.ir.columns import find_places, select_rows
 from gamms.ir.deeds import ArrayDeeds, join_deeds
-from gamms.ir.game_state import joined_end
+from gamms.ir.game_state import join_ends
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -46,7 +46,7 @@ class Visits(NamedTuple):
     begin: FloatArray
     end: FloatArray
 
-    def those(self, which: BoolArray | IntArray) -> "Visits":
+    def select(self, which: BoolArray | IntArray) -> "Visits":
         """Return the visits selected by a mask or by indices."""
         return select_rows(self, which)
 
@@ -87,17 +87,17 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         self.roster = state.roster
         self._find_roads()
         self.turn = state.turn[games]
-        self.seeds = state.seeds_of(games)
+        self.seeds = state.get_seeds(games)
         self._rows_in_log = games  # the numbers of the games in the log of deeds
-        self.node: IntArray = state.chosen(state.node, games)
-        self.alive: BoolArray = state.chosen(state.alive, games)
+        self.node: IntArray = state.select_values(state.node, games)
+        self.alive: BoolArray = state.select_values(state.alive, games)
         self.starts = self.node
         self.ends = self.starts
         self.took_part = self.alive
 
     def _find_roads(self) -> None:
         """Find the maps of the games, because rules may have closed roads."""
-        self.streets, self._movement, self._shared = self._state.world(self.games)
+        self.streets, self._movement, self._shared = self._state.make_map_data(self.games)
 
     @property
     def _rows(self) -> Any:
@@ -189,9 +189,9 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         is_moving = self._is_moving
         turn = self.turn + is_moving
         as_arrays = partial(declared.make_arrays, kind)
-        found = self._state.deed_log.in_turn(self._rows_in_log, turn, kind, as_arrays, is_moving=is_moving)
-        deeds = join_deeds(found or [declared.nothing(kind)])
-        deeds = deeds.those(self.took_part[deeds.at, deeds.agents])
+        found = self._state.deed_log.list_in_turn(self._rows_in_log, turn, kind, as_arrays, is_moving=is_moving)
+        deeds = join_deeds(found or [declared.make_empty(kind)])
+        deeds = deeds.select(self.took_part[deeds.at, deeds.agents])
         return deeds._replace(nodes=self.starts[deeds.at, deeds.agents])  # rules may have put agents elsewhere
 
     def emit(
@@ -217,7 +217,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         """
         if not len(at):
             return
-        at = self._as_at(at)
+        at = self._check_indices(at)
         for name in {"turn", "kind"} & {*(agents or ()), *(nodes or ()), *(values or ())}:
             raise BadValue(f"An event has its {name}: give {name}= another name, such as until=.")
         fields: dict[str, list[Any]] = {}
@@ -232,13 +232,13 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
             fields[name] = self._list_values(name, those, at)
         self._note(as_name(kind, "a kind of event"), at, fields)
 
-    def _as_at(self, at: object) -> IntArray:
+    def _check_indices(self, at: object) -> IntArray:
         return as_numbers_of(at, "at", len(self.games), "games of this turn")
 
     def _check_pairs(self, at: object, agents: object) -> tuple[IntArray, IntArray]:
         """Return the arguments of a verb, checked and broadcast: games of this turn and agents."""
         numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents")
-        places = self._as_at(at)
+        places = self._check_indices(at)
         if places.shape != numbers.shape:
             places, numbers = as_one_shape({"at": places, "agents": numbers})
         return places, numbers
@@ -269,7 +269,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         """
         number = find_places(self.games, len(self._state))
         read = self._state.keep((READ, reader), lambda games: {"number": np.zeros(games, np.int64)})["number"]
-        new = self._state.events.new(read, self.games)
+        new = self._state.events.take_new(read, self.games)
         return [emitted._replace(games=number[emitted.games]) for emitted in new]
 
     def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
@@ -279,7 +279,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
             BadType, BadValue: a game does not exist, or the points are invalid.
         """
         if len(at):
-            at = self._as_at(at)
+            at = self._check_indices(at)
             if not isinstance(points, int):
                 points = as_array(points, "points", "numbers", at.shape)
             self._state.scores.add(key, self.games[at], points)
@@ -299,7 +299,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         Raises:
             BadType, BadValue: a game or team does not exist, or the points are invalid.
         """
-        at = self._as_at(at)
+        at = self._check_indices(at)
         teams = as_numbers_of(teams, "teams", len(self.roster.teams), "teams")
         if not isinstance(points, int):
             points = as_array(points, "points", "numbers", at.shape)
@@ -322,7 +322,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         Raises:
             BadType, BadValue: a game does not exist, or reasons or winners are missing.
         """
-        at = self._as_at(at)
+        at = self._check_indices(at)
         reasons = [reason] * len(at) if isinstance(reason, str) else self._list_values("reason", reason, at)
         for game, why, who in zip(
             self.games[at].tolist(), reasons, self._list_values("winner", winner, at), strict=True
@@ -331,7 +331,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         self._state.is_going[self.games[at]] = False
 
     def _end(self, game: int, how: dict[str, Any]) -> None:
-        self._state.over[game] = joined_end(self._state.over[game], how)
+        self._state.over[game] = join_ends(self._state.over[game], how)
 
     def eliminate(self, at: IntArray, agents: IntArray) -> None:
         """Eliminate the given agents that are alive, with an event for each.
@@ -341,7 +341,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         """
         at, agents = self._check_pairs(at, agents)
         living = self.alive[at, agents]
-        at, agents = once(at[living], agents[living])
+        at, agents = find_unique_pairs(at[living], agents[living])
         if len(at):
             self._take_out(at, agents)
             self._note_place("eliminated", at, agents)
@@ -373,7 +373,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         self._state.previous[games, agents] = np.where(self.roster.flies[agents], before, begun)
         self._state.placed[games, agents] = True
         if self._state.flights is not None:
-            self._state.flights.put_back(flat(games, np.int64), flat(agents, np.int64))
+            self._state.flights.put_back(flatten(games, np.int64), flatten(agents, np.int64))
         self._state.movement.clear(games, agents)
 
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
@@ -389,7 +389,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
         self._change_roads("open_roads", at, edges)
 
     def _change_roads(self, verb: str, at: IntArray, edges: Sequence[int]) -> None:
-        games = self.games[np.unique(self._as_at(at))]
+        games = self.games[np.unique(self._check_indices(at))]
         if len(games) and len(edges) and self._state.change_roads is not None:
             self._close()
             self._state.change_roads(games, verb, tuple(edges))
@@ -425,7 +425,7 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
 
     def routes(self, weight: str | None = "length") -> RouteTable:
         """Return a table of distances between rows of nodes; `weight` is as in `graph.distance`."""
-        return self._movement.routes(weight)
+        return self._movement.get_routes(weight)
 
     @property
     def facts(self) -> Mapping[str, Any]:
@@ -445,5 +445,5 @@ class ArrayTurn(MapViewMixin, ShallowCopyMixin):
 
     def draw_bits(self, at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:
         """Return 64 random bits for each item of `at`, from a purpose, names and this turn; see `kernels.draw_bits`."""
-        purposes = self._state.purposes(*purpose)[self.games[at]]
+        purposes = self._state.compute_purpose_keys(*purpose)[self.games[at]]
         return kernels.draw_bits_rows(purposes, names, self.turn[at])

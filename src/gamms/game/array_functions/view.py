@@ -20,9 +20,9 @@ from gamms.game.block.sensing import (
     VisibleAgentPairs,
     VisibleNodes,
     find_search,
+    find_seen_agents,
+    find_seen_nodes,
     list_sensor_names,
-    seen,
-    seen_nodes,
 )
 from gamms.game.block.state import Arrays, GameArrays, MapViewMixin
 from gamms.game.block.strategy_steps import LOOKING, AskedSteps, collect_looks, has_plain_looks, make_search
@@ -37,8 +37,8 @@ from gamms.game.block.vectors import (
     write_in_threads,
     write_vectors,
 )
-from gamms.game.conflicts import flat
-from gamms.game.lasting import DoingReader, Doings
+from gamms.game.conflicts import flatten
+from gamms.game.lasting import DeedReader, DeedsInProgress
 from gamms.game.messages import OutgoingMessages, ReceivedMessages
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
@@ -57,12 +57,12 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
-_NO_CHOICES = flat(np.zeros(0), np.int64)
+_NO_CHOICES = flatten(np.zeros(0), np.int64)
 _TURNS_AHEAD = 100  # if learners could be on all nodes within as many turns, all distances by road are searched before
-_NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
+_NO_PAIRS = flatten(np.zeros(0), np.int64), flatten(np.zeros(0), np.int64), flatten(np.zeros(0), np.uint8)
 
 
-def _unnamed(verb: str) -> BadValue:
+def _make_nameless_error(verb: str) -> BadValue:
     """Return the error of an array strategy that calls a verb without having its name in its code."""
     name = verb.partition(" ")[0]
     return BadValue(
@@ -106,13 +106,13 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         self._state = state
         self.games = games
         self.agents = agents
-        self.streets, self._movement, self._shared = state.world(games, agents)
+        self.streets, self._movement, self._shared = state.make_map_data(games, agents)
         if state.noted_moves is not None and state.is_apart[games].any():
-            self._movement = self._movement.with_notes(state.noted_moves)
+            self._movement = self._movement.add_notes(state.noted_moves)
         self.roster = state.roster
         self.memory_of = state.memory_of
-        self.node: IntArray = state.chosen(state.node, games, agents)
-        self.mask: BoolArray = state.chosen(state.alive, games, agents)
+        self.node: IntArray = state.select_values(state.node, games, agents)
+        self.mask: BoolArray = state.select_values(state.alive, games, agents)
         self.turn = state.turn[games]
         self._counts: IntArray | None = None
         self.draw = ArrayDraws(self._draw_keys, self.turn[:, None])
@@ -121,7 +121,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
 
     def _draw_keys(self) -> BitArray:
         """Return the keys of the draws of the agents, (games, agents)."""
-        keys: BitArray = self._state.chosen(self._state.draw_keys(), self.games, self.agents)
+        keys: BitArray = self._state.select_values(self._state.draw_keys(), self.games, self.agents)
         return keys
 
     def _lock(self) -> None:
@@ -149,13 +149,13 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         Raises:
             BadValue: an agent has more than 4096 legal nodes.
         """
-        return width_in(self) if self._width is None else self._width
+        return count_actions(self) if self._width is None else self._width
 
     @property
     def counts(self) -> IntArray:
         """The number of legal nodes of each agent, including its own."""
         if self._counts is None:
-            counts = self._movement.counts(self.node, get_numbers(self, np.s_[:, :]))
+            counts = self._movement.count_legal(self.node, get_numbers(self, np.s_[:, :]))
             self._counts = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
             if self._deeds is not None:  # a strategy must not write to it
                 self._counts = copy_locked(self._counts)
@@ -173,7 +173,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
 
     def _get_heights(self) -> FloatArray:
         heights = np.zeros(self.node.shape)
-        flies, xyz = self._state.places_in_air(self.games, self.agents)
+        flies, xyz = self._state.get_air_positions(self.games, self.agents)
         heights[:, flies] = xyz[..., 2]
         return heights
 
@@ -183,7 +183,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         Args:
             which: an index of some agents of the view.
         """
-        rows, is_legal = self._movement.legal(self.node[which], get_numbers(self, which))
+        rows, is_legal = self._movement.find_legal(self.node[which], get_numbers(self, which))
         if self._state.flights is None:
             return rows, is_legal
         is_legal[..., 1:] &= ~self._in_air[which][..., None]
@@ -193,24 +193,24 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
     def _get_time(self) -> FloatArray:
         return self._state.time[self.games]
 
-    def _get_doings(self) -> Doings:
-        reader: DoingReader | None = self._state.doings
+    def _get_doings(self) -> DeedsInProgress:
+        reader: DeedReader | None = self._state.doings
         if reader is None:
             raise UnknownName("key of a view: as ctx.game.deeds declares no deed that lasts, it has no", "doing")
         return reader.read(self.games, self.agents, self.turn, self._get_time())
 
     def _get_legal_nodes(self) -> IntArray:
         rows, is_legal = self.legal_rows()
-        return np.where(is_legal, self.streets.ids_of(rows), -1)
+        return np.where(is_legal, self.streets.get_ids(rows), -1)
 
     def _get_legal_edges(self) -> IntArray:
-        found = self._movement.legal_edges(self.node, get_numbers(self, np.s_[:, :]))
+        found = self._movement.list_legal_edges(self.node, get_numbers(self, np.s_[:, :]))
         return np.where(self._in_air[..., None], -1, found)
 
     def _compute_places(self) -> Places:
         """Return the positions of the agents; in games by metres, some may be on edges."""
-        found = self._movement.places(self.node, get_numbers(self, np.s_[:, :]))
-        flies, xyz = self._state.places_in_air(self.games, self.agents)
+        found = self._movement.make_places(self.node, get_numbers(self, np.s_[:, :]))
+        flies, xyz = self._state.get_air_positions(self.games, self.agents)
         found.xy[:, flies] = xyz[..., :2]
         return found
 
@@ -222,7 +222,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
             UnknownName (KeyError): a node is not on the map.
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
-        actions = self._movement.action_to(self.node, get_numbers(self, np.s_[:, :]), wanted)
+        actions = self._movement.find_action(self.node, get_numbers(self, np.s_[:, :]), wanted)
         return actions if self._state.flights is None else np.where(self._in_air & (actions > 0), -1, actions)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
@@ -242,12 +242,12 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         games, agents = get_numbers(self, which)
         asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel()
         if self._aims is not None:
-            return self._aims.towards(*asked, (games.ravel(), agents.ravel()), allowed).reshape(node.shape)
+            return self._aims.find_action_towards(*asked, (games.ravel(), agents.ravel()), allowed).reshape(node.shape)
         if not self._movement.acts_by_paths:
-            return self._movement.towards(*asked, allowed).reshape(node.shape)
+            return self._movement.find_action_towards(*asked, allowed).reshape(node.shape)
         if self._deeds is None:
             raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
-        raise _unnamed("view.towards of agents with speeds")
+        raise _make_nameless_error("view.towards of agents with speeds")
 
     def take_edges(self, edges: object) -> None:
         """Make agents take edges, whatever moves the strategy returns for them.
@@ -363,7 +363,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
                 raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
         who = (self.games, self.agents)
         order = len(self._deeds)
-        self._deeds.append(self._state.deeds.checked(deed, fields, chosen, who, self.node, order))
+        self._deeds.append(self._state.deeds.check_deeds(deed, fields, chosen, who, self.node, order))
 
     def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
         """Make agents send one message each by a channel, like `state["outbox"]`; messages keep the order of the calls.
@@ -387,7 +387,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
         who = (self.games, self.agents)
         order = len(self._outboxes)
-        self._outboxes.append(radio.checked(channel, chosen, who, to, body, order))
+        self._outboxes.append(radio.check_messages(channel, chosen, who, to, body, order))
 
     def heard(self, channel: str) -> ReceivedMessages:
         """Return the messages from a channel in the inboxes of the agents in the mask.
@@ -400,7 +400,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
             raise UnknownName("channel of games that are observed", channel, ())
         if radio is None:
             raise UnknownName("channel", channel, ())
-        return radio.heard(channel, self.games, self.turn, self.agents, self.mask)
+        return radio.find_heard(channel, self.games, self.turn, self.agents, self.mask)
 
     def seen(self, *names: str) -> VisibleAgentPairs:
         """Return the agents that sensors show to the agents in the mask, as pairs; no agent sees itself.
@@ -419,14 +419,14 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
     def _look_with_sensors(self, names: tuple[str, ...]) -> VisibleAgentPairs:
-        """Return the pairs that sensors of these names, or all sensors, show to all agents of the view; see `seen`."""
+        """Return the pairs that sensors of these names, or all sensors, show to all agents of the view."""
         state = self._state
         key = ("seen", self.agents.tobytes(), names)
         are_all = len(self.games) == len(state)
         known: VisibleAgentPairs | None = state.now.get(key)
         if known is not None:
             return known if are_all else known.in_games(self.games)
-        found = seen(state, self.games, self.agents, self._whole, names, self._get_all_positions)
+        found = find_seen_agents(state, self.games, self.agents, self._whole, names, self._get_all_positions)
         if are_all:
             state.now[key] = found
         return found
@@ -450,7 +450,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         """
         named = as_key(names, "The name of a sensor")
         with self._state.reading():
-            return seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
+            return find_seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
 
     def enemies(self) -> VisibleAgentPairs:
         """Return the visible agents of other teams, as pairs; an agent without a team (None) is an enemy of all."""
@@ -483,12 +483,12 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
     def _encode_vectors(self, others: int, more: int, threads: int) -> ObservationVectors:
         """Return vectors with `more` additional entries: 0, except the last one, n / (n + 100) after n turns."""
         encoder = self._make_encoder(others)
-        found = encoder.made(self.mask, more)
+        found = encoder.allocate_vectors(self.mask, more)
         xy = self._compute_places().xy if self._movement.leaves_nodes else None
         places = np.arange(len(self.games))
         observers = self._get_observers(self.mask, places * len(self.agents), are_looking=others > 0)
-        rooms = encoder.rooms(self._make_road_distances().take_roads(), threads)
-        write_vectors(observers, encoder.output(found, xy), places, rooms)
+        rooms = encoder.make_scratch(self._make_road_distances().take_roads(), threads)
+        write_vectors(observers, encoder.make_output(found, xy), places, rooms)
         return found
 
     def _make_road_distances(self) -> RoadDistances:
@@ -520,7 +520,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         else:
             nodes, is_legal = self.legal_rows()
             counts = is_legal.sum(axis=-1).reshape(-1)
-            choice = flat(np.arange(len(counts)), np.int64)
+            choice = flatten(np.arange(len(counts)), np.int64)
             offsets, targets = get_legal_buffers(np.concatenate(([0], np.cumsum(counts))), nodes[is_legal])
         search = find_search(self._state) if self._has_plain_looks else None
         pairs = _NO_PAIRS
@@ -529,8 +529,8 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
             number = self.node.size
             counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
-            pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
-        games = flat(self.games, np.int64), flat(rows, np.int64)
+            pairs = flatten(first, np.int64), flatten(found.nodes, np.int64), flatten(self._are_mates(found), np.uint8)
+        games = flatten(self.games, np.int64), flatten(rows, np.int64)
         of_maps = self._state.no_node, self._make_road_distances().first, self._find_first_road_of_modes()
         return self._make_observers(mask, games, (choice, offsets, targets), (search, *pairs), of_maps)
 
@@ -556,13 +556,13 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         state = self._state
         visible = observe.VisibleAgents(
             *seen,
-            viewers=flat(self.agents, np.int64),
-            node=flat(state.node, np.int64),
-            alive=flat(state.alive.view(np.uint8), np.uint8),
-            team=flat(roster.team_of, np.int64),
+            viewers=flatten(self.agents, np.int64),
+            node=flatten(state.node, np.int64),
+            alive=flatten(state.alive.view(np.uint8), np.uint8),
+            team=flatten(roster.team_of, np.int64),
             nobody=roster.nobody,
         )
-        is_asked = flat(mask.view(np.uint8), np.uint8)
+        is_asked = flatten(mask.view(np.uint8), np.uint8)
         return observe.Observers(
             len(self.agents),
             *games,
@@ -570,8 +570,8 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
             *legal,
             first_node=first[0].data,
             first_road=first[1].data,
-            mode_first=flat(first[2], np.int64),
-            turn=flat(state.turn, np.int64),
+            mode_first=flatten(first[2], np.int64),
+            turn=flatten(state.turn, np.int64),
             seen=visible,
         )
 
@@ -601,7 +601,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
     @property
     def _blocked(self) -> BoolArray:
         """Whether a conflict stopped the last move of each agent, (games, agents)."""
-        blocked: BoolArray = self._state.chosen(self._state.blocked, self.games, self.agents)
+        blocked: BoolArray = self._state.select_values(self._state.blocked, self.games, self.agents)
         return blocked
 
     def routes(self, weight: str | None = "length") -> RouteTable:
@@ -614,7 +614,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
                 "view.routes has a row for each node, and agents of this view obey turn restrictions: their paths "
                 "depend on the edges by which they came. view.towards knows turns."
             )
-        return self._movement.routes(weight)
+        return self._movement.get_routes(weight)
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return the stored arrays of a strategy for all games of the batch; the first call stores `make(games)`.
@@ -715,9 +715,9 @@ def lead_along(view: ArrayView, edges: IntArray, actions: IntArray) -> IntArray:
     if view._movement.depends_on_speeds:
         return np.where(edges == NO_EDGE, actions, 0)
     columns = view._movement.columns
-    rows = kernels.rows_of(columns.edge_ids, edges, columns.edge_order)
+    rows = kernels.find_rows(columns.edge_ids, edges, columns.edge_order)
     ends = np.where(edges >= 0, columns.targets[rows], view.node)
-    numbers = view._movement.action_to(view.node, get_numbers(view, np.s_[:, :]), ends)
+    numbers = view._movement.find_action(view.node, get_numbers(view, np.s_[:, :]), ends)
     return np.where(edges == NO_EDGE, actions, np.maximum(numbers, 0))
 
 
@@ -731,7 +731,7 @@ def get_nodes(view: ArrayView, agents: IntArray) -> IntArray:
     return view._state.node[:, agents]
 
 
-def driven_in(view: ArrayView, agent: int) -> list[tuple[int, ...]]:
+def find_driven_edges(view: ArrayView, agent: int) -> list[tuple[int, ...]]:
     """Return the ids of the edges by which an agent has come to its node in each game; see `GameState.driven`.
 
     Args:
@@ -743,7 +743,7 @@ def driven_in(view: ArrayView, agent: int) -> list[tuple[int, ...]]:
     return [traffic.list_driven(game, agent) for game in view.games.tolist()]
 
 
-def width_in(view: ArrayView) -> int:
+def count_actions(view: ArrayView) -> int:
     """Return the number of actions of the games of a view, for which it may have more entries; see `widen`."""
     state = view._state
     return state.movement.width if state.width is None else state.width
@@ -770,7 +770,7 @@ def widen(view: ArrayView, width: int | None) -> ArrayView:
 
 def get_pool_shares(view: ArrayView) -> FloatArray:
     """Return the numbers by which members of pools are drawn for the teams of the agents of a view, (games, agents)."""
-    shares: FloatArray = view._state.chosen(view._state.pool_shares(), view.games, view.agents)
+    shares: FloatArray = view._state.select_values(view._state.draw_pool_shares(), view.games, view.agents)
     return shares
 
 
@@ -782,18 +782,18 @@ def get_numbers(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
 
 def split_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
     """Yield (indices, view) for each group of games of a view with the same open roads."""
-    for _, places in view._state.roads.by_map(view.games):
+    for _, places in view._state.roads.group_by_map(view.games):
         yield places, view.in_games(places)
 
 
 def list_lasting_deeds(view: ArrayView) -> list[tuple[int, float]]:
     """Return the index of each deed that lasts among the declared ones, and how many turns it takes."""
-    reader: DoingReader | None = view._state.doings
+    reader: DeedReader | None = view._state.doings
     return [] if reader is None else reader.lengths
 
 
 def encode_vectors(view: ArrayView, others: int, more: int, threads: int) -> ObservationVectors:
-    """Return the vectors of a view with additional entries; see `Encoder.made`."""
+    """Return the vectors of a view with additional entries; see `Encoder.allocate_vectors`."""
     return view._encode_vectors(others, more, threads)
 
 
@@ -827,7 +827,7 @@ def _list_sensor_pairs(view: ArrayView) -> Mapping[str, VisibleAgentPairs | Visi
 
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {
-    "curr_pos": lambda view: view.streets.ids_of(view.node),
+    "curr_pos": lambda view: view.streets.get_ids(view.node),
     "edge": lambda view: view._compute_places().edge,
     "offset_m": lambda view: view._compute_places().offset_m,
     "xy": lambda view: view._compute_places().xy,
@@ -909,7 +909,7 @@ class LearnerWriter:
         self._columns = turn
         self._turn = turn.core
         self._shape = turn.alive.shape
-        self._games: Any = flat(np.arange(self._shape[0]), np.int64)  # memoryviews are not subscriptable
+        self._games: Any = flatten(np.arange(self._shape[0]), np.int64)  # memoryviews are not subscriptable
         self._get_observers = observers
         self._output, self._last_output = outputs
         self._rooms = rooms
@@ -958,7 +958,7 @@ class LearnerWriter:
         if which is not None:
             self.values[:] = values
             self.legal[:] = legal
-            games = flat(which, np.int64)
+            games = flatten(which, np.int64)
 
         def write_part(room: observe.NearestAgents, begin: int, end: int) -> None:
             observe.observe_turns_aside(self._turn, self._get_observers, self._output, room, games, begin, end)
@@ -971,7 +971,7 @@ class LearnerWriter:
         """Return a step for each thread, which writes into new arrays; see `core.turn.LearnerStep`."""
         if not self._steps:
             of_games = turns, self._turn, given, score, teams, self._get_observers, self._output, self._last_output
-            maps = flat(self._first, np.int64), flat(self._first_node, np.int64)
+            maps = flatten(self._first, np.int64), flatten(self._first_node, np.int64)
             self._steps = [LearnerStep(*of_games, room, *maps) for room in self._rooms]
         for room in self._rooms:
             room.searches = len(self._rooms) == 1
@@ -1031,13 +1031,13 @@ def make_writer(
     ends = np.cumsum(np.concatenate([one.counts for one in streets]))
     legal = get_legal_buffers(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
     games = np.arange(len(maps))
-    numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
+    numbers = flatten(games, np.int64), flatten(games * len(agents), np.int64)
     observers = own._make_observers(
         turn.alive, numbers, (_NO_CHOICES, *legal), seen, (first_node, np.zeros_like(games), np.zeros_like(agents))
     )
-    encoder = Encoder(xy, len(own.roster.names), others or 0, width_in(own))
+    encoder = Encoder(xy, len(own.roster.names), others or 0, count_actions(own))
     ways = None
-    vectors = encoder.made(turn.alive, 1)
+    vectors = encoder.allocate_vectors(turn.alive, 1)
     if others is None:
         vectors = vectors._replace(values=vectors.values[..., :0])
     else:
@@ -1045,8 +1045,8 @@ def make_writer(
         if turn.alive.size * _TURNS_AHEAD >= first[-1]:
             find_distances(ways, streets, _find_largest_squared_radius(looks[0], agents))
     vectors = vectors._replace(counts=turn.counts)
-    outputs = encoder.output(vectors), encoder.output(vectors)
-    return LearnerWriter(turn, observers, outputs, encoder.rooms(ways, threads), first, first_node)
+    outputs = encoder.make_output(vectors), encoder.make_output(vectors)
+    return LearnerWriter(turn, observers, outputs, encoder.make_scratch(ways, threads), first, first_node)
 
 
 def _find_largest_squared_radius(looks: tuple[Any, Any, Any], agents: IntArray) -> float:

@@ -57,7 +57,7 @@ def get_or_make(known: dict[Any, Any], key: Hashable, make: Callable[[], T]) -> 
     return found
 
 
-def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+def find_unique_pairs(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
     """Return each pair of game and agent once, in the order of first occurrence."""
     if len(at) < 2:
         return at, agents
@@ -96,13 +96,13 @@ class PlayedGame(Protocol):
     def restore(self, snapshot: Snapshot) -> None: ...
 
 
-def sensors_of(agent: "IAgent | ComingAgent") -> Mapping[str, Any]:
+def get_sensors(agent: "IAgent | ComingAgent") -> Mapping[str, Any]:
     """Return the sensors of an agent by their names."""
     found: Mapping[str, Any] = getattr(agent, "sensors", {})
     return found
 
 
-def mode_of(agent: "IAgent | ComingAgent") -> str | None:
+def get_mode(agent: "IAgent | ComingAgent") -> str | None:
     """Return the mode of an agent on the ground, by which it may use edges; None: all edges, or it flies."""
     return None if agent.type is AgentType.AERIAL else getattr(agent, "mode", None)
 
@@ -127,22 +127,22 @@ class ComingAgent(NamedTuple):
     is_reserved: bool = False
 
     @classmethod
-    def like(cls, agent: IAgent, name: str) -> "ComingAgent":
+    def make_like(cls, agent: IAgent, name: str) -> "ComingAgent":
         """Return a reserved agent of this name that is probably like another one."""
-        own = agent.team, agent.type, agent.speed, mode_of(agent), agent.strategy, sensors_of(agent)
+        own = agent.team, agent.type, agent.speed, get_mode(agent), agent.strategy, get_sensors(agent)
         return cls(name, *own, is_reserved=True)
 
     @classmethod
-    def departed(cls, name: str, team: Hashable) -> "ComingAgent":
+    def make_departed(cls, name: str, team: Hashable) -> "ComingAgent":
         """Return an agent that was deleted before the batch."""
         return cls(name, team, AgentType.BASIC, None, None, None, {})
 
-    def fits(self, agent: "IAgent | ComingAgent") -> bool:
+    def is_compatible(self, agent: "IAgent | ComingAgent") -> bool:
         """Return whether an agent that was created can take this row."""
         is_same = self.team == agent.team and self.type is agent.type and self.speed == agent.speed
-        is_same = is_same and self.mode == mode_of(agent)
+        is_same = is_same and self.mode == get_mode(agent)
         forms = [make_form_key(get_strategy_spec(one.strategy).array_form) for one in (self, agent)]
-        return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
+        return is_same and forms[0] == forms[1] and get_sensors(agent).keys() <= self.sensors.keys()
 
 
 class AgentTable(NamedTuple):
@@ -189,15 +189,15 @@ class AgentTable(NamedTuple):
         is_public = np.array([getattr(agent, "is_reserved", True) for agent in ordered], np.bool_)
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
         masks = [copy_locked(one) for one in (is_first, is_public, flies)]
-        return cls(names, teams, copy_locked(team_of), copy_locked(kernels.name_keys(names)), ordered, *masks)
+        return cls(names, teams, copy_locked(team_of), copy_locked(kernels.compute_name_keys(names)), ordered, *masks)
 
     @property
     def obey_turns(self) -> bool:
         """Whether any agent obeys turn restrictions."""
-        modes = [mode_of(agent) for agent in self.agents]
+        modes = [get_mode(agent) for agent in self.agents]
         return any(mode is not None and split_mode(mode)[1] for mode in modes)
 
-    def team_by_name(self) -> dict[str, Hashable]:
+    def get_teams_by_name(self) -> dict[str, Hashable]:
         """Return agent -> its team."""
         return dict(zip(self.names, map(self.teams.__getitem__, self.team_of.tolist()), strict=True))
 
@@ -208,11 +208,11 @@ class AgentTable(NamedTuple):
         number = self.names.index(agent.name)
         known = self.agents[number]
         if isinstance(known, ComingAgent):
-            return known.fits(agent)
-        is_same = known.strategy is agent.strategy and sensors_of(known) == sensors_of(agent)
-        return is_same and ComingAgent.like(known, agent.name).fits(agent)
+            return known.is_compatible(agent)
+        is_same = known.strategy is agent.strategy and get_sensors(known) == get_sensors(agent)
+        return is_same and ComingAgent.make_like(known, agent.name).is_compatible(agent)
 
-    def first_nodes(self, game: PlayedGame) -> list[int]:
+    def list_start_nodes(self, game: PlayedGame) -> list[int]:
         """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts.
 
         The nodes of agents that may come are arbitrary.
@@ -246,13 +246,13 @@ class AgentTable(NamedTuple):
         known = as_mapping(values, "values")
         return np.array([[known.get(name, default) for name in self.names]])
 
-    def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
+    def find_players(self, teams: Collection[Hashable] | None) -> BoolArray:
         """Return whether each agent is in one of these teams, or has one of these `Role`s, (agents,); None: all."""
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
         found: BoolArray = is_in[self.team_of]
         for role in teams or ():
             if isinstance(role, Role):
-                for number in np.flatnonzero(self.plays_for([role.team])).tolist():
+                for number in np.flatnonzero(self.find_players([role.team])).tolist():
                     found[number] |= self._has(number, role)
         return found
 
@@ -260,20 +260,20 @@ class AgentTable(NamedTuple):
         """Return whether an agent of the team of a role has it; the attributes of agents that may come are unknown."""
         agent = self.agents[number] if role.where else None
         type = AgentType.AERIAL if self.flies[number] else AgentType.BASIC
-        return role.fits(self.names[number], type, getattr(agent, "__dict__", {}))
+        return role.is_held_by(self.names[number], type, getattr(agent, "__dict__", {}))
 
-    def part_of(self, order: Sequence[Sequence[Hashable]] | None) -> IntArray:
+    def find_parts(self, order: Sequence[Sequence[Hashable]] | None) -> IntArray:
         """Return the part of the turn in which each agent moves, for an order of play, (agents,)."""
         parts = [next((i for i, part in enumerate(order or ()) if team in part), 0) for team in self.teams]
         return np.array(parts, np.int64)[self.team_of]
 
-    def teams_by_agent(self) -> list[Hashable]:
+    def list_teams(self) -> list[Hashable]:
         """Return the team of each agent."""
         return [self.teams[number] for number in self.team_of.tolist()]
 
-    def unlisted(self, order: Sequence[Sequence[Hashable]] | None) -> BoolArray:
+    def find_unlisted(self, order: Sequence[Sequence[Hashable]] | None) -> BoolArray:
         """Return whether the team of each agent is missing in an order of play, (agents,)."""
-        return ~self.plays_for(None if order is None else [team for part in order for team in part])
+        return ~self.find_players(None if order is None else [team for part in order for team in part])
 
     @property
     def nobody(self) -> int:
@@ -283,8 +283,8 @@ class AgentTable(NamedTuple):
     def are_mates(self, agents: IntArray, others: IntArray) -> BoolArray:
         """Return whether agents are mates of others, (pairs,), given numbers (pairs,); see `strategies.are_mates`."""
         found = np.zeros(len(agents), np.bool_)
-        pairs = kernels.buffer(agents), kernels.buffer(others)
-        core.mark_mates(kernels.buffer(self.team_of), self.nobody, *pairs, kernels.buffer(found.view(np.uint8)))
+        pairs = kernels.as_buffer(agents), kernels.as_buffer(others)
+        core.mark_mates(kernels.as_buffer(self.team_of), self.nobody, *pairs, kernels.as_buffer(found.view(np.uint8)))
         return found
 
     def name(self, number: int) -> str:
@@ -303,7 +303,7 @@ def find_starts(game: PlayedGame) -> Mapping[str, int | Position]:
     agents = game.ctx.agent.agents
     if known.keys() >= agents.keys():
         return known
-    return {name: game.internals.start_of(agent) for name, agent in agents.items()}
+    return {name: game.internals.find_start(agent) for name, agent in agents.items()}
 
 
 def find_decider(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
@@ -333,7 +333,7 @@ def make_reserved_agents(roster: AgentTable, most_agents: object) -> list[Coming
             raise BadValue(f"most_agents[{team!r}] has a name twice: {shown(names)}.")
         found[team] = names
     first = {team: roster.agents[roster.members(team)[0]] for team in found}
-    return [ComingAgent.like(first[team], name) for team, names in found.items() for name in names]
+    return [ComingAgent.make_like(first[team], name) for team, names in found.items() for name in names]
 
 
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
@@ -357,9 +357,9 @@ def draw_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
     """Return the number of the map that each seed draws, (seeds,)."""
     if num_maps == 1:
         return np.zeros(len(seeds), np.int64)
-    purposes = kernels.purpose_keys(seeds, [("map",)])
-    bits = kernels.draw_bits_rows(purposes[:, 0], kernels.name_keys(["map"]), 0)
-    return kernels.below_many(bits, num_maps)
+    purposes = kernels.compute_purpose_keys(seeds, [("map",)])
+    bits = kernels.draw_bits_rows(purposes[:, 0], kernels.compute_name_keys(["map"]), 0)
+    return kernels.convert_to_integers(bits, num_maps)
 
 
 def play_in_threads(play: Callable[[int, int, int], object], games: int, threads: int, *, waits: bool = False) -> None:
@@ -396,7 +396,7 @@ def play_in_threads(play: Callable[[int, int, int], object], games: int, threads
         raise errors[min(errors)]
 
 
-def in_turns(turns: IntArray, games: IntArray) -> str:
+def describe_turns(turns: IntArray, games: IntArray) -> str:
     """Return a phrase with the turns of games, (games,), for notes on errors; it names a single game."""
     known = np.unique(turns).tolist() or [0]
     those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
@@ -407,7 +407,7 @@ def make_roster(game: PlayedGame, most_agents: object = None) -> AgentTable:
     """Return the roster of a game's agents, with names for agents that may come later; see `make_reserved_agents`."""
     agents = list_agents(game)
     roster = AgentTable.of(agents)
-    coming = {name: ComingAgent.departed(name, team) for name, (team, _) in game.internals.state.departed.items()}
+    coming = {name: ComingAgent.make_departed(name, team) for name, (team, _) in game.internals.state.departed.items()}
     if most_agents is not None:
         coming |= {agent.name: agent for agent in make_reserved_agents(roster, most_agents)}
     more = [agent for name, agent in coming.items() if name not in roster.names]

@@ -17,29 +17,29 @@ from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Territory, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_or_make, mode_of
-from gamms.game.block.state import Arrays, CoreEvents, GameArrays, GameRow, Purpose, fits_float
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_mode, get_or_make
+from gamms.game.block.state import Arrays, CoreEvents, GameArrays, GameRow, Purpose, is_exact_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
     StepPaths,
     StrategySteps,
-    always_act,
     can_read,
     has_plain_looks,
+    is_always_acting,
     list_memories,
 )
 from gamms.game.block.travelers import NO_LEGS, ThreadTravel, TravelColumns, make_thread_in_parts
-from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ranked_for_all
+from gamms.game.conflicts import Conflicts, ConflictTable, flatten, make_ranking_for_all, make_tables
 from gamms.game.movement.arrivals import NO_DEEDS, WAITS, AgentsUnderWay
 from gamms.game.movement.courses import Courses, Paths, make_paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.travel import ReachableNodes, make_no_path_error
 from gamms.game.roles import Role, find_roles, get_team, has_attributes
-from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
+from gamms.game.settings import NamedRule, as_called, declared, get_rule_spec
 from gamms.game.strategy_specs import CoreStep, get_strategy_spec
 from gamms.ir.agents import Position
 from gamms.ir.columns import Failure
-from gamms.ir.game_state import joined_end
+from gamms.ir.game_state import join_ends
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -118,7 +118,7 @@ class Ground(Protocol):
     def roles(self) -> list[Role]:
         """The roles that own nodes of a territory that is no fact."""
 
-    def of(self, facts: Mapping[str, Any]) -> Mapping[int, object]:
+    def get_owners(self, facts: Mapping[str, Any]) -> Mapping[int, object]:
         """Return the territory."""
 
     def number_owners(
@@ -181,34 +181,34 @@ class RuleBuilder(ABC):
         self.rules += played
         return len(self.rules) - len(played)
 
-    def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
+    def make_tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
         """Return the tracks of the agents of a game, with these sides."""
         return contacts.Tracks(len(self.roster.names), self.most, *self.columns, sides, at_end=at_end)
 
-    def visitors(self, members: Collection[Hashable] | None = None, *, at_end: bool) -> Visitors:
+    def make_visitors(self, members: Collection[Hashable] | None = None, *, at_end: bool) -> Visitors:
         """Return the agents on the ground, or those of some teams and roles, with the nodes that they visit."""
         sides = make_int_buffer(self.room)
-        tracks = self.tracks(sides, at_end=at_end)
-        return Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(members, air=False), sides)
+        tracks = self.make_tracks(sides, at_end=at_end)
+        return Visitors(self.steps, tracks, self.legs, self.pieces, self.mark_players(members, air=False), sides)
 
-    def plays(self, members: Collection[Hashable] | None, *, air: bool = True) -> Any:
+    def mark_players(self, members: Collection[Hashable] | None, *, air: bool = True) -> Any:
         """Return 1 for each agent of these teams and roles, else 0; None: all. `air` includes flying agents."""
 
         def values() -> BoolArray:
-            return self.roster.plays_for(members) & (air | ~self.roster.flies)
+            return self.roster.find_players(members) & (air | ~self.roster.flies)
 
         return self.list_by_agent(values, members=members or ())
 
-    def sides(self, ours: object, theirs: object, *, air: bool) -> Any:
+    def mark_sides(self, ours: object, theirs: object, *, air: bool) -> Any:
         """Return the sides of agents, (agents,), for `contacts.Tracks`."""
 
         def values() -> IntArray:
-            both = [self.roster.plays_for([team]) & (air | ~self.roster.flies) for team in (ours, theirs)]
+            both = [self.roster.find_players([team]) & (air | ~self.roster.flies) for team in (ours, theirs)]
             return both[0] + 2 * both[1]
 
         return self.list_by_agent(values, members=(ours, theirs))
 
-    def team(self, member: Hashable) -> int:
+    def get_team_number(self, member: Hashable) -> int:
         """Return the number of a team, or of the team of a role; -1: no agent plays for it."""
         team = get_team(member)
         teams = self.roster.teams
@@ -217,10 +217,10 @@ class RuleBuilder(ABC):
     @property
     @abstractmethod
     def num_nodes(self) -> int:
-        """The number of nodes in tables by node; get it after `rows`."""
+        """The number of nodes in tables by node; get it after `find_rows`."""
 
     @abstractmethod
-    def rows(self, nodes: Sequence[int]) -> IntArray:
+    def find_rows(self, nodes: Sequence[int]) -> IntArray:
         """Return the numbers of nodes, given their ids."""
 
     @abstractmethod
@@ -228,23 +228,23 @@ class RuleBuilder(ABC):
         """Return the memory of a rule in all games, made by `make(games)`."""
 
     @abstractmethod
-    def purposes(self, *several: Purpose) -> Any:
+    def make_keys(self, *several: Purpose) -> Any:
         """Return the keys of draws for several purposes, (games * purposes,)."""
 
     @abstractmethod
-    def territory(self, ground: Ground | None) -> Territory:
+    def make_territory(self, ground: Ground | None) -> Territory:
         """Return the owners of nodes; empty without a territory (None)."""
 
     def find_holders(self, roles: Sequence[Role]) -> Any:
         """Return whether each agent has each role, (roles * room,)."""
         found = np.zeros((len(roles), self.room), np.int64)
         for number, role in enumerate(roles):
-            has_role = self.roster.plays_for([role])
+            has_role = self.roster.find_players([role])
             found[number, : len(has_role)] = has_role
-        return flat(found, np.int64)
+        return flatten(found, np.int64)
 
     @abstractmethod
-    def near(self, nearness: ContactOptions) -> Near:
+    def make_near(self, nearness: ContactOptions) -> Near:
         """Return the distances between agents that count as contacts."""
 
     def publish(self, fact: str, value: object) -> None:  # noqa: B027 - one game has published it
@@ -297,7 +297,7 @@ class BatchRules(RuleBuilder):
             self.most = 2
             most_legs = 0
             keys = streets.num_nodes
-            self.columns = make_int_buffer(2 * agents), floats(2 * agents), make_int_buffer(agents)
+            self.columns = make_int_buffer(2 * agents), make_floats(2 * agents), make_int_buffer(agents)
             self.steps = rules.AgentPaths(*self.columns)
         else:
             self.most = travel.most
@@ -341,14 +341,14 @@ class BatchRules(RuleBuilder):
         members: Iterable[Hashable] = (),  # noqa: ARG002 - nothing changes attributes in the games that the core plays
     ) -> Any:
         """Return an array (agents * width,) of values that depend on the agents."""
-        return flat(values(), kind)
+        return flatten(values(), kind)
 
     @property
     def num_nodes(self) -> int:
         """The number of nodes of the map."""
         return self.state.streets.num_nodes
 
-    def rows(self, nodes: Sequence[int]) -> IntArray:
+    def find_rows(self, nodes: Sequence[int]) -> IntArray:
         """Return the rows of nodes, given their ids."""
         return self.state.streets.rows(nodes)
 
@@ -370,29 +370,29 @@ class BatchRules(RuleBuilder):
         """Publish a fact, unless it is published."""
         self.state.facts.setdefault(fact, value)
 
-    def purposes(self, *several: Purpose) -> Any:
+    def make_keys(self, *several: Purpose) -> Any:
         """Return the keys of draws for several purposes, (games * purposes,)."""
-        return memory_of(self.state.several_purposes(*several))
+        return get_memory(self.state.compute_several_purpose_keys(*several))
 
-    def territory(self, ground: Ground | None) -> Territory:
+    def make_territory(self, ground: Ground | None) -> Territory:
         """Return the owners of nodes; empty without a territory (None)."""
         state = self.state
         if ground is None:
             return Territory(make_int_buffer(0), make_int_buffer(0), 0)
-        territory = ground.of(state.facts)
+        territory = ground.get_owners(state.facts)
 
         def make() -> tuple[object, IntArray, list[Role]]:
             nodes, numbers, roles = ground.number_owners(state.facts, state.roster.teams)
             columns = state.streets.columns
-            rows = kernels.rows_of(columns.node_ids, np.array(nodes, np.int64), columns.node_order)
+            rows = kernels.find_rows(columns.node_ids, np.array(nodes, np.int64), columns.node_order)
             owners = np.full(len(columns.node_ids), -1)
             owners[rows[rows >= 0]] = np.array(numbers, np.int64)[rows >= 0]
             return territory, owners, roles
 
         _, owners, roles = get_or_make(state.shared, ("territory", id(territory)), make)
-        return Territory(flat(owners, np.int64), self.find_holders(roles), self.room)
+        return Territory(flatten(owners, np.int64), self.find_holders(roles), self.room)
 
-    def near(self, nearness: ContactOptions) -> Near:
+    def make_near(self, nearness: ContactOptions) -> Near:
         """Return the distances between agents that count as contacts."""
         state = self.state
         unit, limit, *_ = nearness
@@ -400,15 +400,15 @@ class BatchRules(RuleBuilder):
             return None
         if unit == "euclid" and self.by_metres:
             return contacts.PathSegments(
-                len(self.roster.names), self._make_polylines(), flat(state.streets.columns.xy, np.float64)
+                len(self.roster.names), self._make_polylines(), flatten(state.streets.columns.xy, np.float64)
             )
         if unit == "euclid":
             xyz = np.insert(state.streets.columns.xy, 2, 0.0, axis=1)
-            return contacts.NodePositions(self.columns[0], flat(xyz, np.float64))
+            return contacts.NodePositions(self.columns[0], flatten(xyz, np.float64))
         weight = None if unit == "hops" else "length"
 
         def make() -> contacts.NearNodes:
-            near = reach_of(state.streets.ways(weight), limit)
+            near = make_near_nodes(state.streets.get_ways(weight), limit)
             state.roads.searches.append((weight, near))
             return near
 
@@ -446,7 +446,7 @@ class NamedEdges:
             edges: the edges.
             columns: the map of the games.
         """
-        rows = kernels.rows_of(columns.edge_ids, edges, columns.edge_order)
+        rows = kernels.find_rows(columns.edge_ids, edges, columns.edge_order)
         self.rows[where] = np.where(edges >= 0, rows, edges)
         self.are_any[0] = True
 
@@ -541,7 +541,7 @@ class CoreColumns:
         """The columns with whose rows games begin."""
         return [self.start, self.went, self.takes_part, self.held, self.part, self.over, self.score]
 
-    def events_of(self, thread: int) -> rules.Events:
+    def get_events(self, thread: int) -> rules.Events:
         """Return the events of a thread."""
         while len(self.events) <= thread:
             self.events.append(rules.Events(_FIRST_ROOM))
@@ -569,7 +569,7 @@ class CoreColumns:
                     self.illegal.append(failure)
                 elif noted.kinds[row] == _WAITS:
                     self.waiting.add((failure.game, failure.agent))
-            self._state.events.take(noted.those(~is_wrong) if is_wrong.any() else noted)
+            self._state.events.take(noted.select(~is_wrong) if is_wrong.any() else noted)
         self._note_wrong(wrong)
         for state in self._states:
             if state.movement.depends_on_speeds:
@@ -586,11 +586,11 @@ class CoreColumns:
         flags = tuple(one.flags for one in self.rules)
         noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags, times, has_times)
         if (games[1:] < games[:-1]).any():  # those of one map come behind those of another
-            noted = noted.those(np.argsort(games, kind="stable"))
+            noted = noted.select(np.argsort(games, kind="stable"))
         events.count = 0
         is_end = noted.kinds == _END
         self._end_games(noted, np.flatnonzero(is_end))
-        noted = noted.those(~is_end)
+        noted = noted.select(~is_end)
         self._note_scores(noted)
         return noted._replace(nodes=self._ids[self._first[self.map_of[noted.games]] + noted.nodes])
 
@@ -608,7 +608,7 @@ class CoreColumns:
                 ends = [played.end(winner - 1, self._find_teams_at_goals(noted, row), teams) for row in those.tolist()]
             for game, end in zip(noted.games[those].tolist(), ends, strict=True):
                 known = over[game]
-                over[game] = end if known is None else joined_end(known, end)
+                over[game] = end if known is None else join_ends(known, end)
 
     def _find_teams_at_goals(self, noted: CoreEvents, end: int) -> list[Hashable]:
         """Return the teams of agents that have reached goals: events of the same rule and turn before an end."""
@@ -654,16 +654,16 @@ class CoreColumns:
             int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents, noted.kinds)
         )
         if kind != _ILLEGAL:
-            return Failure.illegal(game, agent, WAITS if kind == _WAITS else NO_DEEDS)
+            return Failure.make_illegal(game, agent, WAITS if kind == _WAITS else NO_DEEDS)
         by = self._states[self.map_of[game]].movement
         if edge < 0:  # it is on a node
             why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
-            return Failure.illegal(game, agent, why)
+            return Failure.make_illegal(game, agent, why)
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
         modes = by.mode_of[noted.agents[[row]]]
-        may_turn = by.by_metres and by.backs(noted.others[[row]], noted.games[[row]], modes)[0] >= 0
+        may_turn = by.by_metres and by.find_reverse_edges(noted.others[[row]], noted.games[[row]], modes)[0] >= 0
         error = make_no_path_error(node, end, target, is_paced=True, may_turn=bool(may_turn))
-        return Failure.illegal(game, agent, f"BadValue: {error}")
+        return Failure.make_illegal(game, agent, f"BadValue: {error}")
 
 
 def _make_sort_key(pair: tuple[Failure, int]) -> tuple[int, int]:
@@ -677,10 +677,12 @@ def put_scores(state: GameArrays, score: FloatArray) -> None:
         score[:, number] = 0.0 if column is None or column.dtype == object else column
 
 
-def reach_of(arcs: kernels.Arcs, limit: float) -> contacts.NearNodes:
+def make_near_nodes(arcs: kernels.Arcs, limit: float) -> contacts.NearNodes:
     """Return a search for the nodes within a distance of a node, along the edges of a map."""
-    ends = flat(arcs.offsets, np.int64), flat(arcs.ends, np.int64)
-    return contacts.NearNodes(*ends, flat(arcs.weights, np.float64), limit, ReachableNodes(len(arcs.offsets) - 1).core)
+    ends = flatten(arcs.offsets, np.int64), flatten(arcs.ends, np.int64)
+    return contacts.NearNodes(
+        *ends, flatten(arcs.weights, np.float64), limit, ReachableNodes(len(arcs.offsets) - 1).core
+    )
 
 
 def make_int_buffer(number: int) -> Any:  # memoryviews are not subscriptable
@@ -688,7 +690,7 @@ def make_int_buffer(number: int) -> Any:  # memoryviews are not subscriptable
     return np.zeros(number, np.int64).data
 
 
-def floats(number: int) -> Any:
+def make_floats(number: int) -> Any:
     """Return floats as a buffer for the core."""
     return np.zeros(number).data
 
@@ -702,7 +704,7 @@ def make_motion_intervals(room: int, keys: int) -> contacts.MotionIntervals:
     return contacts.MotionIntervals(*columns)
 
 
-def memory_of(column: np.ndarray[Any, Any]) -> Any:
+def get_memory(column: np.ndarray[Any, Any]) -> Any:
     """Return the memory of a column of the batch, which the core writes to."""
     assert column.flags.c_contiguous  # noqa: S101 - the state of a batch is in one piece
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
@@ -742,14 +744,14 @@ def _find_form(
     """Return the core's number for a strategy or a plan of several steps; see `find_core_forms`."""
     steps = get_strategy_spec(decider).core_steps or ()
     kinds = {step.kind for step in steps}
-    mode = mode_of(agent)
+    mode = get_mode(agent)
     if mode is not None and split_mode(mode)[1]:  # its routes follow from the edges that it has driven
         return None
     by_edges = settings["speed_unit"] == "edges"
     goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
     may_look = by_edges and not some_fly and has_plain_looks(agent)
     may_err = settings["on_illegal"] == "raise" and not (by_edges and agent.speed is None)
-    is_played = always_act(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
+    is_played = is_always_acting(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
     memory = game.internals.state.memories.get(agent.name, {})
     is_played = is_played and can_read(steps, memory, game.ctx.graph.graph.get_node)
     return moves.BY_STEPS if is_played and (may_look or kinds.isdisjoint(LOOKING)) else None
@@ -757,7 +759,7 @@ def _find_form(
 
 def find_conflicts_in_core(game: PlayedGame, roster: AgentTable) -> Conflicts | None:
     """Return the conflicts of a game that the core resolves; None: there are none, or a function resolves them."""
-    return ranked_for_all(game.settings()["conflicts"], roster.names, roster.teams_by_agent())
+    return make_ranking_for_all(game.settings()["conflicts"], roster.names, roster.list_teams())
 
 
 def is_function(rule: NamedRule) -> bool:
@@ -775,7 +777,7 @@ def list_called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
     """Return the rules of a game as a batch calls them; some have no core form where agents fly, or may change."""
     called = as_called(game.rules)
     some_fly = bool(roster.flies.any())
-    are_exact = all(map(fits_float, game.scores.values()))  # else no rule in the core may add to scores
+    are_exact = all(map(is_exact_float, game.scores.values()))  # else no rule in the core may add to scores
     are_fixed = not any(one.spec.may_create_agents for one in called)  # and no rule sets attributes of agents
     without = [
         one.spec.core_form is not None
@@ -798,7 +800,7 @@ def _exclude_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
     def call(ctx: HostContext) -> None:
         rule(ctx)
 
-    return declared(call, replace(rule_spec_of(rule), core_form=None, player=None))
+    return declared(call, replace(get_rule_spec(rule), core_form=None, player=None))
 
 
 class PastPlaces(NamedTuple):
@@ -815,18 +817,18 @@ class PastPlaces(NamedTuple):
     motion: IntArray
 
     @classmethod
-    def of(cls, turns: int, state: GameArrays) -> "PastPlaces":
+    def allocate(cls, turns: int, state: GameArrays) -> "PastPlaces":
         """Return room for a number of turns."""
         shape = turns, len(state.roster.names)
         on_edges = shape if state.movement.by_metres else (0, shape[1])
         node = np.zeros(shape, np.int64)
         return cls(node, np.full(on_edges, -1), np.zeros(on_edges), np.zeros(on_edges, np.int64))
 
-    def in_core(self, state: GameArrays) -> turn.PastPlaces:
+    def get_core_places(self, state: GameArrays) -> turn.PastPlaces:
         """Return the same for the core."""
         by = state.movement
-        motions = memory_of(by.motion) if by.by_metres and len(self.edge) else make_int_buffer(0)
-        columns = [*map(memory_of, self), motions]
+        motions = get_memory(by.motion) if by.by_metres and len(self.edge) else make_int_buffer(0)
+        columns = [*map(get_memory, self), motions]
         return turn.PastPlaces(len(self.node), *columns)
 
 
@@ -874,7 +876,7 @@ class CoreGames:
     ) -> None:
         settings = game.settings()
         self.numbers: dict[str, int] = {}
-        self.past = PastPlaces.of(past_turns, state)
+        self.past = PastPlaces.allocate(past_turns, state)
         self._state = state
         self._block = block
         self.edges = block.edges
@@ -906,9 +908,9 @@ class CoreGames:
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads, or with modes
         self._number = number
         self._here = state.node  # see `note_places`
-        self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `last_moves`, while agents arrive
+        self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `get_last_moves`, while agents arrive
         self._games = np.zeros(0, np.int64)  # that are played
-        self.part_of = state.roster.part_of(settings["order"])
+        self.part_of = state.roster.find_parts(settings["order"])
         self.num_parts = len(settings["order"] or [()])
         self._made: list[tuple[turn.Player, BatchRules]] = []  # of each thread
         self._movers: list[moves.OneEdgeMovers] = []  # one for each thread
@@ -919,7 +921,7 @@ class CoreGames:
         self.deciders: tuple[rules.GameColumns, moves.OneEdgeMovers]
         self._made.append(self._make_player())
 
-    def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
+    def get_last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the nodes before and after the last moves in some games, and a mask of the agents that took part."""
         block = self._block
         start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
@@ -931,8 +933,8 @@ class CoreGames:
         if self.courses is not None:
             self.courses.note_places(self._here, are_open=are_open)
 
-    def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
-        """Return the same as `last_moves` for agents that are about to move in a part of the turn."""
+    def get_next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return the same as `get_last_moves` for agents that are about to move in a part of the turn."""
         block = self._block
         here = self._here[games]
         goes = (self.part_of == part) & (block.held[games] == 0)
@@ -1004,12 +1006,12 @@ class CoreGames:
         columns = self._columns
         assert columns is not None  # noqa: S101 - agents decide at arrivals
         node, *on_edge = (one[game, numbers] for one in self._before)
-        progress = self._state.movement.progress(*on_edge)
+        progress = self._state.movement.make_progress(*on_edge)
         lives = self._state.alive[game, numbers]
         moves = lives & (self.part_of[numbers] == self._block.part[game])
         here = np.flatnonzero(np.isin(numbers, self._arrivals.list_here(game))).tolist()
         places = ([self._get_place(row) for row in rows[game, numbers].tolist()] for rows in self._ends)
-        counts = self._arrivals.counts_of(game, numbers)
+        counts = self._arrivals.copy_counts(game, numbers)
         return AgentsUnderWay(
             names=names,
             speeds=speeds,
@@ -1048,25 +1050,25 @@ class CoreGames:
         state = self._state
         return state.node, state.edge, state.share, state.motion
 
-    def arriving(self, games: IntArray) -> IntArray:
+    def select_arriving(self, games: IntArray) -> IntArray:
         """Return the given games in which agents arrive or set out; views then show the time."""
         now = self._arrivals.now
         goes_on = games[now[games] < np.inf]
         self._state.time[goes_on] = now[goes_on]
         return goes_on
 
-    def deciding(self, games: IntArray) -> BoolArray:
+    def find_deciding(self, games: IntArray) -> BoolArray:
         """Return a mask of the agents that decide now, (games, agents)."""
         is_before_end = self._arrivals.now[games] < 1.0
         found: BoolArray = (self._arrivals.comes[games] == arrivals.ASKED) & is_before_end[:, None]
         return found
 
-    def losers(self, games: IntArray) -> BoolArray:
+    def find_losers(self, games: IntArray) -> BoolArray:
         """Return a mask of the agents that have lost conflicts now, (games, agents)."""
         found: BoolArray = self._arrivals.loses[games] > 0
         return found
 
-    def places(self, game: int) -> tuple[list[int | EdgePlace], list[int | EdgePlace]]:
+    def list_places(self, game: int) -> tuple[list[int | EdgePlace], list[int | EdgePlace]]:
         """Return the current start and end places of all moves of a game."""
         found = [[self._get_place(row) for row in rows[game].tolist()] for rows in self._ends]
         return found[0], found[1]
@@ -1090,7 +1092,7 @@ class CoreGames:
         self.arrival = None
         self._state.now.clear()
 
-    def num_played_parts(self, game: int) -> int:
+    def count_played_parts(self, game: int) -> int:
         """Return the number of parts of the current turn that were played in a game."""
         return int(self._block.part[game])
 
@@ -1098,7 +1100,7 @@ class CoreGames:
     def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
         """The columns of the last moves and parts, the places that agents wanted to reach, and the named edges."""
         block = self._block
-        courses = () if self.courses is None else self.courses.columns()
+        courses = () if self.courses is None else self.courses.list_columns()
         edges = self.edges.rows, self.edges.are_any
         return block.start, block.went, block.takes_part, block.part, block.wanted, *edges, *courses
 
@@ -1112,14 +1114,14 @@ class CoreGames:
         """Whether the last paths of agents are known: they are kept, or follow from the nodes before and after."""
         return self._columns is None or self.courses is not None
 
-    def paths(self, games: IntArray) -> Paths | None:
+    def get_paths(self, games: IntArray) -> Paths | None:
         """Return the paths of the last turns of some games; None: all agents moved along at most one edge, at once."""
-        starts, ends, took_part = self.last_moves(games)
+        starts, ends, took_part = self.get_last_moves(games)
         if self.courses is not None:
-            return self.courses.paths(games, starts, took_part)
+            return self.courses.get_paths(games, starts, took_part)
         return None if self.num_parts == 1 else make_paths_in_parts(starts, ends, self.part_of, self.num_parts)
 
-    def wanted(self, game: int, agent: int) -> int | EdgePlace:
+    def get_wanted_place(self, game: int, agent: int) -> int | EdgePlace:
         """Return the node or edge that an agent stopped by a conflict wanted to reach."""
         return self._get_place(int(self._block.wanted[game, agent]))
 
@@ -1165,10 +1167,10 @@ class CoreGames:
         if len(self._mode_first):
             self._mode_first[:] = self._state.movement.mode_of * tables.stride
         for weight, search in roads.searches:
-            search.take(*roads.arcs_of(tables.maps, weight, reverse=False))
+            search.take(*roads.join_arcs(tables.maps, weight, reverse=False))
         if self._streets.are_all_legal:
             return
-        streets = moves.LegalMoves(flat(tables.offsets, np.int32), flat(tables.targets, np.int32))
+        streets = moves.LegalMoves(flatten(tables.offsets, np.int32), flatten(tables.targets, np.int32))
         for movers in self._movers:
             movers.take(streets)
         if self._by_steps is not None:
@@ -1176,13 +1178,13 @@ class CoreGames:
         if self._columns is not None:
             self._columns.take_roads(tables, streets)
 
-    def player(self, thread: int) -> turn.Player:
+    def get_player(self, thread: int) -> turn.Player:
         """Return what plays the games in a thread."""
         return self._made[thread][0]
 
     def play_part(self, thread: int, begin: int, end: int, phase: int | None) -> None:
         """Play the games `begin` to `end - 1` that are on this map, in one phase; None: all phases."""
-        player = self.player(thread)
+        player = self.get_player(thread)
         if phase is None:
             turn.play_aside(player, begin, end)
         else:
@@ -1198,14 +1200,14 @@ class CoreGames:
         """The present memories of agents, (columns, games, agents)."""
         return np.zeros((0, *self._state.node.shape), np.int64) if self._by_steps is None else self._by_steps.memory
 
-    def memories_of(self, game: int) -> dict[str, dict[str, Any]]:
+    def get_memories(self, game: int) -> dict[str, dict[str, Any]]:
         """Return what strategies of the core remember in a game, for the agents of the start for which any decides."""
         number_of = self._state.roster.names.index
         found: dict[str, dict[str, Any]] = {
             name: {} for name in self._deciders if self._state.is_there[game, number_of(name)]
         }
         steps = [step for several in self._steps for step in several if step.key]
-        for name, key, value in list_memories(GameRow.of(self._state, game), steps):
+        for name, key, value in list_memories(GameRow.from_game(self._state, game), steps):
             found.setdefault(name, {})[key] = value
         return found
 
@@ -1213,7 +1215,7 @@ class CoreGames:
         """Apply the rules of some games that have moved; yield each rule function when it is due."""
         if not self.has_functions:
             return
-        numbers = flat(games, np.int64)
+        numbers = flatten(games, np.int64)
         self._has_come[games] = False  # who came before the moves takes part in the turn
         for part in self._parts:
             if isinstance(part, NamedRule):
@@ -1242,7 +1244,7 @@ class CoreGames:
         rows = np.ix_(games, state.flyers)
         at, which = np.nonzero((state.stops[rows] != stops[rows]) & state.alive[rows])
         back = games[at], state.flyers[which]
-        flights.put_back(flat(back[0], np.int64), flat(back[1], np.int64))
+        flights.put_back(flatten(back[0], np.int64), flatten(back[1], np.int64))
         state.previous[back] = node[back]
 
     def _make_player(self) -> tuple[turn.Player, BatchRules]:
@@ -1255,53 +1257,53 @@ class CoreGames:
         games = rules.GameColumns(
             len(roster.names),
             len(roster.teams),
-            node=memory_of(state.node),
-            start=memory_of(block.start),
-            previous=memory_of(state.previous),
-            alive=memory_of(state.alive),
-            placed=memory_of(state.placed),
-            stops=memory_of(state.stops),
-            home=memory_of(state.start),
-            turn=memory_of(state.turn),
+            node=get_memory(state.node),
+            start=get_memory(block.start),
+            previous=get_memory(state.previous),
+            alive=get_memory(state.alive),
+            placed=get_memory(state.placed),
+            stops=get_memory(state.stops),
+            home=get_memory(state.start),
+            turn=get_memory(state.turn),
             over=block.over.data,
-            score=memory_of(block.score),
-            team=flat(roster.team_of, np.int64),
-            plays=memory_of(state.plays),
+            score=get_memory(block.score),
+            team=flatten(roster.team_of, np.int64),
+            plays=get_memory(state.plays),
             first_node=self._first_node.data,
             mode_first=self._mode_first.data,
             nobody=roster.nobody,
             **({} if columns is None else columns.on_edges),
         )
         shared = {
-            "edges": memory_of(block.edges.rows),
-            "ends": memory_of(block.ends),
-            "went": memory_of(block.went),
-            "takes_part": memory_of(block.takes_part),
+            "edges": get_memory(block.edges.rows),
+            "ends": get_memory(block.ends),
+            "went": get_memory(block.went),
+            "takes_part": get_memory(block.takes_part),
             "counts": self._counts,
-            "moves": memory_of(state.counts["moves"]),
-            "blocks": memory_of(state.counts["blocked"]),
-            "blocked": memory_of(state.blocked),
-            "wanted": memory_of(block.wanted),
-            "held": memory_of(block.held),
-            "part_of": flat(self.part_of, np.int64),
+            "moves": get_memory(state.counts["moves"]),
+            "blocks": get_memory(state.counts["blocked"]),
+            "blocked": get_memory(state.blocked),
+            "wanted": get_memory(block.wanted),
+            "held": get_memory(block.held),
+            "part_of": flatten(self.part_of, np.int64),
             "part": block.part.data,
             "parts": self.num_parts,
         }
-        walks = draws.RandomChoices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
-        given = memory_of(block.given)
+        walks = draws.RandomChoices(flatten(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
+        given = get_memory(block.given)
         contests, requests = self._make_contests()
         if self._by_steps is None and any(self._steps):
             self._by_steps = StrategySteps(state, self._steps, StepPaths(state))
-        by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
+        by_steps = None if self._by_steps is None else self._by_steps.get_strategies(games, len(self._made))
         routes = None if self.courses is None else self.courses.routes.core
         of_movers = {**shared, "by_steps": by_steps, "routes": routes}
         args = self._streets, self._deciding.data, walks, given, contests, requests
-        events = block.events_of(len(self._made))
+        events = block.get_events(len(self._made))
         if columns is None:
             movers = moves.OneEdgeMovers(*args, **of_movers)
             travel = None if self.num_parts == 1 else make_thread_in_parts(movers, len(roster.names))
         else:
-            travel = columns.thread(args, of_movers, events)
+            travel = columns.get_thread(args, of_movers, events)
             movers = travel.movers
         self._movers.append(movers)
         self.deciders = games, movers
@@ -1315,8 +1317,8 @@ class CoreGames:
         if self._tables is not None:
             self._give_roads(state.roads, self._tables)
         at_arrivals = None if travel is None else travel.arrivals
-        which = block.until.data, memory_of(block.map_of), self._number, state.stop.data
-        return turn.Player(games, movers, at_arrivals, first, *which, self.past.in_core(state)), making
+        which = block.until.data, get_memory(block.map_of), self._number, state.stop.data
+        return turn.Player(games, movers, at_arrivals, first, *which, self.past.get_core_places(state)), making
 
     def _make_rules(self, making: RuleBuilder) -> list[Any]:
         """Return the rule functions, and between them the first rule of each chain of core rules."""
@@ -1330,7 +1332,7 @@ class CoreGames:
                     assert one.spec.core_form is not None  # noqa: S101 - it is no function
                     made.append(one.spec.core_form(making))
                     self.numbers[one.name] = len(making.rules)
-                parts.append(rules.chained(made))
+                parts.append(rules.link_rules(made))
         return parts
 
     def _make_columns(self) -> TravelColumns | None:
@@ -1359,5 +1361,5 @@ class CoreGames:
         table = ConflictTable(self._conflicts, roster.names, teams, roster.flies, limits, num_nodes, make_tables)
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
         ends = (columns and columns.ends) or (state.node, self._block.ends)
-        where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._block.takes_part)
-        return table.contests, table.requests(*where, ranks)
+        where = get_memory(ends[0]), get_memory(ends[1]), get_memory(self._block.takes_part)
+        return table.contests, table.make_requests(*where, ranks)

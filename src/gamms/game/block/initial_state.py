@@ -14,8 +14,8 @@ import numpy as np
 
 from gamms.core.block import AT_START, GameStarts, StartColumn
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, find_starts, mode_of
-from gamms.game.block.in_core import CoreColumns, memory_of
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, find_starts, get_mode
+from gamms.game.block.in_core import CoreColumns, get_memory
 from gamms.game.block.state import STOPPED, Drawn, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.movement.courses import Legs, Paths, make_paths_along, make_paths_over
@@ -58,12 +58,12 @@ def make_movement(
     """
     settings = game.settings()
     graph = game.ctx.graph
-    columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
+    columns, routes = graph.storage.detach_graph() if is_detached else (graph.columns(), graph.routes)
     streets = StreetGraph(lock_columns(columns), routes)
-    closed = graph.storage.roads()[1] if may_reopen else {}
-    whole = StreetGraph(*graph.storage.with_edges({**closed, **(more_edges or {})})) if closed or more_edges else None
+    closed = graph.storage.list_roads()[1] if may_reopen else {}
+    whole = StreetGraph(*graph.storage.extend_graph({**closed, **(more_edges or {})})) if closed or more_edges else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
-    modes = [mode_of(agent) for agent in roster.agents]
+    modes = [get_mode(agent) for agent in roster.agents]
     have_modes = any(mode is not None for mode in modes)
     if have_modes:
         refuse_modes(settings["legal"], [(agent.name, mode) for agent, mode in zip(roster.agents, modes, strict=True)])
@@ -72,7 +72,7 @@ def make_movement(
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":
-        terms = TravelTerms.of(game)
+        terms = TravelTerms.from_game(game)
         return Movement(streets, whole, closed, speeds=speeds, terms=terms, modes=modes)
     depends = have_modes or any(speed is not None for speed in speeds)
     weight = settings["weight"]
@@ -108,7 +108,7 @@ class NextStarts:
         self.now = np.arange(len(start))
         self._put_nodes(self.next, streets, start)
 
-    def seeds_of(self, rows: IntArray) -> list[int]:
+    def get_seeds(self, rows: IntArray) -> list[int]:
         """Return the seeds of rows."""
         return [self.seeds[row] for row in rows.tolist()]
 
@@ -191,11 +191,11 @@ class BeginningGames:
             assert behind is not None  # noqa: S101 - games have columns
             made = GameStarts(
                 behind,
-                memory_of(starts.nodes),
+                get_memory(starts.nodes),
                 len(self._state.roster.names),
-                memory_of(starts.streets),
-                memory_of(starts.next),
-                memory_of(starts.now),
+                get_memory(starts.streets),
+                get_memory(starts.next),
+                get_memory(starts.now),
                 starts.ahead,
             )
             self._core = form, made
@@ -231,7 +231,7 @@ class InitialState:
         self._events = [*values.events]
         self._messages = [*values.messages]
         self._deeds = [*values.deeds]
-        self._last_deeds = [] if values.parts_played else values.deed_log.last_of(values.row)
+        self._last_deeds = [] if values.parts_played else values.deed_log.list_last(values.row)
         self.last_turn: LastTurn | None = None
         self._write_agents(game, state)
         self._write_departed(game, state)
@@ -252,14 +252,14 @@ class InitialState:
         names = state.roster.names
         known = game.ctx.agent.agents
         agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
-        own = block.rows.of_each([names[number] for number in agents.tolist()])
+        own = block.rows.find_rows([names[number] for number in agents.tolist()])
         rows = state.streets.rows
-        node, previous = (rows(np.asarray(block.ids_of(column))[own]) for column in (block.node, block.previous))
+        node, previous = (rows(np.asarray(block.get_ids(column))[own]) for column in (block.node, block.previous))
         moves = game.internals.state.moves
         is_read = any(one.spec.is_array_function and one.phase == "before" for one in as_called(game.rules))
         if moves is not None and is_read:
-            self.last_turn = LastTurn.of(moves, state.roster, state.movement, node[None])
-        places = [block.progress_of(row) for row in own]
+            self.last_turn = LastTurn.from_moves(moves, state.roster, state.movement, node[None])
+        places = [block.get_progress(row) for row in own]
         is_on_edge = np.array([place is not None for place in places], np.bool_)
         has_node = is_on_edge | (self.turn > 0)  # at the start, other agents are where their games begin
         has_left = (node != previous) | (self.turn > 0)
@@ -303,7 +303,7 @@ class InitialState:
         state.first |= begin_steps(steps, game.ctx, state)
         state.of_core.update(state.first.keys() - game.internals.state.data.get(KEPT, {}).keys())
 
-    def not_under_way(self, state: GameArrays, games: IntArray) -> IntArray:
+    def select_not_under_way(self, state: GameArrays, games: IntArray) -> IntArray:
         """Return the games that are not in a turn of which some parts were played before the batch."""
         return games if self._parts_played is None else games[state.turn[games] > self.turn]
 
@@ -334,12 +334,12 @@ class InitialState:
         moves = game.internals.state.moves
         names = [state.roster.names[number] for number in numbers.tolist()]
         known = game.ctx.agent.agents
-        starts: list[Any] = [game.internals.start_of(known[name]) if name in known else _NOWHERE for name in names]
+        starts: list[Any] = [game.internals.find_start(known[name]) if name in known else _NOWHERE for name in names]
         nearest = game.ctx.graph.graph.nearest_node
         below = state.streets.rows([nearest(*(0.0, 0.0) if one is _NOWHERE else one[:2]) for one in starts])
         self._starts_in_air = np.array(starts)
         self._below = state.streets.columns.xy[below]
-        rows = [block.row_of(name) if name in known else None for name in names]
+        rows = [block.find_row(name) if name in known else None for name in names]
         columns = ("position", "previous_position", "quat")
         poses = [[None if row is None else read_vector(block, name, row) for row in rows] for name in columns]
         state.quat[0] = [quat or UNTURNED for quat in poses[2]]
@@ -347,8 +347,8 @@ class InitialState:
         self._places_in_air = np.array(
             [[_NOWHERE if place in (None, start) else place for place in both] for *both, start in each]
         )
-        places = [None if moves is None else moves.index_of(name) for name in names]
-        put = np.array([place is not None and moves is not None and moves.was_put(place) for place in places])
+        places = [None if moves is None else moves.find_index(name) for name in names]
+        put = np.array([place is not None and moves is not None and moves.is_displaced(place) for place in places])
         state.has_flown[0] = put & ~state.placed[0, numbers]
         state.placed[0, numbers] |= state.has_flown[0]
 
@@ -382,8 +382,8 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
     by_metres = movement.by_metres
     edges = movement.columns.edge_ids  # those that are open, or that a function may open
     starts = find_starts(game)
-    previous = block.ids_of(block.previous)
-    on_ground = [row for row in map(block.row_of, sorted(block.names)) if not block.kind[row]]
+    previous = block.get_ids(block.previous)
+    on_ground = [row for row in map(block.find_row, sorted(block.names)) if not block.kind[row]]
     nodes_of = {row: (starts[block.names[row]], previous[row]) for row in on_ground}
     has_node = {node: graph.graph.has_node(node) for node in {*chain.from_iterable(nodes_of.values())}}
     for row in on_ground:
@@ -394,8 +394,8 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
                     "map: a batch that continues the game needs it. Close its roads instead, or set "
                     "agent.prev_node_id."
                 )
-        place = block.on_edge(row) if by_metres else block.progress_of(row)
-        if place is None and block.progress_of(row) is None:
+        place = block.get_edge_position(row) if by_metres else block.get_progress(row)
+        if place is None and block.get_progress(row) is None:
             continue
         if by_metres and place is not None and place.edge not in edges:
             game.internals.state.blocked.add(block.names[row], describe_closed_edge(place.source, place.target))
@@ -403,7 +403,7 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
         if (
             not by_metres
             and place is not None
-            and (get_speed(block, row) is None or place.source != block.node_of(row))
+            and (get_speed(block, row) is None or place.source != block.get_node(row))
         ):
             place = None
         block.set_progress(row, place)
@@ -439,14 +439,14 @@ class LastTurn(NamedTuple):
     paths: Paths | None
 
     @classmethod
-    def of(cls, moves: TurnMoves, roster: AgentTable, movement: Movement, node: IntArray) -> "LastTurn":
+    def from_moves(cls, moves: TurnMoves, roster: AgentTable, movement: Movement, node: IntArray) -> "LastTurn":
         """Return the last moves of a game; `node` are the rows of the agents' current nodes, (1, agents).
 
         Raises:
             UnknownName (KeyError): a move used a node or an edge that is no longer on the map.
         """
         number = {name: i for i, name in enumerate(roster.names)}
-        places = moves.took_part_of(range(len(moves.slots)))
+        places = moves.select_taking_part(range(len(moves.slots)))
         pairs = [(i, number[moves.order.names[i]]) for i in places if moves.order.names[i] in number]
         slots = [i for i, _ in pairs]
         numbers = np.array([number for _, number in pairs], np.int64)
@@ -461,7 +461,7 @@ class LastTurn(NamedTuple):
         if movement.by_metres:
             paths = _make_paths_by_metres(moves, slots, numbers, movement, starts)
         elif moves.paths is not None:
-            tracks = [moves.track(i) for i in slots]
+            tracks = [moves.get_track(i) for i in slots]
             if any(_SHORT.get(len(track.path)) != track.times or _is_waiting(track) for track in tracks):
                 paths = _make_paths(tracks, numbers, movement, starts)
         return cls(starts, ends, took_part, paths)
@@ -485,7 +485,7 @@ def _make_paths_by_metres(
     moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: Movement, starts: IntArray
 ) -> Paths:
     """Return the paths of agents that move by meters, including the legs along edges."""
-    tracks = [moves.track(i) for i in slots]
+    tracks = [moves.get_track(i) for i in slots]
     shape = (*starts.shape, max((len(track.legs) for track in tracks), default=0))
     row_of = {edge: row for row, edge in enumerate(movement.columns.edge_ids.tolist())}
     legs = Legs(np.full(shape, -1), np.full(shape, -1), *(np.zeros(shape) for _ in range(4)))
@@ -498,7 +498,7 @@ def _make_paths_by_metres(
             back = -1 if leg.back is None else row_of[leg.back]
             for column, value in zip(legs, (row_of[leg.edge], back, *leg[3:7]), strict=True):
                 column[0, number, place] = value
-        progress = moves.progress(i)
+        progress = moves.get_progress(i)
         if progress is not None:
             edge[0, number] = row_of[progress.edge]
             motion[0, number] = progress.motion

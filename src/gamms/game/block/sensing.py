@@ -13,10 +13,10 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.block.columns import PlayedGame, get_or_make, sensors_of
+from gamms.game.block.columns import PlayedGame, get_or_make, get_sensors
 from gamms.game.block.state import GameArrays
 from gamms.game.block.strategy_steps import collect_looks, has_plain_looks, make_search
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.cursor.pointed import PointedContext
 from gamms.ir.columns import find_places, select_rows
 from gamms.ir.graph import FloatArray, IntArray
@@ -30,7 +30,7 @@ from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor, SensorType
 SHOWING_AGENTS = ON_GROUND | IN_AIR
 SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
 _MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
-_ON_NODES = flat(np.zeros(0), np.float64)
+_ON_NODES = flatten(np.zeros(0), np.float64)
 
 
 class VisibleAgentPairs(NamedTuple):
@@ -114,11 +114,11 @@ def _make_mask(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str) ->
 
 def list_sensor_names(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[SensorType]) -> list[str]:
     """Return the names of the sensors of some kinds that some agents carry."""
-    carried = [sensors_of(agents[number]) for number in numbers.tolist()]
+    carried = [get_sensors(agents[number]) for number in numbers.tolist()]
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in kinds})
 
 
-def turns_with_agent(sensor: ISensor) -> bool:
+def is_turning_with_agent(sensor: ISensor) -> bool:
     """Return whether a sensor has a field of view that turns with the agent that carries it."""
     return bool(getattr(sensor, "turns_with_agent", False))
 
@@ -128,7 +128,7 @@ def list_agent_sensors(agent: IAgent) -> list[str]:
 
     If several sensors show an agent, the last one on the ground counts, else the first one in the air.
     """
-    carried = sensors_of(agent)
+    carried = get_sensors(agent)
     ground = [name for name, one in carried.items() if one.type in ON_GROUND]
     return [*ground[::-1], *(name for name, one in carried.items() if one.type in IN_AIR)]
 
@@ -138,8 +138,10 @@ def list_node_sensors(agent: IAgent, *, varies: bool) -> list[str]:
 
     These are sensors that turn with the agent, sensors of neighbors, and all sensors if they vary by game.
     """
-    nodes = {name: one for name, one in sensors_of(agent).items() if one.type in SHOWING_NODES}
-    return [name for name, one in nodes.items() if varies or one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
+    nodes = {name: one for name, one in get_sensors(agent).items() if one.type in SHOWING_NODES}
+    return [
+        name for name, one in nodes.items() if varies or one.type is SensorType.NEIGHBOR or is_turning_with_agent(one)
+    ]
 
 
 def list_sensors_called_each_turn(agent: IAgent) -> list[str]:
@@ -148,7 +150,7 @@ def list_sensors_called_each_turn(agent: IAgent) -> list[str]:
     These are the sensors that report earlier turns, and those whose code may do more than look at the world.
     """
     found = []
-    for name, sensor in sensors_of(agent).items():
+    for name, sensor in get_sensors(agent).items():
         look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
         if not getattr(sensor, "sees_world_only", False) or (look is not None and look.is_late):
             found.append(name)
@@ -179,7 +181,7 @@ def note_sensors(state: GameArrays, *, with_nodes: bool) -> None:
 # -- agents ---------------------------------------------------------------------------------------------------------
 
 
-def seen(
+def find_seen_agents(
     state: GameArrays,
     games: IntArray,
     agents: IntArray,
@@ -231,8 +233,8 @@ def _find_seen_agents(
     """Return columns (games, agents, others, nodes) of the agents that plain sensors show, sorted."""
     search = find_search(state, names)
     xy = axes()
-    own = _ON_NODES if xy is None else flat(xy, np.float64)
-    who = search, flat(games, np.int64), own, flat(agents, np.int64), flat(asked.view(np.uint8), np.uint8)
+    own = _ON_NODES if xy is None else flatten(xy, np.float64)
+    who = search, flatten(games, np.int64), own, flatten(agents, np.int64), flatten(asked.view(np.uint8), np.uint8)
     room = state.shared.get("pairs", asked.size)
     pairs: IntArray = np.empty((4, room), np.int64)
     total = observe.list_seen(*who, pairs.reshape(-1).data)
@@ -274,10 +276,10 @@ def _list_sighted_agents(
 # -- nodes ----------------------------------------------------------------------------------------------------------
 
 
-def seen_nodes(
+def find_seen_nodes(
     state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray, names: Sequence[str]
 ) -> VisibleNodes:
-    """Return the nodes that some agents see; see `seen`.
+    """Return the nodes that some agents see; see `find_seen_agents`.
 
     Args:
         state: the state of the games.
@@ -318,7 +320,7 @@ def seen_nodes(
 
 
 def _is_node_sensor(agent: IAgent, name: str) -> bool:
-    sensor = sensors_of(agent).get(name)
+    sensor = get_sensors(agent).get(name)
     return sensor is not None and sensor.type in SHOWING_NODES
 
 
@@ -332,11 +334,11 @@ def _find_shown_nodes(
         none = np.zeros(0, np.int64)
         noted = [state.sighted_nodes.get((int(games[i]), number), {}).get(name, none) for i in at]
         return np.repeat(at, [len(rows) for rows in noted]), np.concatenate((none, *noted))
-    sensor = sensors_of(agent)[name]
+    sensor = get_sensors(agent)[name]
     if sensor.type is SensorType.NEIGHBOR and state.roads.differ:
         tables = state.roads.tables
-        first = tables.first[games[at]] + state.movement.mode_first(number, tables)
-        entries, ends = kernels.chosen_runs(tables.offsets, first + node[at])
+        first = tables.first[games[at]] + state.movement.find_mode_offset(number, tables)
+        entries, ends = kernels.select_runs(tables.offsets, first + node[at])
         return np.repeat(at, np.diff(ends)), tables.targets[entries]
     if not sensor.sees_world_only:
         raise BadValue(
@@ -371,7 +373,7 @@ def note_sights(
     names = {name: i for i, name in enumerate(state.roster.names)}
     for i in {**state.noted, **state.noted_nodes}:
         agent = ctx.agent.agents.get(state.roster.names[i])
-        carried = sensors_of(agent) if agent is not None and agent.alive else {}
+        carried = get_sensors(agent) if agent is not None and agent.alive else {}
         of_agents = [name for name in state.noted.get(i, ()) if name in carried]
         of_nodes = [name for name in state.noted_nodes.get(i, ()) if name in carried]
         data = look(agent, of_agents + of_nodes) if carried else {}
@@ -407,8 +409,8 @@ def look(game: PlayedGame, state: GameArrays, pointed: PointedContext, games: In
     new = [number for number in games[~state.is_apart[games]].tolist() if number not in known]
     if not new:
         return
-    looks = game.internals.parts.turns.looks
-    with pointed.held():
-        for number in pointed.each(np.array(new)):
+    looks = game.internals.parts.turns.read_sensors
+    with pointed.keep_position():
+        for number in pointed.visit_each(np.array(new)):
             note_sights(state, game.ctx, looks, number)
     known.update(new)

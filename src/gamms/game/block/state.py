@@ -66,7 +66,7 @@ _SHARE = Limit(0.0, float(np.nextafter(1.0, 0.0)))  # of an edge
 _FINITE = Limit(-float_info.max, float_info.max)
 
 
-def fits_float(score: object) -> bool:
+def is_exact_float(score: object) -> bool:
     """Return whether a score is a number that float64 represents exactly."""
     return isinstance(score, float) or (type(score) is int and abs(score) <= _MOST_EXACT)
 
@@ -159,14 +159,14 @@ class Scores(dict[Hashable, FloatArray]):
         for rank, (key, points) in enumerate(scores.items(), 1):
             if key not in self:
                 self._add_columns(key)
-            if not fits_float(points) and self[key].dtype != object:
+            if not is_exact_float(points) and self[key].dtype != object:
                 self[key] = self[key].astype(object)
             self[key][games] = points
             self.are_floats[key][games] = type(points) is not int
             self.ranks[key][games] = rank
         self._last_rank = max(self._last_rank, len(scores))
 
-    def of(self, game: int) -> dict[Any, Any]:
+    def get_scores(self, game: int) -> dict[Any, Any]:
         """Return the scores of a game, key -> number, in the order in which the keys were first set."""
         ranks = [(column.item(game), key) for key, column in self.ranks.items()]
         return {key: self._get_score(key, game) for rank, key in sorted(ranks, key=itemgetter(0)) if rank}
@@ -208,7 +208,7 @@ class EmittedEvents(NamedTuple):
     fields: Mapping[str, list[Any]]
 
     @classmethod
-    def of(cls, game: int, entry: Mapping[str, Any]) -> "EmittedEvents":
+    def from_entry(cls, game: int, entry: Mapping[str, Any]) -> "EmittedEvents":
         """Return the event of one log entry of a game."""
         fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
         return cls(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields)
@@ -236,13 +236,13 @@ class CoreEvents(NamedTuple):
     times: FloatArray
     has_times: bool
 
-    def those(self, which: BoolArray | IntArray) -> "CoreEvents":
+    def select(self, which: BoolArray | IntArray) -> "CoreEvents":
         """Return the events selected by a mask or by indices."""
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
         times = self.times[which]
         return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags, times, self.has_times)
 
-    def entries(self, names: Sequence[str]) -> Iterator[tuple[int, dict[str, Any]]]:
+    def make_entries(self, names: Sequence[str]) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield the game and the log entry of each event; `names` are the agents' names."""
         columns = (*self[:7], self.times)
         for game, turn, rule, number, agent, other, node, time in zip(*map(np.ndarray.tolist, columns), strict=True):
@@ -271,21 +271,21 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
         """Log events of games in the core."""
         self._pending.append(events)
 
-    def new(self, read: IntArray, games: IntArray) -> list[EmittedEvents]:
+    def take_new(self, read: IntArray, games: IntArray) -> list[EmittedEvents]:
         """Return the events of games that were not read yet, game by game, and count them as read.
 
         `read` is the number of events that were read in each game of the batch.
         """
         found = []
         for game in games.tolist():
-            entries = self.of(game)
-            found += [EmittedEvents.of(game, entry) for entry in entries[read[game] :]]
+            entries = self.list_entries(game)
+            found += [EmittedEvents.from_entry(game, entry) for entry in entries[read[game] :]]
             read[game] = len(entries)
         return found
 
     def _list_entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
-            yield from noted.entries(self._names)
+            yield from noted.make_entries(self._names)
             return
         kind, games, turns, fields = noted
         for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
@@ -567,7 +567,7 @@ class BatchColumns:
         turn = int(self.stop_at[game])
         return None if turn == NO_STOP else turn
 
-    def values_of_all_maps(self) -> dict[str, Any]:
+    def get_shared_values(self) -> dict[str, Any]:
         """Return the attributes that the state of the games on another map has, too, by name."""
         return {name: getattr(self, name) for name in self._shared}
 
@@ -603,7 +603,7 @@ class GameRow(NamedTuple):
     of_arrays: dict[Hashable, Arrays]
 
     @classmethod
-    def of(cls, state: "GameArrays", game: int) -> "GameRow":
+    def from_game(cls, state: "GameArrays", game: int) -> "GameRow":
         """Return a copy of the stored state of a game."""
         row = np.s_[game : game + 1]
         kept = {key: {name: one[row].copy() for name, one in several.items()} for key, several in state.kept.items()}
@@ -672,7 +672,7 @@ class GameArrays(BatchColumns):
         if columns is None:
             super().__init__(roster, seeds, [movement, *others])
         else:
-            vars(self).update(columns.values_of_all_maps())
+            vars(self).update(columns.get_shared_values())
         self.roster = roster
         self._seeds: IntArray | None = None  # as an array
         on_edges = (self.edge, self.share) if movement.by_metres else (self.begun, self.covered)
@@ -714,7 +714,7 @@ class GameArrays(BatchColumns):
         if start is not None:
             self.reset(self.seeds, start)
 
-    def on_map(self, movement: Movement, roster: AgentTable) -> "GameArrays":
+    def view_on_map(self, movement: Movement, roster: AgentTable) -> "GameArrays":
         """Return the state of the same games seen from another map."""
         return GameArrays(roster, movement, self.seeds, None, self)
 
@@ -775,9 +775,9 @@ class GameArrays(BatchColumns):
         """Return rows for a key of `drawn`; `known` has those of the keys before it."""
         kind, purpose = key
         if kind == "purposes":
-            return kernels.purpose_keys(seeds, purpose)
+            return kernels.compute_purpose_keys(seeds, purpose)
         if kind == "agents":
-            return kernels.first_key_rows(known["purposes", ((purpose,),)], self.roster.keys[None])
+            return kernels.compute_first_key_rows(known["purposes", ((purpose,),)], self.roster.keys[None])
         shares = draw_shares(known["purposes", (("pool",),)], self.roster.teams)
         return np.ascontiguousarray(shares[:, self.roster.team_of])
 
@@ -798,7 +798,7 @@ class GameArrays(BatchColumns):
         """Set the map of games, on which other roads are open; None: the map of the start."""
         self.roads.put(games, roads)
 
-    def world(self, games: IntArray, agents: IntArray = _NO_AGENTS) -> MapData:
+    def make_map_data(self, games: IntArray, agents: IntArray = _NO_AGENTS) -> MapData:
         """Return the graph, the movement and the cached data of games, for agents: with the edges that they may use.
 
         Without agents, the edges are all open ones.
@@ -806,19 +806,19 @@ class GameArrays(BatchColumns):
         if not self.roads.differ:
             return MapData(self.streets, self.movement, self.shared)
         number = self.roads.number[games]
-        modes = self.movement.modes_of(agents)
+        modes = self.movement.list_modes(agents)
         if len(modes) > 1 or (len(games) and (number != number[0]).any()):
             if self._of_maps is None:
                 self._of_maps = MapData(MultiMapStreets(self.streets), self.movement, self.roads.shared)
             return self._of_maps
-        roads = self.roads.of(int(games[0])) if len(games) else None
+        roads = self.roads.get_map(int(games[0])) if len(games) else None
         if roads is not None:
             self.roads.use(roads)
-        roads = self.roads.for_mode(roads, int(modes[0])) if len(modes) else roads
+        roads = self.roads.get_mode_map(roads, int(modes[0])) if len(modes) else roads
         if roads is None:
-            return MapData(self.streets, self.movement.at_start(), self.shared)
+            return MapData(self.streets, self.movement.get_for_start(), self.shared)
         if roads.world is None:
-            roads.world = MapData(roads.streets, self.movement.on(roads), roads.shared)
+            roads.world = MapData(roads.streets, self.movement.get_for_map(roads), roads.shared)
         found: MapData = roads.world
         return found
 
@@ -830,7 +830,7 @@ class GameArrays(BatchColumns):
         numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
         self.memory_of = copy_locked(np.unique(numbers, return_inverse=True)[1])
 
-    def columns(self) -> Columns:
+    def copy_columns(self) -> Columns:
         """Return copies of the positions of agents and of the memory of rules and strategies, name -> (games, …).
 
         The turn, scores, seeds, logs, deeds, messages, and the moves of the last turn are not included.
@@ -967,12 +967,12 @@ class GameArrays(BatchColumns):
             those["number"][:] = 0
         self.now.clear()
 
-    def places_in_air(self, games: IntArray, agents: IntArray) -> tuple[BoolArray, FloatArray]:
+    def get_air_positions(self, games: IntArray, agents: IntArray) -> tuple[BoolArray, FloatArray]:
         """Return a mask of the flying agents, (agents,), and their positions, (games, flying agents, 3)."""
         flies: BoolArray = self.roster.flies[agents]
         return flies, self.position[np.ix_(games, np.searchsorted(self.flyers, agents[flies]))]
 
-    def chosen(self, column: Any, games: IntArray, agents: IntArray | None = None) -> Any:
+    def select_values(self, column: Any, games: IntArray, agents: IntArray | None = None) -> Any:
         """Return a copy of some rows and columns of (games, agents), by ascending numbers; None: all agents."""
         # NOTE: `take` costs half of an index, and several times as much as a copy of all (benchmarks: batches).
         of_games = column if len(games) == len(self) else column.take(games, axis=0)
@@ -1042,7 +1042,7 @@ class GameArrays(BatchColumns):
         self.leaving[number] = LeavingGame(why, game)
         self.is_going[number] = False
 
-    def turn_agents(self) -> None:
+    def apply_headings(self) -> None:
         """Set the headings that living agents have chosen in the current part of the turn, after its moves."""
         for game, agent, heading in self.turning:
             if self.alive[game, agent]:
@@ -1060,26 +1060,26 @@ class GameArrays(BatchColumns):
         self.note_failure(failure, turn)
         self.tell(failure)
 
-    def purposes(self, *purpose: str | int) -> BitArray:
+    def compute_purpose_keys(self, *purpose: str | int) -> BitArray:
         """Return the hash of each game's seed and a purpose, (games,); see `kernels.purpose_key`."""
-        return self.several_purposes(purpose)[:, 0]
+        return self.compute_several_purpose_keys(purpose)[:, 0]
 
-    def several_purposes(self, *purposes: Purpose) -> BitArray:
+    def compute_several_purpose_keys(self, *purposes: Purpose) -> BitArray:
         """Return the hashes of each game's seed and each purpose, (games, purposes)."""
         return self._find_drawn(("purposes", purposes))
 
-    def seeds_of(self, games: IntArray) -> IntArray:
+    def get_seeds(self, games: IntArray) -> IntArray:
         """Return the seeds of games, (games,)."""
         if self._seeds is None:
             self._seeds = np.array(self.seeds)
         return self._seeds[games]
 
-    def pool_shares(self) -> FloatArray:
+    def draw_pool_shares(self) -> FloatArray:
         """Return the numbers in [0, 1) by which members of pools are drawn for the teams of agents, (games, agents)."""
-        self.purposes("pool")
+        self.compute_purpose_keys("pool")
         return self._find_drawn(("pools", None))
 
     def draw_keys(self, purpose: str = "agent") -> BitArray:
-        """Return the keys of agents' draws for a purpose, (games, agents); see `kernels.first_key_rows`."""
-        self.purposes(purpose)
+        """Return the keys of agents' draws for a purpose, (games, agents); see `kernels.compute_first_key_rows`."""
+        self.compute_purpose_keys(purpose)
         return self._find_drawn(("agents", purpose))

@@ -12,7 +12,7 @@ from gamms.core import moves, rules, sight, strategies
 from gamms.errors import BadValue
 from gamms.game.block.columns import AgentTable, get_or_make
 from gamms.game.block.state import Arrays, GameArrays, GameRow
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.movement.roads import RoadMap, RoadTables
 from gamms.game.movement.routes import PathTables
 from gamms.game.strategy_specs import CoreStep
@@ -28,17 +28,17 @@ LOOKING = ("chase", "flee")
 _REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by kinds of steps: column -> at first
 
 
-def always_act(steps: Sequence[CoreStep]) -> bool:
+def is_always_acting(steps: Sequence[CoreStep]) -> bool:
     """Return whether steps always choose an action; `chase`, for example, may choose none."""
     if not steps:
         return False
     first = steps[0]
     rest = steps[1:]
     if first.kind in ("mix", "pick"):
-        return always_act(rest) and always_act(rest[first.number :])
+        return is_always_acting(rest) and is_always_acting(rest[first.number :])
     if first.kind == "skip":
-        return always_act(rest[first.number :])
-    return first.kind in ("stay", "walk") or always_act(rest)
+        return is_always_acting(rest[first.number :])
+    return first.kind in ("stay", "walk") or is_always_acting(rest)
 
 
 def _has_looks(steps: Sequence[CoreStep]) -> bool:
@@ -50,7 +50,7 @@ def _get_plain_look(sensor: ISensor) -> AgentLook | None:
     look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
     if look is None or not look.is_plain:
         return None
-    return look if look.radius == np.inf or sight.scale_of(look.radius) == 1.0 else None
+    return look if look.radius == np.inf or sight.compute_scale(look.radius) == 1.0 else None
 
 
 def has_plain_looks(agent: IAgent) -> bool:
@@ -76,7 +76,7 @@ def collect_looks(roster: AgentTable, looking: Sequence[bool], names: Sequence[s
     return (
         _make_column([0, *accumulate(map(len, looks))], np.int64),
         _make_column([look.radius * look.radius for look in listed], np.float64),
-        _make_column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
+        _make_column([look.is_showing(team) for look in listed for team in roster.teams], np.uint8),
     )
 
 
@@ -95,11 +95,11 @@ def make_search(
         order = np.argsort(xy[:, 0].take(state.node, mode="clip"), axis=1)
     return sight.AgentSearch(
         looks,
-        flat(state.node, np.int64),
-        flat(state.alive.view(np.uint8), np.uint8),
-        flat(state.roster.team_of, np.int64),
-        flat(xy, np.float64),
-        flat(order, np.int64),
+        flatten(state.node, np.int64),
+        flatten(state.alive.view(np.uint8), np.uint8),
+        flatten(state.roster.team_of, np.int64),
+        flatten(xy, np.float64),
+        flatten(order, np.int64),
     )
 
 
@@ -178,14 +178,14 @@ class StepPaths:
         """Set the open roads of each game."""
         if tables.maps is self._maps:
             return
-        moved = tables.moved(self._maps)
+        moved = tables.find_first_nodes(self._maps)
         self._maps = tables.maps
         arcs = self._get_arcs()
         for known in self._tables:
             known.take(arcs, moved)
 
     def _get_arcs(self) -> tuple[Any, Any, Any]:
-        return self._roads.arcs_of(self._maps, "length", reverse=True)
+        return self._roads.join_arcs(self._maps, "length", reverse=True)
 
 
 class StrategySteps:
@@ -245,12 +245,12 @@ class StrategySteps:
             _make_column([*chain.from_iterable(following)], np.int64),
         )
 
-    def of_thread(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
+    def get_strategies(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
         """Return the strategies for the thread of this number."""
-        keys = flat(self._state.draw_keys(), np.uint64)
+        keys = flatten(self._state.draw_keys(), np.uint64)
         memory = self.memory.reshape(-1).data
         ways = self._paths.get_tables(thread).core
-        shares = flat(self._state.pool_shares() if self._has_pools else np.zeros(0), np.float64)
+        shares = flatten(self._state.draw_pool_shares() if self._has_pools else np.zeros(0), np.float64)
         return strategies.Strategies(games, self._steps, ways, self._search, keys, shares, memory)
 
     def take_memories(self, games: IntArray) -> None:
@@ -292,7 +292,7 @@ class AskedSteps:
 
     def __init__(self, state: GameArrays, steps: Sequence[CoreStep], agents: IntArray) -> None:
         self._state = state
-        self._agents = flat(agents, np.int64)
+        self._agents = flatten(agents, np.int64)
         roster = state.roster
         of_agent: list[Sequence[CoreStep]] = [()] * len(roster.names)
         for number in agents.tolist():
@@ -302,7 +302,7 @@ class AskedSteps:
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # once a rule has closed roads
         self._streets = state.streets.core
-        unread: Any = flat(np.zeros(0), np.int64)
+        unread: Any = flatten(np.zeros(0), np.int64)
         games = rules.GameColumns(
             len(roster.names),
             len(roster.teams),
@@ -311,17 +311,17 @@ class AskedSteps:
             turn=state.turn.data,
             start=unread,
             previous=unread,
-            placed=flat(unread, np.uint8),
+            placed=flatten(unread, np.uint8),
             stops=unread,
             home=unread,
-            over=flat(unread, np.uint8),
-            score=flat(unread, np.float64),
-            team=flat(roster.team_of, np.int64),
-            plays=flat(unread, np.uint8),
+            over=flatten(unread, np.uint8),
+            score=flatten(unread, np.float64),
+            team=flatten(roster.team_of, np.int64),
+            plays=flatten(unread, np.uint8),
             first_node=self._first_node.data,
             nobody=roster.nobody,
         )
-        self._core = self._steps.of_thread(games, 0)
+        self._core = self._steps.get_strategies(games, 0)
 
     def choose(self, games: IntArray, asked: BoolArray, drawn: IntArray) -> IntArray:
         """Return the chosen numbers of legal nodes, (games, agents); 0, to stay, where the steps choose nothing.
@@ -336,18 +336,20 @@ class AskedSteps:
             self._tables = roads.tables
             self._first_node[:] = roads.tables.first
             self._steps.take_roads(roads.tables)
-            self._streets = moves.LegalMoves(flat(roads.tables.offsets, np.int32), flat(roads.tables.targets, np.int32))
+            self._streets = moves.LegalMoves(
+                flatten(roads.tables.offsets, np.int32), flatten(roads.tables.targets, np.int32)
+            )
         found = np.zeros(asked.shape, np.int64)
         self._steps.take_memories(games)
-        numbers = flat(games, np.int64)
+        numbers = flatten(games, np.int64)
         moves.ask(
             self._core,
             self._streets,
             numbers,
             self._agents,
-            flat(asked, np.uint8),
-            flat(drawn, np.int64),
-            flat(found, np.int64),
+            flatten(asked, np.uint8),
+            flatten(drawn, np.int64),
+            flatten(found, np.int64),
         )
         self._steps.give_memories(games)
         return found

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, travel
 from gamms.game.block.state import GameArrays
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.movement.arrivals import MOST_ARRIVALS, ArrivalColumns
 from gamms.game.movement.courses import Courses
 from gamms.game.movement.legal_moves import Movement
@@ -16,7 +16,7 @@ from gamms.game.movement.roads import RoadMap, RoadTables
 from gamms.game.movement.travel import NO_ROWS, GamePaths, ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.kernels import buffer
+from gamms.kernels import as_buffer
 from gamms.limits import refuse_above
 
 _BYTES_PER_LEG = 500  # of the agents of a game
@@ -157,12 +157,12 @@ class TravelColumns:
 
     def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
         """Set the open roads of each game for moves and paths."""
-        moved = tables.moved(self._maps)
+        moved = tables.find_first_nodes(self._maps)
         self._maps = tables.maps
         all_roads = self._by.all_roads
-        edges_at = all_roads.edges_at(self._maps)
+        edges_at = all_roads.get_edges(self._maps)
         have_costs = self._by.by_metres and len(self._by.modes) > 0
-        first_costs = tables.first_costs(len(self._by.columns.edge_ids)) if have_costs else NO_ROWS
+        first_costs = tables.find_first_costs(len(self._by.columns.edge_ids)) if have_costs else NO_ROWS
         for paths in self._paths:
             paths.take_maps(edges_at, moved, first_costs)
         for walks in self._walks:
@@ -170,10 +170,10 @@ class TravelColumns:
         for states in self._traffic:
             self._by.traffic.take_maps(states)  # type: ignore[union-attr] # there are some
         if self._roads:
-            removed = buffer(all_roads.removed(self._maps))
-            offsets, edges = map(buffer, edges_at[0])
+            removed = as_buffer(all_roads.find_removed(self._maps))
+            offsets, edges = map(as_buffer, edges_at[0])
             for roads in self._roads:
-                roads.take(offsets, edges, buffer(first_costs))
+                roads.take(offsets, edges, as_buffer(first_costs))
                 roads.note_removed(removed)
 
     def _refuse_too_long(self, kept: int) -> None:
@@ -220,9 +220,9 @@ class TravelColumns:
         speeds, kinds = np.unique(self._by.paces, return_inverse=True)
         tables: Any = np.zeros((2, len(speeds) * self._by.streets.num_nodes), np.int64)
         room: Any = np.empty(_MOST_LEGAL, np.int64)
-        return travel.LegalCache(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
+        return travel.LegalCache(flatten(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
-    def thread(self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events) -> ThreadTravel:
+    def get_thread(self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events) -> ThreadTravel:
         """Return the data of one thread.
 
         Args:
@@ -240,17 +240,17 @@ class TravelColumns:
         reach = ReachableNodes(by.streets.num_nodes)
         local = TurnPaths(self._agents, most - 1, most)
         trips = local.core if self.courses is None else self.courses.trips.bind_thread(most)
-        walks = by_edges.EdgePaths(trips, by.streets.core, self._hops.plain_ways(reach))
+        walks = by_edges.EdgePaths(trips, by.streets.core, self._hops.get_plain_ways(reach))
         self._walks.append(walks)
         long_ways: travel.GoalPaths | None = None
         if columns["by_steps"] is not None:
-            long_ways = self._ways.plain_ways(reach)
+            long_ways = self._ways.get_plain_ways(reach)
             columns["by_steps"].go_far(long_ways)
         with_turns: by_edges.PathsWithTurns | None = None
         if by.traffic is not None:
             self._traffic.append(by.traffic.bind())
             with_turns = by_edges.PathsWithTurns(trips, self._traffic[-1], reach.core)
-        speeds = flat(by.paces, np.float64)
+        speeds = flatten(by.paces, np.float64)
         has_all = self.courses is not None
         walkers = by_edges.EdgeMovers(walks, long_ways, with_turns, *movers, speeds=speeds, has_all=has_all, **columns)
         tracks = local.core.nodes, local.core.times, local.core.passed
@@ -262,10 +262,10 @@ class TravelColumns:
         by = self._by
         most = self._most
         assert self.ends is not None  # noqa: S101 - by metres
-        roads = by.new_map()
+        roads = by.make_map()
         reach = ReachableNodes(by.streets.num_nodes)
-        ways = self._ways.ways(roads, reach)
-        near = self._ways.apart(self._slots, self._longest)
+        ways = self._ways.get_ways(roads, reach)
+        near = self._ways.copy_with_room(self._slots, self._longest)
         self._roads.append(roads)
         self._paths.append(near)
         if columns["by_steps"] is not None:
@@ -274,14 +274,14 @@ class TravelColumns:
         courses = self.courses
         travelers = by_metres.MetreMovers(
             ways,
-            near.ways(roads, reach),
+            near.get_ways(roads, reach),
             self._make_legal_cache(),
             events,
             trips.core if courses is None else courses.trips.bind_thread(self._longest_route),
             *movers,
             slots=self._slots,
             nodes=by.streets.num_nodes,
-            speeds=flat(by.paces, np.float64),
+            speeds=flatten(by.paces, np.float64),
             motion=by.motion.reshape(-1).data,
             start_places=self.ends[0].reshape(-1).data,
             end_places=self.ends[1].reshape(-1).data,
@@ -292,14 +292,14 @@ class TravelColumns:
         )
         legs: list[Any] = [column.data for column in np.zeros((5, self._agents * most), np.int64)]
         metres: Any = np.zeros(self._agents * most).data
-        edge_ids = flat(by.columns.edge_ids, np.int64)
+        edge_ids = flatten(by.columns.edge_ids, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         course = by_metres.MetrePaths(travelers, trips.core, roads, edge_ids, of_legs)
         at_arrivals = None
         if self.arrivals is not None:
-            at_arrivals = self.arrivals.thread(travelers, has_end=self._has_conflicts)
+            at_arrivals = self.arrivals.get_thread(travelers, has_end=self._has_conflicts)
             self._travelers.append(travelers)
             self._at_arrivals.append(at_arrivals)
             self._give_paths()

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.core import observe, routes
 from gamms.game.block.columns import play_in_threads
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes
@@ -66,15 +66,15 @@ class Encoder:
         self._actions = actions
         refuse_above(200.0 * (actions + others), f"Vectors of {others} others")  # of their names
         shares = [(one - centre) / scale for one, (centre, scale) in zip(xy, self._boxes, strict=True)]
-        self._places = flat(np.concatenate(shares), np.float64)
-        self._on_nodes = flat(np.zeros(0), np.float64)
+        self._places = flatten(np.concatenate(shares), np.float64)
+        self._on_nodes = flatten(np.zeros(0), np.float64)
         self.names = (
             *OWN,
             *(f"action_{number}.{name}" for number in range(actions) for name in MOVE),
             *(f"other_{number}.{name}" for number in range(others) for name in OTHER),
         )
 
-    def made(self, mask: BoolArray, more: int) -> ObservationVectors:
+    def allocate_vectors(self, mask: BoolArray, more: int) -> ObservationVectors:
         """Return uninitialized vectors with `more` additional entries at the end.
 
         Args:
@@ -89,7 +89,7 @@ class Encoder:
         is_legal = np.empty((*mask.shape, self._actions), np.bool_)
         return ObservationVectors(values, self.names, mask, is_legal, np.empty(mask.shape, np.int64))
 
-    def output(self, vectors: ObservationVectors, xy: FloatArray | None = None) -> observe.VectorObservations:
+    def make_output(self, vectors: ObservationVectors, xy: FloatArray | None = None) -> observe.VectorObservations:
         """Return the buffers of vectors that the core writes to.
 
         Args:
@@ -99,7 +99,7 @@ class Encoder:
         own = self._on_nodes
         if xy is not None:
             centre, scale = self._boxes[0]
-            own = flat((xy - centre) / scale, np.float64)
+            own = flatten((xy - centre) / scale, np.float64)
         written: Any = (
             vectors.values.reshape(-1).data,
             vectors.legal.view(np.uint8).reshape(-1).data,
@@ -109,7 +109,7 @@ class Encoder:
             self._places, own, self._actions, self._others, vectors.values.shape[-1], *written
         )
 
-    def rooms(self, ways: routes.NearbyDistances | None, threads: int) -> list[observe.NearestAgents]:
+    def make_scratch(self, ways: routes.NearbyDistances | None, threads: int) -> list[observe.NearestAgents]:
         """Return new scratch buffers, in which each thread collects the agents that an agent sees."""
         return [make_buffers(self._agents, self._others, ways) for _ in range(threads)]
 
@@ -122,7 +122,7 @@ def _find_bounding_box(xy: FloatArray) -> tuple[FloatArray, float]:
 
 def get_legal_buffers(offsets: IntArray, targets: IntArray) -> tuple[Any, Any]:
     """Return offsets and rows of legal nodes as int32 buffers; see `core.observe.Observers`."""
-    return flat(offsets, np.int32), flat(targets, np.int32)
+    return flatten(offsets, np.int32), flatten(targets, np.int32)
 
 
 class RoadDistances:
@@ -149,34 +149,36 @@ class RoadDistances:
         if (self._tables is not None or roads.differ) and self._tables is not roads.tables:
             self._tables = roads.tables
             self.first[:] = self._tables.first
-            offsets, tails, lengths = roads.arcs_of(self._tables.maps, "length", reverse=True)
-            scaled = np.asarray(lengths) / scale_of(roads.streets)
-            ids = flat(np.arange(roads.streets.num_nodes), np.int64)
-            self._core.take(ids, offsets, tails, flat(scaled, np.float64))
+            offsets, tails, lengths = roads.join_arcs(self._tables.maps, "length", reverse=True)
+            scaled = np.asarray(lengths) / compute_scale(roads.streets)
+            ids = flatten(np.arange(roads.streets.num_nodes), np.int64)
+            self._core.take(ids, offsets, tails, flatten(scaled, np.float64))
         return self._core
 
 
-def scale_of(streets: StreetGraph) -> float:
+def compute_scale(streets: StreetGraph) -> float:
     """Return half of the longer side of a map, which is the unit of vectors, in map units."""
     return _find_bounding_box(streets.columns.xy)[1]
 
 
 def make_distances(streets: Sequence[StreetGraph]) -> routes.NearbyDistances:
     """Return distances by road on one or several maps, whose nodes follow each other."""
-    arcs = [one.ways_to("length") for one in streets]
+    arcs = [one.get_reversed_ways("length") for one in streets]
     first = np.cumsum([0, *(one.num_nodes for one in streets)])
     counts = np.concatenate([np.diff(one.offsets) for one in arcs])
-    offsets: Any = flat(np.concatenate(([0], np.cumsum(counts))), np.int64)
-    tails: Any = flat(np.concatenate([one.ends + before for one, before in zip(arcs, first, strict=False)]), np.int64)
-    scaled = [one.weights / scale_of(of) for one, of in zip(arcs, streets, strict=True)]
+    offsets: Any = flatten(np.concatenate(([0], np.cumsum(counts))), np.int64)
+    tails: Any = flatten(
+        np.concatenate([one.ends + before for one, before in zip(arcs, first, strict=False)]), np.int64
+    )
+    scaled = [one.weights / compute_scale(of) for one, of in zip(arcs, streets, strict=True)]
     nodes = int(first[-1])
     room = max(nodes, min(2 * nodes * nodes, _MOST_BYTES // _ENTRY_BYTES))
     # The operating system provides memory only for entries that are used.
     pool: Any = np.zeros(room, np.int32).data, np.zeros(room, np.float32).data
     working: Any = [column.data for column in np.zeros((3, nodes), np.int64)]
     paths = routes.Paths(ReachableNodes(nodes).core, *working)
-    ids: Any = flat(np.arange(nodes), np.int64)
-    edges: Any = ids, offsets, tails, flat(np.concatenate(scaled), np.float64)
+    ids: Any = flatten(np.arange(nodes), np.int64)
+    edges: Any = ids, offsets, tails, flatten(np.concatenate(scaled), np.float64)
     columns: Any = *edges, paths, *pool, FARTHEST
     return routes.NearbyDistances(*columns)
 
@@ -198,7 +200,7 @@ def find_distances(ways: routes.NearbyDistances, streets: Sequence[StreetGraph],
     first = np.cumsum([0, *(one.num_nodes for one in streets)]).tolist()
     xy = np.concatenate([one.columns.xy for one in streets])
     order = [np.argsort(one.columns.xy[:, 0]) + begin for one, begin in zip(streets, first, strict=False)]
-    columns: Any = flat(np.concatenate(order), np.int64), flat(xy, np.float64), np.zeros(first[-1], np.int64).data
+    columns: Any = flatten(np.concatenate(order), np.int64), flatten(xy, np.float64), np.zeros(first[-1], np.int64).data
     near = routes.NodesByX(*columns)
     for begin, end in pairwise(first):
         ways.find_all(near, begin, end, square)
@@ -225,11 +227,11 @@ def write_vectors(
 
     Args:
         observers: the agents.
-        output: the buffers of the vectors; see `Encoder.output`.
+        output: the buffers of the vectors; see `Encoder.make_output`.
         places: the games to write, as indices into the games of the observers.
         rooms: scratch buffers; for each, a thread writes a part of the games.
     """
-    chosen = flat(places, np.int64)
+    chosen = flatten(places, np.int64)
 
     def observe_part(room: observe.NearestAgents, begin: int, end: int) -> None:
         observe.observe_aside(observers, output, room, chosen, begin, end)

@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, find_decider, sensors_of
+from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, find_decider, get_sensors
 from gamms.game.block.in_core import find_conflicts_in_core, find_core_forms, list_called_rules
 from gamms.game.block.sensing import list_sensors_called_each_turn
 from gamms.game.cursor.own_functions import FunctionPerGame, find_some_function
 from gamms.game.hidden_state import find_names, may_change_games
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import NamedRule
-from gamms.game.strategy_specs import decides_in_arrays
+from gamms.game.strategy_specs import is_deciding_in_arrays
 from gamms.ir.game_state import KEPT, GameState
 from gamms.text import as_code, shown
 
@@ -38,7 +38,7 @@ class StartValues(NamedTuple):
     blocked: dict[str, str]
 
     @classmethod
-    def of(cls, state: GameState) -> "StartValues":
+    def from_state(cls, state: GameState) -> "StartValues":
         """Return the values with which the game of a context begins."""
         counts = {name: each.copy() for name, each in state.counts.items()}
         return cls(state.turn, state.moves, counts, dict(state.blocked))
@@ -74,7 +74,7 @@ class CalledFunctions(NamedTuple):
     first: StartValues
 
     @classmethod
-    def of(
+    def from_game(
         cls,
         game: PlayedGame,
         roster: AgentTable,
@@ -97,11 +97,11 @@ class CalledFunctions(NamedTuple):
         deciders = [find_decider(roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = game.internals.parts.collectors.by_name.values()
         of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
-        sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
+        sensors = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
         of_sensors = [getattr(one, "function", None) for one in sensors]
         every = *deciders, *of_rules, *of_sensors
         specs = [one.spec for one in list_called_rules(game, roster) if one.spec.core_form is not None]
-        rules = functions_of_rules(game, roster)
+        rules = list_rule_functions(game, roster)
         return cls(
             functions=[
                 *map(find_some_function, rules),
@@ -112,16 +112,16 @@ class CalledFunctions(NamedTuple):
             periods=frozenset(one.every for one in collectors),
             asked=frozenset(asked),
             observing=frozenset(roster.names[number] for number in (*asked, *observing)),
-            core_keys=frozenset(keys_in_core(game, roster)),
+            core_keys=frozenset(list_core_keys(game, roster)),
             facts_in_core=[(str(spec.key), spec.facts_of) for spec in specs if spec.facts_of is not None],
             has_array_functions=has_array_functions,
             asks_all=asks_all,
             change_attributes=any(not _OF_DICTS.isdisjoint(names) for names in _name_all(game, roster)),
-            first=StartValues.of(game.internals.state),
+            first=StartValues.from_state(game.internals.state),
         )
 
 
-def functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:
+def list_rule_functions(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:
     """Yield the plain functions of rules and conflicts that are called."""
     for one in list_called_rules(game, roster):
         if is_plain_rule(one):
@@ -137,7 +137,7 @@ def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:
     return game.settings()["conflicts"] is not None and find_conflicts_in_core(game, roster) is None
 
 
-def acts_before_moves(game: PlayedGame, roster: AgentTable) -> bool:
+def is_acting_before_moves(game: PlayedGame, roster: AgentTable) -> bool:
     """Return whether functions are called between the decisions of agents and their moves."""
     return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game, roster)
 
@@ -147,7 +147,7 @@ def is_plain_rule(rule: NamedRule) -> bool:
     return rule.spec.core_form is None and not rule.spec.is_array_function
 
 
-def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
+def list_core_keys(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
     """Yield the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays."""
     called = list_called_rules(game, roster)
     if any(one.spec.is_array_function for one in called):
@@ -169,7 +169,7 @@ def find_why_all_decide(game: PlayedGame, roster: AgentTable) -> str:
     """
     if any(map(_may_look_back, _name_all(game, roster))):
         return "functions may read what agents have sensed before"
-    of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
+    of_agents = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
     own = [one for one in of_agents if not getattr(one, "sees_world_only", False)]
     looks = [getattr(one, "function", None) or getattr(one, "sense", None) for one in own]
     if may_change_games(_list_functions_of_games(looks)):
@@ -189,8 +189,8 @@ def _name_all(game: PlayedGame, roster: AgentTable) -> Iterator[frozenset[str]]:
     """Yield the names in the code of each plain function that is called; see `find_names`."""
     plans = game.settings()["plans"]
     deciders = [find_decider(agent, plans) for agent in roster.agents]
-    sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
-    called = [*functions_of_rules(game, roster), *deciders, *(getattr(one, "function", None) for one in sensors)]
+    sensors = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
+    called = [*list_rule_functions(game, roster), *deciders, *(getattr(one, "function", None) for one in sensors)]
     called += [one.fn for one in game.internals.parts.collectors.by_name.values()]
     return find_names(_list_functions_of_games(called))
 
@@ -208,27 +208,27 @@ def find_why_apart(game: PlayedGame, roster: AgentTable) -> str:
     """
     if roster.obey_turns and game.settings()["speed_unit"] != "edges":
         return "agents by metres obey turn restrictions, which the core does not know"
-    if game.internals.state.parts_played is not None and first_called(game, roster) is not None:
+    if game.internals.state.parts_played is not None and find_first_called(game, roster) is not None:
         return "functions are called, and the games begin in the middle of a turn"
     before_moves = [check for _, check in game.internals.parts.rules.now.checks]
     before_moves += [one.rule for one in list_called_rules(game, roster) if one.phase == "deeds" and is_plain_rule(one)]
     if has_function_of_conflicts(game, roster):
         before_moves.append(game.settings()["conflicts"].resolve)
-    of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
-    looks_count = game.settings()["decide"] == "arrival" and not all(map(_looks_alike, of_agents))
+    of_agents = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
+    looks_count = game.settings()["decide"] == "arrival" and not all(map(_is_repeatable, of_agents))
     for names in find_names(_list_functions_of_games(before_moves)):
         if not _LOOKS.isdisjoint(names) and (looks_count or not _DRAWS.isdisjoint(names)):
             return "functions that are called before the moves draw by the streams of agents, or ask sensors"
     return ""
 
 
-def _looks_alike(sensor: object) -> bool:
+def _is_repeatable(sensor: object) -> bool:
     """Return whether repeated looks of a sensor in a turn are the same."""
     look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
     return getattr(sensor, "sees_world_only", False) and (look is None or look.is_plain)
 
 
-def asked_of(game: PlayedGame, roster: AgentTable, *, all_first: bool) -> list[int]:
+def list_asked(game: PlayedGame, roster: AgentTable, *, all_first: bool) -> list[int]:
     """Return the numbers of the agents whose strategies or team plans are called game by game.
 
     Args:
@@ -236,25 +236,25 @@ def asked_of(game: PlayedGame, roster: AgentTable, *, all_first: bool) -> list[i
         roster: the agents.
         all_first: whether those of all agents of the start are.
     """
-    are_created = first_called(game, roster) is not None  # by a function
+    are_created = find_first_called(game, roster) is not None  # by a function
     asked = [
         number
-        for number in asked_if_there(game, roster)
+        for number in list_possibly_asked(game, roster)
         if are_created or not isinstance(roster.agents[number], ComingAgent)
     ]
     return sorted({*asked, *np.flatnonzero(roster.is_first).tolist()}) if all_first else asked
 
 
-def asked_if_there(game: PlayedGame, roster: AgentTable) -> Iterator[int]:
+def list_possibly_asked(game: PlayedGame, roster: AgentTable) -> Iterator[int]:
     """Yield the numbers of agents, also of those to come, whose strategies or plans are called game by game."""
     settings = game.internals.parts.settings.settings_now()
     plans = settings["plans"]
     for number, form in enumerate(find_core_forms(game, roster)):
-        if form is None and not decides_in_arrays(find_decider(roster.agents[number], plans), settings):
+        if form is None and not is_deciding_in_arrays(find_decider(roster.agents[number], plans), settings):
             yield number
 
 
-def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
+def find_first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     """Return the first plain function that is called game by game, in words; None: there is none."""
     called = list_called_rules(game, roster)
     rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
@@ -265,7 +265,7 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     plans = settings["plans"]
     deciders = (
         f"the strategy {as_code(find_decider(roster.agents[number], plans))}"
-        for number in asked_if_there(game, roster)
+        for number in list_possibly_asked(game, roster)
         if not isinstance(roster.agents[number], ComingAgent)
     )
     collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)

@@ -131,7 +131,7 @@ class Cursor:
         shown.raised = None
         shown.begin_counts()
         try:
-            shown.show(self._pointed.first_of(np.array([number])), 0)
+            shown.show(self._pointed.get_first(np.array([number])), 0)
             game: PlayedGame = shown.take_along(None)
         finally:
             self.release()
@@ -177,7 +177,7 @@ class Cursor:
         if state.leaving:
             places = np.flatnonzero(~np.isin(games, [*state.leaving]))
         while len(places):
-            some = self._pointed.first_of(games[places])
+            some = self._pointed.get_first(games[places])
             which = places[: len(some.numbers)]
             shown = self._shown
             shown.core_facts = [(name, facts_of(state, games[which])) for name, facts_of in self._called.facts_in_core]
@@ -199,13 +199,13 @@ class Cursor:
         part_of = self._core.part_of
         numbers = self._shown.number_of
         members = [i for i, name in enumerate(moves.order.names) if part_of[numbers[name]] == self._shown.part]
-        for i, kind, why in self._turns.refused(moves, members, self._parts.rules):
+        for i, kind, why in self._turns.list_refused(moves, members, self._parts.rules):
             agent = numbers[moves.slots[i].name]
             self._note_undone(number, agent, why)
             if kind is None:
                 self._hold(agent)
             else:
-                self._state.note_failure(Failure.illegal(number, agent, why))
+                self._state.note_failure(Failure.make_illegal(number, agent, why))
                 log.refuse(number, agent, kind)
         self._shown.refuse_other_agents("the check of a rule")
 
@@ -256,17 +256,17 @@ class Cursor:
         order = self._shown.ordered.order
         number = self._pointed.number
         agents = [self._shown.number_of[name] for name in order.names]
-        before, after = [[places[agent] for agent in agents] for places in self._core.places(number)]
-        for i, _ in self._turns.losers_between(order, before, after):
+        before, after = [[places[agent] for agent in agents] for places in self._core.list_places(number)]
+        for i, _ in self._turns.find_losers(order, before, after):
             self._core.hold(number, agents[i])
         self._shown.refuse_other_agents("the function of conflicts")
         self._shown.leave_with_other_map()
 
     def note_losers(self, games: IntArray) -> None:
         """Tell agents that conflicts have stopped them on arrival."""
-        for at, agent in np.argwhere(self._core.losers(games)).tolist():
+        for at, agent in np.argwhere(self._core.find_losers(games)).tolist():
             game = int(games[at])
-            self._note_undone(game, agent, describe_conflict(self._core.wanted(game, agent)))
+            self._note_undone(game, agent, describe_conflict(self._core.get_wanted_place(game, agent)))
 
     def _hold(self, agent: int) -> None:
         """Cancel the move of an agent of the game that the context is pointed at, and count it."""
@@ -276,7 +276,7 @@ class Cursor:
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
         """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
         what = f"the rule {named.name!r} (phase {named.phase!r})"
-        begun = BegunPhase.after(named, self._parts.rules.now, self._parts.settings.order, part or 0)
+        begun = BegunPhase.from_rule(named, self._parts.rules.now, self._parts.settings.order, part or 0)
         self._call_each(named.rule, games, self._ctx, what=what, part=part, begun=begun)
 
     def collect(self, games: IntArray) -> None:
@@ -291,16 +291,16 @@ class Cursor:
             self._call_each(self._collect, games[is_due], what="a collector", begun=begun)
 
     def _collect(self) -> None:
-        row = self._shown.own_row()
+        row = self._shown.get_own_row()
         if row.collectors is None:
             row.collectors = Collectors()
             row.collectors.copy_from(self._parts.collectors, _return_function)
         row.collectors.collect(self._values.turn, self._ctx, lambda: self._game.agents)
 
-    def collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
+    def get_collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
         """Return the collected values of a game, by the names of collectors."""
         row = self._pointed.rows[game]
-        return (self._parts.collectors if row is None or row.collectors is None else row.collectors).tables()
+        return (self._parts.collectors if row is None or row.collectors is None else row.collectors).get_tables()
 
     def _call_each(
         self,
@@ -329,7 +329,7 @@ class Cursor:
         self._shown.begin_counts()
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
-            ordered = games[self._pointed.by_population(games)]
+            ordered = games[self._pointed.order_by_population(games)]
             self._play(ordered, lambda shown, some, _: shown.call_each(some, function, args))
             self._refuse_shared_changes()
         except Exception as error:
@@ -379,10 +379,10 @@ class Cursor:
         """
         state = self._state
         agents = view.agents
-        places = self._pointed.by_population(view.games)
+        places = self._pointed.order_by_population(view.games)
         games = view.games[places]
         are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
-        wanted = np.array(state.streets.ids_of(view.node), np.int64)
+        wanted = np.array(state.streets.get_ids(view.node), np.int64)
         self.wanted = None if self._core.courses is not None else wanted.reshape(-1).data
         if here is None:
             self._find_asked = partial(self._find_living, agents.tobytes(), observing.tobytes())
@@ -402,7 +402,7 @@ class Cursor:
         with self._observe_and_decide(self._begin_phase("decide", part)):
             self._play(games, ask)
         if self._deeds.given and not self._core.arrival:
-            state.deed_log.want(self._deeds)
+            state.deed_log.request_deeds(self._deeds)
         if self._core.courses is not None:
             self._core.courses.routes.write()
             return np.full(view.node.shape, -1)
@@ -427,7 +427,7 @@ class Cursor:
     def _find_arriving(self, here: BoolArray, agents: IntArray, observing: IntArray) -> AskedAgents:
         """Return the agents that arrive now, by a mask (games, agents), of those of these numbers."""
         arriving, looking = [one[here[self._pointed.number, one]].tobytes() for one in (agents, observing)]
-        return self._shown.new_asked(self._shown.ordered.order, arriving, looking, b"")
+        return self._shown.make_asked(self._shown.ordered.order, arriving, looking, b"")
 
     def note_given(self, view: ArrayView) -> None:
         """Record that agents got actions from outside."""
@@ -456,7 +456,7 @@ class Cursor:
         if self._core.courses is not None:
             self._choose_routes(self._core.courses.routes, decisions, asked)
         chooses = decisions.actions or decisions.paths is not None
-        if chooses or decisions.failures or decisions.written or self._shown.own_row().undone:
+        if chooses or decisions.failures or decisions.written or self._shown.get_own_row().undone:
             self._take_uncommon(decisions, asked)
         if decisions.actions:
             self._take_deeds(decisions, asked)
@@ -479,7 +479,7 @@ class Cursor:
             decisions: Decisions = turns.decide(self._shown.ordered.order, asked.part)
         finally:
             turns.legality.keep_map(keeps=False)
-        streams = {name: slots[i].marks() for i, name in asked.members}
+        streams = {name: slots[i].get_marks() for i, name in asked.members}
         self._marks[number] = StreamPositions(
             known.streams | streams, [notice.mark() for notice in self._shown.cached.notices]
         )
@@ -528,7 +528,7 @@ class Cursor:
         """Store turns of agents, and why actions failed."""
         paths = decisions.paths
         for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
-            track = None if paths is None else paths.track(i)
+            track = None if paths is None else paths.make_track(i)
             if track is not None and len(track.path) > 2:
                 self._shown.go_alone("chooses a route over other nodes")
             if track is not None:
@@ -540,9 +540,9 @@ class Cursor:
             if action.heading != ():
                 self._state.turning.append((self._pointed.number, self._shown.number_of[named[i]], action.heading))
         decide = set(named.values())
-        row = self._shown.own_row()
+        row = self._shown.get_own_row()
         undone = {name: why for name, why in row.undone.items() if name not in decide}
-        for i, why in decisions.undone():
+        for i, why in decisions.list_undone():
             undone[named[i]] = f"{undone[named[i]]}; {why}" if named[i] in undone else why
         row.undone = undone
         if decisions.written:
@@ -576,7 +576,7 @@ class Cursor:
         having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
         sending = [slots[i] for i, _ in asked.members if i in having and i not in failed]
         messages, unsent = read_outboxes(self._ctx, self._ctx.game, sending)
-        flaws = [Failure.illegal(number, self._shown.number_of[slot.name], why) for slot, why in unsent]
+        flaws = [Failure.make_illegal(number, self._shown.number_of[slot.name], why) for slot, why in unsent]
         radio.post_checked(number, messages, flaws)
 
     def note_closed_edges(self, games: IntArray, agents: IntArray, edges: IntArray) -> None:
@@ -592,7 +592,7 @@ class Cursor:
 
     def _note_undone(self, game: int, agent: int, why: str) -> None:
         if agent in self._called.asked:
-            undone = self._pointed.row_of(game).undone
+            undone = self._pointed.get_row(game).undone
             name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
@@ -603,27 +603,27 @@ class Cursor:
         slots = self._shown.ordered.order.slots
         numbers = self._shown.number_of
         number = self._pointed.number
-        undone = self._shown.own_row().undone
+        undone = self._shown.get_own_row().undone
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
             if self._core.arrival is not None:
                 pass  # `note_losers` has noted conflicts
             elif state.blocked[number, numbers[name]] and state.turn[number] > self._called.first.turn:
-                why.append(describe_conflict(self._core.wanted(number, numbers[name])))
+                why.append(describe_conflict(self._core.get_wanted_place(number, numbers[name])))
             if why:
                 slots[i].set_blocked("; ".join(why))
                 told.append(slots[i])
         return told
 
-    def agents(self, game: int) -> list[tuple[Any, Any]] | None:
+    def get_agents(self, game: int) -> list[tuple[Any, Any]] | None:
         """Return the agents of a game and their strategies; None: those of the start."""
-        population = self._pointed.population_of(game)
+        population = self._pointed.get_population(game)
         if population is None:
             return None
         strategies = [strategy for strategy, _ in population.agents.equipment]
         return [*zip(population.agents.members, strategies, strict=True)]
 
-    def departed(self, game: int) -> dict[str, tuple[Any, int]]:
+    def get_departed(self, game: int) -> dict[str, tuple[Any, int]]:
         """Return the agents that were deleted in a game, with their teams and nodes."""
         row = self._pointed.rows[game] or self._pointed.at_start
         return row.departed

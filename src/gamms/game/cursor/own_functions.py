@@ -6,11 +6,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from gamms.core.copies import copied, copied_values
+from gamms.core.copies import copy_deep, copy_values
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.settings import NamedRule, Plan, declared
-from gamms.game.snapshots import own
+from gamms.game.snapshots import get_counterpart
 from gamms.game.strategy_specs import get_strategy_spec
 from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
 from gamms.ir.obstacles import ObstacleColumns
@@ -99,13 +99,13 @@ class FirstValues(NamedTuple):
     team_facts: dict[Any, dict[str, Any]]
 
     @classmethod
-    def of(cls, game: PlayedGame) -> "FirstValues":
+    def from_game(cls, game: PlayedGame) -> "FirstValues":
         """Return the values with which a game begins."""
         state = game.internals.state
-        private = copied((state.agent_facts, state.team_facts))
-        attributes = [copied_values(vars(agent)) for agent in game.ctx.agent.storage.share().members]
+        private = copy_deep((state.agent_facts, state.team_facts))
+        attributes = [copy_values(vars(agent)) for agent in game.ctx.agent.storage.share().members]
         events = [dict(event) for event in state.events]
-        return cls(dict(state.facts), copied(state.data), dict(state.scores), events, attributes, *private)
+        return cls(dict(state.facts), copy_deep(state.data), dict(state.scores), events, attributes, *private)
 
 
 class _Map(Protocol):
@@ -194,7 +194,7 @@ class FunctionsPerGame:
                 self._get_function(self._own, owner).of_game[number] = self._find_called_function(owner, function)
             for rule in self._game.rules if self._differs else ():
                 self._get_function(self._rules, rule.name).of_game[number] = rule.rule
-            self._values[number] = FirstValues.of(self._game) if self._differs else None
+            self._values[number] = FirstValues.from_game(self._game) if self._differs else None
             self.rngs[number] = self._game.ctx.rng_state()
             self.maps[number] = self._map_beside(map, seed)
         self._first = self._begin(self._seed)
@@ -213,9 +213,9 @@ class FunctionsPerGame:
         now = graph.storage.snapshot()
         if now is first:
             return None
-        edge_ids, closed = graph.storage.roads()
+        edge_ids, closed = graph.storage.list_roads()
         have_same_rows = len(edge_ids) == len(first.columns.edge_ids) and (edge_ids == first.columns.edge_ids).all()
-        if not _have_same_places(now, first):
+        if not _has_same_places(now, first):
             raise BadValue(
                 "Code of the game changes more of the map by the seed than its open roads: nodes, obstacles or lengths "
                 f"differ between the games with the seeds {self._seed} and {seed}. Close roads there, or give maps=[…]."
@@ -223,7 +223,7 @@ class FunctionsPerGame:
         if have_same_rows and [*closed] == [*first.closed]:
             return None
         known = {*first.columns.edge_ids.tolist(), *first.closed}
-        self.more_edges |= graph.storage.edges_as_given([id for id in edge_ids.tolist() if id not in known])
+        self.more_edges |= graph.storage.get_edges_as_given([id for id in edge_ids.tolist() if id not in known])
         return FirstMap(edge_ids, closed, now)
 
     def _find_called_function(self, owner: Owner, function: Callable[..., Any] | None) -> Any:
@@ -240,7 +240,7 @@ class FunctionsPerGame:
         else:
             found = dict(self._make(seed))
         memo: dict[int, Any] = {}
-        found = {who: own(one, memo) for who, one in self._preparing.items()} | found
+        found = {who: get_counterpart(one, memo) for who, one in self._preparing.items()} | found
         self._decide_by(found)
         self._unprepared_rules = self._game.rules
         for function in {id(one): one for one in found.values() if _is_preparing(one)}.values():
@@ -284,7 +284,7 @@ class FunctionsPerGame:
         self._game.plans = plans
 
 
-def _have_same_places(one: _Map, other: _Map) -> bool:
+def _has_same_places(one: _Map, other: _Map) -> bool:
     """Return whether two maps have the same nodes, obstacles and edges, apart from edges that only one of them has."""
     columns = one.columns
     others = other.columns

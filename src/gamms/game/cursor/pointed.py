@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from gamms.core.agents import GamePointer
-from gamms.core.copies import copied, copied_filled, copied_values
+from gamms.core.copies import copy_deep, copy_filled, copy_values
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
@@ -189,7 +189,7 @@ class PointedState(GameState):
 
     __slots__ = ()
 
-    def memory_of(self, name: str) -> dict[Any, Any]:
+    def get_memory(self, name: str) -> dict[Any, Any]:
         """Return the writable memory of an agent in the game that the context is pointed at."""
         memory: dict[Any, Any] = self.start.row().memories.setdefault(name, {})
         return memory
@@ -266,14 +266,14 @@ class RowValues:
     def __init__(self, first: "GameState | RowValues", undone: Mapping[str, str]) -> None:
         self.data: dict[Any, Any] | None = None
         self.facts: dict[str, Any] | None = None
-        self.agent_facts: dict[Any, dict[str, Any]] = copied(first.agent_facts)
-        self.team_facts: dict[Any, dict[str, Any]] = copied(first.team_facts)
-        self.memories: dict[str, dict[Any, Any]] = defaultdict(dict, copied_filled(first.memories))
-        self.team_memories: dict[Any, dict[Any, Any]] = copied(first.team_memories)
-        self.delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = copied(first.delayed_looks)
+        self.agent_facts: dict[Any, dict[str, Any]] = copy_deep(first.agent_facts)
+        self.team_facts: dict[Any, dict[str, Any]] = copy_deep(first.team_facts)
+        self.memories: dict[str, dict[Any, Any]] = defaultdict(dict, copy_filled(first.memories))
+        self.team_memories: dict[Any, dict[Any, Any]] = copy_deep(first.team_memories)
+        self.delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = copy_deep(first.delayed_looks)
         self.departed: dict[str, tuple[Any, int]] = {**first.departed}
         for name in _OTHERS:
-            setattr(self, name, copied(getattr(first, name)))
+            setattr(self, name, copy_deep(getattr(first, name)))
         self.attributes: list[dict[str, Any]] | None = None
         self.undone = dict(undone)
         self.collectors: Collectors | None = None
@@ -284,13 +284,13 @@ class RowValues:
 
     def begin(self, first: FirstValues) -> None:
         """Take the values with which this game begins, unlike others."""
-        self.data = copied(first.data)
+        self.data = copy_deep(first.data)
         self.facts = dict(first.facts)
-        self.attributes = [copied_values(one) for one in first.attributes]
-        self.agent_facts = copied(first.agent_facts)
-        self.team_facts = copied(first.team_facts)
+        self.attributes = [copy_values(one) for one in first.attributes]
+        self.agent_facts = copy_deep(first.agent_facts)
+        self.team_facts = copy_deep(first.team_facts)
 
-    def turn_values(self) -> tuple[Any, ...]:
+    def copy_turn_values(self) -> tuple[Any, ...]:
         """Return copies of what goes back with a turn that is taken back: all but what functions have written."""
         collected = None if self.collectors is None else self.collectors.snapshot()
         looks = {which: {**of_turns} for which, of_turns in self.delayed_looks.items()}
@@ -299,7 +299,7 @@ class RowValues:
         return (*agents, collected, looks, {**self.departed}, rng, {**self.undone})
 
     def take_back(self, values: tuple[Any, ...]) -> None:
-        """Set what `turn_values` has returned; what functions have written themselves stays."""
+        """Set what `copy_turn_values` has returned; what functions have written themselves stays."""
         attributes, self.looks, self.moved, population, collected, *others = values
         self.delayed_looks, self.departed, self.rng, self.undone = others
         if population is not self.population:
@@ -422,10 +422,10 @@ class GamesToShow(GamePointer):
             block.placed = set(np.flatnonzero(self._placed[at][self._population.numbers]).tolist())
         if self._remembers:
             row_of = {agent: row for row, agent in enumerate(self._population.numbers.tolist())}
-            on_edges = state.movement.on_edges(number, state.node[number])
+            on_edges = state.movement.find_edge_positions(number, state.node[number])
             show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
         if self._are_closed or pointed.roads is not None:
-            pointed.show_roads(state.roads.of(number))
+            pointed.show_roads(state.roads.get_map(number))
         pointed.shows_more = pointed.roads is not None or bool(block.placed) or bool(state.headings[number])
 
 
@@ -433,7 +433,7 @@ def _get_node_numbers(state: GameArrays, population: Population, games: IntArray
     """Return the numbers of the current and of the previous nodes of agents in some games, (games * agents,)."""
     agents = population.numbers
     both = np.array([column[games].take(agents, axis=1) for column in (state.node, state.previous)], np.int64)
-    ids = np.ascontiguousarray(state.streets.ids_of(both), np.int64)
+    ids = np.ascontiguousarray(state.streets.get_ids(both), np.int64)
     population.block.numbers.write(ids.reshape(-1).data, both.reshape(-1).data)
     node, previous = (column.reshape(-1).data for column in both)
     return node, previous
@@ -461,7 +461,7 @@ class PointedContext:
         turns: the turn engine of the context.
         map: the storage of the map of the context.
         roads: the open roads that are shown; None: those of the start.
-        map_changes: the changes of the map that is shown; see `IMapStorage.changes`.
+        map_changes: the changes of the map that is shown; see `IMapStorage.count_changes`.
     """
 
     population: Population
@@ -488,7 +488,7 @@ class PointedContext:
         self.reads_rows = False
         self._have_others = False  # whether agents of a game may differ from those of the start
 
-    def row_of(self, number: int) -> RowValues:
+    def get_row(self, number: int) -> RowValues:
         """Return the Python values of a game; make them if there are none."""
         row = self.rows[number]
         if row is None:
@@ -503,17 +503,17 @@ class PointedContext:
         for number in games.tolist() if self._start is not None or self._own.is_needed else ():
             rng = self._make_first_rng(number)
             if rng is not None:
-                self.row_of(number).rng = rng
+                self.get_row(number).rng = rng
         for number in games.tolist() if self._own.first else ():
             first = self._own.first[number]
             if first is not None:
-                self.row_of(number).begin(first)
+                self.get_row(number).begin(first)
 
     def _make_first_rng(self, number: int) -> Generator | None:
         """Return `ctx.rng` of a new game; None: it is created on first use."""
         state = self._own.rngs[number]
         if state is None and self._start is not None:
-            state = self._start.rng_of(self._state.seeds[number])
+            state = self._start.get_rng_state(self._state.seeds[number])
         if state is None:
             return None
         rng: Generator = self._game.ctx.stream("context")
@@ -522,12 +522,12 @@ class PointedContext:
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes later changes; what functions have written themselves stays."""
-        kept = [None if row is None else row.turn_values() for row in self.rows]
+        kept = [None if row is None else row.copy_turn_values() for row in self.rows]
 
         def take_back() -> None:
             for row, values in zip(self.rows, kept, strict=True):
                 if row is not None:
-                    row.take_back(values or RowValues(self.at_start, self.at_start.undone).turn_values())
+                    row.take_back(values or RowValues(self.at_start, self.at_start.undone).copy_turn_values())
 
         return take_back
 
@@ -535,7 +535,7 @@ class PointedContext:
         """Return the turn at which the last run stops the game that is shown; None: it had no limit."""
         return None if self.number < 0 else self._state.run_until(self.number)
 
-    def population_of(self, number: int) -> Population | None:
+    def get_population(self, number: int) -> Population | None:
         """Return the agents of a game; None: those of the start."""
         row = self.rows[number]
         return None if row is None else row.population
@@ -579,7 +579,7 @@ class PointedContext:
         self.show(self._first)
 
     @contextmanager
-    def showing(self, population: Population) -> Iterator[None]:
+    def show_population(self, population: Population) -> Iterator[None]:
         """Show another set of agents within the block, then the present set again, which may be changed."""
         agent = self._game.ctx.agent.storage
         sensor = self._game.ctx.sensor.storage
@@ -610,14 +610,14 @@ class PointedContext:
         """The agents of the start."""
         return self._first
 
-    def part_from_others(self) -> None:
+    def detach_agents(self) -> None:
         """Give the context its own set of agents, if strategies or sensors were changed."""
         sensors = self._game.ctx.sensor.storage.share()
         known = self.population.sensors
         are_same = sensors is known or (sensors.sensors, sensors.keywords) == (known.sensors, known.keywords)
         each = zip(self.population.agents.members, self.population.agents.equipment, strict=True)
         if not are_same or any((agent.strategy, agent.sensors) != own for agent, own in each):
-            self._game.ctx.agent.storage.part()
+            self._game.ctx.agent.storage.detach_agents()
 
     def has_other_agents(self) -> bool:
         """Return whether agents were created or deleted since a set of agents was shown."""
@@ -633,12 +633,12 @@ class PointedContext:
         if known is not found:
             self.show(known)
         self._note_shown(known)
-        self.row_of(number).population = known
+        self.get_row(number).population = known
         self._have_others = True
         return found
 
     @contextmanager
-    def held(self) -> Iterator[None]:
+    def keep_position(self) -> Iterator[None]:
         """Point the context at games in the block, and restore it afterwards unless it was held before."""
         if self._before is not None:
             yield
@@ -649,29 +649,29 @@ class PointedContext:
         finally:
             self.release()
 
-    def by_population(self, games: IntArray) -> IntArray:
+    def order_by_population(self, games: IntArray) -> IntArray:
         """Return the indices of some games, ordered so that games with the same agents follow each other."""
         if not self._have_others:
             return np.arange(len(games))
-        populations = [*map(self.population_of, games.tolist())]
+        populations = [*map(self.get_population, games.tolist())]
         numbers = {one: number for number, one in enumerate(dict.fromkeys(populations))}
         return np.argsort([*map(numbers.__getitem__, populations)], kind="stable")
 
-    def each(self, games: IntArray) -> Iterator[int]:
+    def visit_each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games in turn, and yield the number of the game."""
         while len(games):
-            some = self.first_of(games)
+            some = self.get_first(games)
             for at, number in enumerate(some.numbers):
                 some.show(at)
                 yield number
             games = games[len(some.numbers) :]
 
-    def first_of(self, games: IntArray) -> GamesToShow:
+    def get_first(self, games: IntArray) -> GamesToShow:
         """Return the first of some games, which have the same agents, to show each of them."""
-        population = self.population_of(int(games[0]))
+        population = self.get_population(int(games[0]))
         some = games
         if self._have_others:
-            alike = [*takewhile(lambda number: self.population_of(number) is population, games.tolist())]
+            alike = [*takewhile(lambda number: self.get_population(number) is population, games.tolist())]
             some = games[: len(alike)]
         found = population or self._first
         self._drop_changes(found)
@@ -680,7 +680,7 @@ class PointedContext:
 
     def _drop_changes(self, population: Population) -> None:
         """Undo what a function that has raised has changed of the map and the agents of the context."""
-        if self.map_changes != self.map.changes():
+        if self.map_changes != self.map.count_changes():
             self.show_roads(None)
         if self.has_other_agents():
             self.show(population)
@@ -688,7 +688,7 @@ class PointedContext:
     def show_row(self, number: int) -> None:
         """Set the fields that the context reads from the row of a game, where it does not look there itself."""
         if not self.reads_rows:
-            row = self.row_of(number)
+            row = self.get_row(number)
             self._game.internals.state.delayed_looks = row.delayed_looks
             self._game.internals.state.departed = row.departed
 
@@ -710,7 +710,7 @@ class PointedContext:
 
     def show_roads(self, roads: RoadMap | None) -> None:
         """Open and close roads as in a game; None: as at the start."""
-        if roads is not self.roads or self.map_changes != self.map.changes():
+        if roads is not self.roads or self.map_changes != self.map.count_changes():
             self.map.restore(self._first_map if roads is None else roads.snapshot)
             self._note_map(roads)
 
@@ -722,7 +722,7 @@ class PointedContext:
 
     def _note_map(self, roads: RoadMap | None) -> None:
         self.roads = roads
-        self.map_changes = self.map.changes()
+        self.map_changes = self.map.count_changes()
         self.shows_more = True
 
     def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
@@ -737,20 +737,20 @@ class PointedContext:
             UnknownName (KeyError): an edge does not exist in a game.
         """
         change = getattr(self._game.ctx.graph, verb)
-        with self.held():
-            for number in self.each(games):
+        with self.keep_position():
+            for number in self.visit_each(games):
                 change(edges)
                 self.take_roads(number)
 
     def take_roads(self, number: int) -> bool:
         """Store the map of the context for a game; return False, and do nothing, if more than roads was changed."""
         state = self._state
-        revision, road_changes, *others = self.map.changes()
+        revision, road_changes, *others = self.map.count_changes()
         known_revision, known_road_changes, *known_others = self.map_changes
         if revision - known_revision != road_changes - known_road_changes or others != known_others:
             return False
         try:
-            roads = state.roads.map_with(*self.map.roads())
+            roads = state.roads.map_with(*self.map.list_roads())
         except BadValue:
             return False
         if roads is not None and roads.snapshot is None:

@@ -83,7 +83,7 @@ class SeparateGames:
         if game is not None:
             self._games[number] = game
             game.internals.left_as = number
-        state = self._engine.state_in(number)
+        state = self._engine.get_game_state(number)
         state.is_apart[number] = True
         state.is_going[number] = True
         state.over[number] = None
@@ -98,7 +98,7 @@ class SeparateGames:
                 known.pop(number, None)
             self._unobserved.discard(number)
             self._held.discard(number)
-            state = self._engine.state_in(number)
+            state = self._engine.get_game_state(number)
             state.data_apart.pop(number, None)
             state.is_apart[number] = False
 
@@ -107,13 +107,13 @@ class SeparateGames:
         for number in [*self._games]:
             with suppress(BadValue):  # an error of `observe`, which raises it again
                 self.observe([number])
-            self._results[number] = self.result(number)
+            self._results[number] = self.get_result(number)
             self._end(number)
 
     def show(self, number: int) -> HostContext:
         """Return the context of a game, which shows no other game until the game is reset."""
         self._held.add(number)
-        shown_in: HostContext = self.game(number).ctx
+        shown_in: HostContext = self.get_game(number).ctx
         return shown_in
 
     def _give_context_back(self, number: int) -> None:
@@ -124,7 +124,7 @@ class SeparateGames:
             return
         with suppress(BadValue):  # an error of `observe`, which raises it again
             self.observe([number])
-        self._results[number] = self.result(number)
+        self._results[number] = self.get_result(number)
         self._ends[number] = end
         self._let_go(number, self._games.pop(number))
 
@@ -139,11 +139,11 @@ class SeparateGames:
         is_over = self._engine.is_over
         return [number for number in sorted(self.reasons) if not is_over[number]]
 
-    def game(self, number: int) -> PlayedGame:
+    def get_game(self, number: int) -> PlayedGame:
         """Return a game in its context."""
         if number not in self._games:
             end = self._ends.pop(number, None)
-            seed = self._engine.state_in(number).seeds[number]
+            seed = self._engine.get_game_state(number).seeds[number]
             game = self._begin(number) if end is None else end.make_fork(seed)[0].game
             self._games[number] = game
             self._note(number)
@@ -160,9 +160,11 @@ class SeparateGames:
         if not given or not self.going:
             return
         self.observe(self.going)
-        for state, games in self._engine.by_map(np.array(self.going)):
+        for state, games in self._engine.group_by_map(np.array(self.going)):
             for team, one in given.items():
-                self._check(make_asked_view(state, games, one.agents(self._roster, team)), one, f"team {shown(team)}")
+                self._check(
+                    make_asked_view(state, games, one.select_agents(self._roster, team)), one, f"team {shown(team)}"
+                )
 
     def _check(self, view: ArrayView, given: OutsideActions, by: str) -> None:
         given.act(view)
@@ -177,8 +179,8 @@ class SeparateGames:
     def step(self, numbers: Sequence[int], given: Mapping[Hashable, OutsideActions]) -> None:
         """Play one turn of some games."""
         for number in numbers:
-            self._engine.state_in(number).notice_interrupt()
-            game = self.game(number)
+            self._engine.get_game_state(number).notice_interrupt()
+            game = self.get_game(number)
             actor = OutsideActor(game, self._roster)
             try:
                 with self._record_changes(number, game):
@@ -188,7 +190,7 @@ class SeparateGames:
                 actor.end()
 
     @contextmanager
-    def undoing_after_error(self, *, is_single: bool) -> Iterator[None]:
+    def undo_after_error(self, *, is_single: bool) -> Iterator[None]:
         """Restore all games, and the engines that play them, if the block raises.
 
         Args:
@@ -198,11 +200,11 @@ class SeparateGames:
         had_contexts = {*self._games}
         going = [] if is_single else self.going
         snapshots = {number: self._games[number].snapshot() for number in going if number in self._games}
-        turns = self._engine.turns()
+        turns = self._engine.count_turns()
         try:
             yield
         except BaseException:
-            if is_single and (self._engine.turns() != turns).any():
+            if is_single and (self._engine.count_turns() != turns).any():
                 raise
             for number in [*self._games]:
                 if number in snapshots:
@@ -220,10 +222,10 @@ class SeparateGames:
             began: (games,) the number of turns that each game had played when the run began.
         """
         for number in self.going:
-            game = self.game(number)
+            game = self.get_game(number)
             if _is_in_turn(game):  # it has left in this run
                 game.internals.run_began = int(began[number])
-            last = self._engine.last_turn(number)
+            last = self._engine.find_last_turn(number)
             with self._record_changes(number, game):
                 game.run(None if last is None else max(0, last - game.turn))
             is_kept = game.internals.left_as is not None or number in self._held
@@ -243,12 +245,12 @@ class SeparateGames:
         finally:
             self._note(number)
 
-    def result(self, number: int) -> Result:
+    def get_result(self, number: int) -> Result:
         """Return the result of a game so far."""
         if number in self._results:
             return self._results[number]
-        found = self.game(number).result()
-        over = self._engine.over(number)
+        found = self.get_game(number).result()
+        over = self._engine.describe_end(number)
         if found.reason == "unfinished" and over is not None:
             found.reason = over["reason"]
         return found
@@ -258,7 +260,7 @@ class SeparateGames:
     def _note(self, number: int) -> None:
         """Write the turn, the scores and the end of a game into the columns."""
         game = self._games[number]
-        state = self._engine.state_in(number)
+        state = self._engine.get_game_state(number)
         state.turn[number] = game.turn
         state.over[number] = None if game.over is None else dict(game.over)
         state.is_going[number] = game.over is None
@@ -274,7 +276,7 @@ class SeparateGames:
         for number in self._unobserved.intersection(numbers):
             self._beyond_arrays.pop(number, None)
             try:
-                note_game(self._engine.state_in(number), self.game(number), number)
+                note_game(self._engine.get_game_state(number), self.get_game(number), number)
             except UnknownName as error:
                 self._beyond_arrays[number] = error
             self._unobserved.discard(number)
@@ -327,12 +329,12 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
             agent: Any = known.get(names[i])
             if agent is not None and agent.type is AgentType.AERIAL:
                 state.position[number, row] = agent.position
-    note_sights(state, ctx, game.internals.parts.turns.looks, number)
+    note_sights(state, ctx, game.internals.parts.turns.read_sensors, number)
 
 
 def _make_road_map(state: GameArrays, game: PlayedGame) -> RoadMap | None:
     """Return the map of a game, if only its open roads differ from the start; None: it has other nodes."""
     try:
-        return state.roads.map_with(*game.ctx.graph.storage.roads())
+        return state.roads.map_with(*game.ctx.graph.storage.list_roads())
     except (BadValue, UnknownName):
         return None

@@ -9,12 +9,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.core.ask import GamesInContext
-from gamms.core.copies import copied, copied_values
+from gamms.core.copies import copy_deep, copy_values
 from gamms.deciding import UNKNOWN_LOOK, get_phase
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import STOPPED, GameArrays, GameRow, NeedsSeparateContext, fits_float
+from gamms.game.block.state import STOPPED, GameArrays, GameRow, NeedsSeparateContext, is_exact_float
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.own_functions import get_function_of_game
 from gamms.game.cursor.pointed import (
@@ -84,7 +84,7 @@ class StreamPositions(NamedTuple):
     """The positions of agents' random streams and sensors in a turn, for agents that are asked again.
 
     Attributes:
-        streams: the marks by names of agents; see `AgentSlot.marks`.
+        streams: the marks by names of agents; see `AgentSlot.get_marks`.
         looks: the marks of the sensors that count their looks; see `DetectionModel.mark`.
     """
 
@@ -144,7 +144,7 @@ class _Attributes:
     """
 
     def __init__(self, agents: Sequence[Any], *, may_share: bool) -> None:
-        self._first = [copied_values(vars(one)) for one in agents]
+        self._first = [copy_values(vars(one)) for one in agents]
         self._shared: list[dict[str, Any]] = [one.__dict__ for one in agents]
         self.are_shared = may_share and is_plain(self._first)
         self.now = self._shared
@@ -162,7 +162,7 @@ class _Attributes:
         elif row is None or self.are_shared:
             self.now = self._shared
         else:
-            row.attributes = [copied_values(own) for own in self._first]
+            row.attributes = [copy_values(own) for own in self._first]
             self.now = row.attributes
 
     def show(self, agents: Sequence[Any]) -> None:
@@ -171,10 +171,10 @@ class _Attributes:
             agent.__dict__ = own
         self.shown = self.now
 
-    def part_from_others(self, row: RowValues, agents: Sequence[Any]) -> None:
+    def detach_attributes(self, row: RowValues, agents: Sequence[Any]) -> None:
         """Give a game its own copy of shared attributes."""
         if row.attributes is None:
-            row.attributes = copied(self.shown)
+            row.attributes = copy_deep(self.shown)
             self.now = row.attributes
             self.show(agents)
 
@@ -183,7 +183,7 @@ class _Attributes:
         if row.attributes is None:
             row.attributes = self.shown
             self.now = self.shown
-            self._shared = copied(self._first)
+            self._shared = copy_deep(self._first)
 
     def release(self, agents: Sequence[Any]) -> None:
         """Let the agents of the start have the attributes that they had then."""
@@ -283,7 +283,7 @@ class ShownGame(GamesInContext):
         self._phase.before_reading = self._copy_attributes
         values.__class__ = PointedState
         values.start = StartOfGame(
-            self._pointed, self.read, self.own_row, self._end, self._replace_data, self._refuse_verb
+            self._pointed, self.read, self.get_own_row, self._end, self._replace_data, self._refuse_verb
         )
         values.deed_log = self._state.deed_log
         values.has_begun = True
@@ -405,7 +405,7 @@ class ShownGame(GamesInContext):
         state.under_way = None
         state.parts_played = None
         for name in self._read["memories"]:
-            state.memory_of(name)
+            state.get_memory(name)
         parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
         raised = None if isinstance(self.raised, NeedsSeparateContext) else self.raised
         parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=raised, sensed=sensed)
@@ -431,8 +431,8 @@ class ShownGame(GamesInContext):
             BadValue: see `refuse`.
         """
         roster = self._state.roster
-        row = GameRow.of(self._state, self._pointed.number)
-        known = {*self._ctx.agent.agents, *self.own_row().departed}
+        row = GameRow.from_game(self._state, self._pointed.number)
+        known = {*self._ctx.agent.agents, *self.get_own_row().departed}
         if row.keeps_for_agents and not known >= {*roster.names}:
             name = next(name for name in roster.names if name not in known)
             self.refuse(
@@ -472,7 +472,7 @@ class ShownGame(GamesInContext):
     def _continue_streams(
         self, under_way: AgentsUnderWay, positions: StreamPositions | None
     ) -> dict[str, tuple[Any, Any]]:
-        """Let sensors count on in this turn; return the positions of the streams of agents, see `AgentSlot.marks`."""
+        """Let sensors count on in this turn; return the positions of agents' streams, see `AgentSlot.get_marks`."""
         known = positions or StreamPositions({}, [])
         counts = dict(zip(under_way.names, under_way.count_decisions(), strict=True))
         is_asked = {id(notice) for notice in self.cached.notices}
@@ -489,7 +489,7 @@ class ShownGame(GamesInContext):
 
     def _make_fork(self, source: ForkSource) -> tuple[Any, Memo]:
         """Return a context with the game, whose random streams go on, and the counterparts of objects in it."""
-        row = self.own_row()
+        row = self.get_own_row()
         if row.collectors is not None:
             collected = row.collectors.snapshot()
             now = self._parts.collectors.snapshot()
@@ -497,10 +497,10 @@ class ShownGame(GamesInContext):
         functions = [(one, get_function_of_game(one, self._pointed.number)) for one in self._called.own_functions]
         ctx, memo = source.make_fork(self._ctx.seed, functions=functions)
         made = ctx.game.internals.parts
-        made.state.collected = made.collectors.last_numbers(made.state.turn)
+        made.state.collected = made.collectors.list_last_numbers(made.state.turn)
         ctx.reseed(self._ctx.seed, self._ctx.rng_state())
         if self._ctx.graph.storage.has_placed:
-            streams = [one.graph.storage.place_stream() for one in (ctx, self._ctx)]
+            streams = [one.graph.storage.get_place_stream() for one in (ctx, self._ctx)]
             streams[0].bit_generator.state = streams[1].bit_generator.state
         return ctx, memo
 
@@ -540,7 +540,7 @@ class ShownGame(GamesInContext):
         number = self._pointed.number
         part = begun.part
         games = np.array([number])
-        here, _, took_part = (column[0] for column in self._core.next_moves(games, part))
+        here, _, took_part = (column[0] for column in self._core.get_next_moves(games, part))
         if begun.under_way is not None:
             here = here.copy()
             starts = dict(zip(begun.under_way.names, begun.under_way.starts, strict=True))
@@ -550,20 +550,20 @@ class ShownGame(GamesInContext):
         for game, agent, heading in self._state.turning if begun.phase not in ("arrive", "decide") else ():
             if game == number:
                 assert moves is not None  # noqa: S101 - it has those of this turn
-                moves.turn_to(moves.order.index_of[self._state.roster.names[agent]], heading)
+                moves.set_heading(moves.order.index_of[self._state.roster.names[agent]], heading)
         if part == 0 or begun.order is None:
             return None
-        starts, ends, _ = (column[0] for column in self._core.last_moves(games))
+        starts, ends, _ = (column[0] for column in self._core.get_last_moves(games))
         starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
-        return self._make_moves_between(starts, ends, took_part, has_moved).in_parts(begun.order)
+        return self._make_moves_between(starts, ends, took_part, has_moved).fit_to_parts(begun.order)
 
     def _hand_over(self) -> MadeDecisions:
         """Return the decisions of the agents of the game, which were asked last."""
         turns = self._turns
         order, part = turns.asked_part
         names = order.names
-        members = part.present(part.members)
-        others = {*part.present(part.observing)}.difference(members)
+        members = part.select_present(part.members)
+        others = {*part.select_present(part.observing)}.difference(members)
         sensed = {names[i]: turns.seen[i]["sensor"] for i in others}
         answers: Decisions = turns.answers
         return answers.hand_over(members, sensed)
@@ -580,7 +580,7 @@ class ShownGame(GamesInContext):
 
     def _fill_fields(self) -> None:
         """Put what only the core has into the fields of the game that leaves."""
-        row = self.own_row()
+        row = self.get_own_row()
         self._turns.restart_counts()
         for name in ("counts", "errors"):
             self._read.pop(name, None)  # refusals are noted after functions have read them
@@ -588,7 +588,7 @@ class ShownGame(GamesInContext):
         if type(data) is GuardedDict:
             data.fill()
             self._read["data"] = {**data}
-        of_arrays = GameRow.of(self._state, self._pointed.number).of_arrays
+        of_arrays = GameRow.from_game(self._state, self._pointed.number).of_arrays
         if of_arrays and KEPT not in self._called.core_keys:  # of array strategies alone
             self._read["data"] = {**self._read["data"], KEPT: of_arrays}
         if type(row.data) is GuardedDict:  # which the batch goes on with, if it takes the turn back
@@ -601,7 +601,7 @@ class ShownGame(GamesInContext):
         state = self._state
         number = self._pointed.number
         names = state.roster.names
-        found = BlockedAgents(self.own_row().undone)
+        found = BlockedAgents(self.get_own_row().undone)
         told = {*found, *(names[number] for number in self._called.asked)}  # asked agents are told in `undone`
         begun = self.begun
         decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
@@ -611,7 +611,7 @@ class ShownGame(GamesInContext):
         if self._under_way is not None:
             counts = zip(self._under_way.names, self._under_way.count_decisions(), strict=True)
             has_decided[[self.number_of[name] for name, count in counts if count]] = True
-        for error in state.errors.of(number):
+        for error in state.errors.list_entries(number):
             last = state.turn[number] - (not has_decided[self.number_of[error["agent"]]])
             if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
@@ -622,7 +622,7 @@ class ShownGame(GamesInContext):
                 if not has_decided[self.number_of[name]]:
                     found.setdefault(name, why)
         for agent in np.flatnonzero(is_known).tolist():  # in its last turn
-            why = describe_conflict(self._core.wanted(number, agent))
+            why = describe_conflict(self._core.get_wanted_place(number, agent))
             if why not in found.get(names[agent], ""):
                 found.add(names[agent], why)
         return found
@@ -658,7 +658,7 @@ class ShownGame(GamesInContext):
         return self._known_caches[population]
 
     def _make_caches(self, agents: Sequence[Any]) -> _PopulationCaches:
-        access = self._ctx.agent.storage.turn_access
+        access = self._ctx.agent.storage.get_turn_access
         named = _list_ends_of_deeds(agents, access)
         owned = [(sensor, agent.name) for agent in agents for sensor in agent.sensors.values()]
         sensors = [sensor for sensor, _ in owned]
@@ -686,7 +686,7 @@ class ShownGame(GamesInContext):
     def _show_counts(self) -> None:
         """Show how often sensors have looked before agents move: once, if their owners have decided."""
         part = self.part or 0
-        _, _, took_part = self._core.next_moves(np.array([self._pointed.number]), part)
+        _, _, took_part = self._core.get_next_moves(np.array([self._pointed.number]), part)
         have_looked = took_part[0] & (self._core.part_of <= part)
         for sensor, owners in self.cached.counting:
             sensor.notice.go_to({name: (self._values.turn, 1) for name in owners if have_looked[self.number_of[name]]})
@@ -700,12 +700,12 @@ class ShownGame(GamesInContext):
     def keep_looks(self) -> None:
         """Keep what agents have sensed in the row of the game, if functions may read it."""
         if self._called.asks_all:
-            self.own_row().looks = {key: last[0] for key, last in self.cached.named_lasts.items()}
+            self.get_own_row().looks = {key: last[0] for key, last in self.cached.named_lasts.items()}
 
-    def looks_of(self, row: RowValues) -> Looks:
+    def get_looks(self, row: RowValues) -> Looks:
         """Return what the agents of a game have sensed."""
         if row.looks is None:
-            row.looks = {key: copied(one) for key, one in self._first_looks.items() if key[1] or not one}
+            row.looks = {key: copy_deep(one) for key, one in self._first_looks.items() if key[1] or not one}
             for (name, sensor), one in self._first_looks.items():
                 if one and not sensor:  # the state of an agent in a game that has begun
                     row.looks[name, ""] = {**one, "memory": row.memories[name]}
@@ -713,7 +713,7 @@ class ShownGame(GamesInContext):
 
     def _show_looks(self) -> None:
         """Show what the agents of the game have sensed."""
-        self._looks_shown = dict(self.looks_of(self.own_row()))
+        self._looks_shown = dict(self.get_looks(self.get_own_row()))
         for key, last in self.cached.named_lasts.items():
             last[0] = self._looks_shown[key]
 
@@ -750,7 +750,7 @@ class ShownGame(GamesInContext):
         """Show the Python values of the game."""
         row = self.row
         if row is None and not self._attributes.are_shared:
-            row = self.own_row()
+            row = self.get_own_row()
         self._own_of_ctx["_rng"] = None if row is None else row.rng
         is_public = row is None or not (row.agent_facts or row.team_facts)
         if is_public != self._is_public:
@@ -765,11 +765,11 @@ class ShownGame(GamesInContext):
 
     def _read_inbox(self, radio: MessageTraffic, name: str) -> list[dict[str, Any]]:
         """Return the messages that an agent of the game hears in its next turn."""
-        return radio.inbox(self._pointed.number, self._values.turn, name)
+        return radio.make_inbox(self._pointed.number, self._values.turn, name)
 
-    def own_row(self) -> RowValues:
+    def get_own_row(self) -> RowValues:
         """Return the Python values of the game that the context is pointed at; make them if there are none."""
-        row: RowValues = self._pointed.row_of(self._pointed.number)
+        row: RowValues = self._pointed.get_row(self._pointed.number)
         self.row = row
         return row
 
@@ -783,9 +783,9 @@ class ShownGame(GamesInContext):
     def _copy_attributes(self) -> None:
         """Give the game its own attributes before one is read that may change in place."""
         if any(type(one) is tuple and one[0] == AGENT_ATTRIBUTE for one in self.journal.log):
-            self._attributes.keep(self.own_row())  # the function that reads it has set some
+            self._attributes.keep(self.get_own_row())  # the function that reads it has set some
         else:
-            self._attributes.part_from_others(self.own_row(), self._agents)
+            self._attributes.detach_attributes(self.get_own_row(), self._agents)
         self._pointed.shows_more = True
 
     def _take_order(self) -> None:
@@ -799,29 +799,29 @@ class ShownGame(GamesInContext):
     def _make_order(self, is_public: bool) -> _OrderInGames:  # noqa: ARG002 - on which the order depends
         """Return the order of the agents of the context; they may know the same facts or not."""
         order = self._turns.make_order()
-        return _OrderInGames(order, order.slots.table, lru_cache(1024)(partial(self.new_asked, order)))
+        return _OrderInGames(order, order.slots.table, lru_cache(1024)(partial(self.make_asked, order)))
 
     def _make_order_of_population(self, population: Population) -> TurnOrder:
         """Return the order of other agents than the present ones, some of which may have been deleted."""
         if population is self._population:
             return self.ordered.order
-        with self._phase.suspended():  # a strategy may ask how agents have moved
-            with self._pointed.showing(population):
+        with self._phase.suspend():  # a strategy may ask how agents have moved
+            with self._pointed.show_population(population):
                 found = self._get_caches(population).order_of(self._is_public)
             if not self._pointed.has_other_agents():
                 self._take_order()
         return found.order
 
-    def new_asked(self, order: TurnOrder, asked: bytes, observing: bytes, _: bytes) -> AskedAgents:
+    def make_asked(self, order: TurnOrder, asked: bytes, observing: bytes, _: bytes) -> AskedAgents:
         """Return the living agents that are asked, and the living agents that only observe, given their numbers."""
         names = self._state.roster.names
         named = [names[number] for number in np.frombuffer(asked, np.int64).tolist()]
-        living = {order.names[i]: i for i in order.present()}
+        living = {order.names[i]: i for i in order.list_present()}
         places = [living.get(name, -1) for name in named]
         members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
         part = order.whole
         if len(members) < len(order.slots):
-            part = order.part_of([i for i, _ in members])
+            part = order.make_part([i for i, _ in members])
         others = {living.get(names[number], -1) for number in np.frombuffer(observing, np.int64).tolist()} - {-1}
         if others:
             part.let_observe(others)
@@ -838,7 +838,7 @@ class ShownGame(GamesInContext):
         return read[name]
 
     def _make_data(self) -> dict[Any, Any]:
-        row = self.own_row()
+        row = self.get_own_row()
         if row.data is None:
             row.data = self._copy_of_data(self._first_data)
         elif self._called.core_keys and type(row.data) is not GuardedDict:  # of a game that begins with other data
@@ -860,7 +860,7 @@ class ShownGame(GamesInContext):
         self.has_ended = True
 
     def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
-        values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
+        values: dict[Any, Any] = {key: copy_deep(one) for key, one in dict.items(data)}
         if not self._called.core_keys:
             return values
         return GuardedDict(values, self._called.core_keys, self._show_core_data)
@@ -869,13 +869,13 @@ class ShownGame(GamesInContext):
         """Put the data of rules in the core into `ctx.game.data`."""
         self._note_read(f"reads ctx.game.data, with that of {', '.join(sorted(self._called.core_keys))}")
         self._take_events()
-        game = GameRow.of(self._state, self._pointed.number)
+        game = GameRow.from_game(self._state, self._pointed.number)
         for key, value in self._first_core_data.items():
-            data[key] = copied(value)
+            data[key] = copy_deep(value)
         if KEPT in self._called.core_keys:
             data[KEPT] = game.of_arrays
         if self._read.get("data") is data:  # else it was replaced
-            with self._phase.suspended(changes_world=False):
+            with self._phase.suspend(changes_world=False):
                 for rule in as_called(self._game.rules):
                     if rule.spec.show_arrays is not None:
                         rule.spec.show_arrays(self._ctx, game, self._read["events"], None)
@@ -883,7 +883,7 @@ class ShownGame(GamesInContext):
     def _replace_data(self, data: dict[Any, Any]) -> None:
         if self._called.core_keys:
             self._note_read("replaces ctx.game.data")
-        self.own_row().data = data
+        self.get_own_row().data = data
         self._read["data"] = data
 
     def _make_began(self) -> dict[str, Any]:
@@ -907,24 +907,24 @@ class ShownGame(GamesInContext):
         return {name: edges for name, edges in found.items() if edges}
 
     def _make_scores(self) -> Scores:
-        self._scores_before = self._state.scores.of(self._pointed.number)
+        self._scores_before = self._state.scores.get_scores(self._pointed.number)
         scores = Scores()
         dict.update(scores, self._scores_before)
         return scores
 
     def _make_events(self) -> list[dict[str, Any]]:
-        found = self._state.events.of(self._pointed.number)
+        found = self._state.events.list_entries(self._pointed.number)
         self._num_events = len(found)
         return found
 
     def _make_messages(self) -> list[dict[str, Any]]:
         radio = self._state.radio
-        found = [] if radio is None else radio.of(self._pointed.number)
+        found = [] if radio is None else radio.list_entries(self._pointed.number)
         self._num_messages = len(found)
         return found
 
     def _make_errors(self) -> list[dict[str, Any]]:
-        return self._state.errors.of(self._pointed.number)
+        return self._state.errors.list_entries(self._pointed.number)
 
     def _make_counts(self) -> dict[str, dict[str, int]]:
         state = self._state
@@ -936,9 +936,9 @@ class ShownGame(GamesInContext):
     def _make_memories(self) -> dict[str, dict[Any, Any]]:
         self._note_read("reads ctx.game.memories")
         number = self._pointed.number
-        found = self.own_row().memories
+        found = self.get_own_row().memories
         has_decided = self._has_moved or self.part is not None or self._under_way is not None
-        for name, memory in self._core.memories_of(number).items() if has_decided else ():
+        for name, memory in self._core.get_memories(number).items() if has_decided else ():
             found[name].update(memory)
         return {**found}
 
@@ -949,22 +949,22 @@ class ShownGame(GamesInContext):
         games = np.array([number])
         if part is not None:
             acts = self._core.part_of == part
-            starts, ends, took_part = (column[0] for column in self._core.next_moves(games, part))
+            starts, ends, took_part = (column[0] for column in self._core.get_next_moves(games, part))
             return self._make_moves_between(starts, ends, took_part, acts)
         if not self._has_moved:
             return self._called.first.moves
-        starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
+        starts, ends, took_part = (column[0] for column in self._core.get_last_moves(games))
         if not (took_part.any() and self._core.knows_paths):
             return None
         moves = self._make_moves_between(starts, ends, took_part, None)
         parts = self._parts.settings.order
-        return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
+        return moves if parts is None or self._core.courses is not None else moves.fit_to_parts(parts)
 
     @property
     def _has_moved(self) -> bool:
         """Whether agents have moved in the batch; else the last moves are those of the turn before."""
         number = self._pointed.number
-        return self._state.turn[number] > self._called.first.turn or self._core.num_played_parts(number) > 0
+        return self._state.turn[number] > self._called.first.turn or self._core.count_played_parts(number) > 0
 
     @property
     def _moment(self) -> tuple[int, int | None, bool]:
@@ -993,14 +993,14 @@ class ShownGame(GamesInContext):
         paths = None
         if courses is not None:
             standing = np.where((acting < 0) & took_part, numbers, -1)
-            paths = courses.game_paths(self._pointed.number, acting, standing)
+            paths = courses.get_game_paths(self._pointed.number, acting, standing)
         first = ids(starts).tolist()
         if self._state.flights is not None:
             actions = self._make_flights(acting, first)
         if self._core.edges.are_any[0] and self._core.arrival is None:
             actions |= self._follow_named_edges(acting, ids(ends).tolist(), first)
         if courses is not None and self._state.movement.traffic is not None:
-            actions |= self._along_driven(acting, courses, actions)
+            actions |= self._resolve_driven(acting, courses, actions)
         lives = took_part.tobytes()
         return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
 
@@ -1011,7 +1011,7 @@ class ShownGame(GamesInContext):
         found = {}
         for place in np.flatnonzero(np.isin(numbers, self._state.flyers)).tolist():
             node = nodes[place]
-            position, quat = flights.wanted_of(int(numbers[place]), self._pointed.number)
+            position, quat = flights.get_wanted(int(numbers[place]), self._pointed.number)
             found[place] = ResolvedAction(node, (node,), position=position, quat=quat)
         return found
 
@@ -1025,7 +1025,7 @@ class ShownGame(GamesInContext):
             for place in np.flatnonzero(edges >= 0).tolist()
         }
 
-    def _along_driven(
+    def _resolve_driven(
         self, numbers: IntArray, courses: Courses, actions: Mapping[int, ResolvedAction]
     ) -> dict[int, ResolvedAction]:
         """Return the moves of agents that obey turns, with all their edges, by their places among these numbers."""
@@ -1053,13 +1053,13 @@ class ShownGame(GamesInContext):
         phase = self._phase
         rng = self._own_of_ctx["_rng"]
         if rng is not None:
-            self.own_row().rng = rng
+            self.get_own_row().rng = rng
         is_other = phase.epoch != self.epoch
         are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
         have_changed = bool(journal.log or journal.progressed or are_changed)
         have_facts = self._facts != self.facts_shown
         self._pointed.shows_more = self._pointed.shows_more or is_other or have_changed or have_facts or rng is not None
-        if self._pointed.map.changes() != self._pointed.map_changes:
+        if self._pointed.map.count_changes() != self._pointed.map_changes:
             self._take_roads()  # before the agents, which may be on new nodes
         block = self._take_agents(journal) if have_changed else self.block
         if self._read:
@@ -1087,8 +1087,8 @@ class ShownGame(GamesInContext):
             self.go_alone("creates agents for which most_agents= has reserved no rows")
         if any(first.get(agent, own) != own for agent in agents.values() for own in [(agent.strategy, agent.sensors)]):
             self.go_alone("changes strategies or sensors of agents")
-        self._attributes.keep(self.own_row())
-        row = self.own_row()
+        self._attributes.keep(self.get_own_row())
+        row = self.get_own_row()
         if row.moved is None or row.moved[0] != self._moment:
             row.moved = self._moment, before
         for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
@@ -1147,13 +1147,13 @@ class ShownGame(GamesInContext):
             return
         columns = self._state.scores
         are_exact = {key for key, column in columns.items() if column.dtype == object}
-        if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
+        if not all(key in are_exact or is_exact_float(points) for key, points in scores.items()):
             self.go_alone("sets scores that are no numbers")
         columns.put(self._pointed.number, scores)
 
     def _take_agents(self, journal: Journal) -> AgentBlock:
         """Store the changes of agents; return their block."""
-        self._pointed.part_from_others()
+        self._pointed.detach_agents()
         changed = self._take_population() if self._pointed.has_other_agents() else None
         self._take_changes(journal, changed)
         return changed or self.block
@@ -1173,7 +1173,7 @@ class ShownGame(GamesInContext):
         journal.log.clear()
         journal.progressed.clear()
         if AGENT_ATTRIBUTE in kinds:
-            self._attributes.keep(self.own_row())
+            self._attributes.keep(self.get_own_row())
         if not kinds <= _CHANGING | (_EQUIPPING if changed else set()):
             self.go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._population.numbers
@@ -1183,8 +1183,8 @@ class ShownGame(GamesInContext):
             headings = zip(numbers.tolist(), block.heading, self._population.first_headings, strict=True)
             state.headings[number] = {agent: now for agent, now, first in headings if now != first}
         block.locate()
-        state.node[number, numbers] = state.streets.rows(np.array(block.ids_of(block.node)))
-        state.previous[number, numbers] = state.streets.rows(np.array(block.ids_of(block.previous)))
+        state.node[number, numbers] = state.streets.rows(np.array(block.get_ids(block.node)))
+        state.previous[number, numbers] = state.streets.rows(np.array(block.get_ids(block.previous)))
         alive = bytes(block.alive)
         state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
         if not changed:
@@ -1205,7 +1205,7 @@ class ShownGame(GamesInContext):
         now = self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         facts = dict(now)
-        self.own_row().facts = facts
+        self.get_own_row().facts = facts
         self._facts_own = facts
         self.facts_shown = facts
         if changed & self._called.core_keys:
@@ -1242,7 +1242,7 @@ class ShownGame(GamesInContext):
     @property
     def has_other_map(self) -> bool:
         """Whether a function has changed the map since it was taken."""
-        return bool(self._pointed.map.changes() != self._pointed.map_changes)
+        return bool(self._pointed.map.count_changes() != self._pointed.map_changes)
 
     def leave_with_other_map(self) -> None:
         """Let the game leave if a function has changed the map: until agents have arrived, the map is another one."""
@@ -1258,7 +1258,7 @@ class ShownGame(GamesInContext):
 
 def list_last_states(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
     """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
-    return _list_ends_of_deeds(ctx.agent.storage.made(), ctx.agent.storage.turn_access)
+    return _list_ends_of_deeds(ctx.agent.storage.list_created(), ctx.agent.storage.get_turn_access)
 
 
 def _list_ends_of_deeds(agents: Iterable[Any], turn_access: Callable[[Any], Any]) -> dict[tuple[str, str], list[Any]]:

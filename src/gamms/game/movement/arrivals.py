@@ -135,11 +135,11 @@ class ArrivalColumns:
         here: list[int] = self.here[game, : self.counts[game]].tolist()
         return here
 
-    def counts_of(self, game: int, agents: IntArray) -> dict[str, np.ndarray[Any, Any]]:
+    def copy_counts(self, game: int, agents: IntArray) -> dict[str, np.ndarray[Any, Any]]:
         """Return the columns of some agents of a game, in copies by name; see `AgentsUnderWay`."""
         return {name: getattr(self, name)[game, agents] for name in _OF_ARRIVALS}
 
-    def thread(
+    def get_thread(
         self, travelers: by_metres.MetreMovers, *, has_end: bool, chosen: TurnPaths | None = None
     ) -> arrivals.Arrivals:
         """Return the data of one thread.
@@ -221,7 +221,7 @@ class ArrivingAgents:
         places: dict[str | None, int] = {mode: number * len(roads.ids) for number, mode in enumerate(of_modes, 1)}
         firsts: Any = np.array([places.get(slot.mode, 0) for slot in order.slots] if of_modes else [], np.int64).data
         games = rules.GameColumns(agents, 0, mode_first=firsts, **{name: columns[name] for name in _OF_GAME})
-        at_arrivals = self._arrivals.thread(self._movers, has_end=has_end, chosen=self.chosen.core)
+        at_arrivals = self._arrivals.get_thread(self._movers, has_end=has_end, chosen=self.chosen.core)
         self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING, 0, _GOING, _NO_PAST)
         columns["part_of"][:] = array(INT64, [1]) * agents
         columns["edge"][:] = array(INT64, [-1]) * agents
@@ -231,19 +231,19 @@ class ArrivingAgents:
         columns = self._columns
         roads = self.roads
         block = self.order.block
-        self.starts = self.order.nodes()
+        self.starts = self.order.get_nodes()
         self._paths = GamePaths(len(self._rows))
         self._movers.take_paths(self._paths.core, has_all=True)
         self._moved.clear()
         self._places: list[Any] = [*self.starts]
         self._befores = self._places.copy()
-        self._let_take_part(self.order.moving.present(self._members))
+        self._let_take_part(self.order.moving.select_present(self._members))
         for i, row in enumerate(self._rows):
-            place = block.on_edge(row)
+            place = block.get_edge_position(row)
             if place is not None:
                 self._places[i] = EdgePlace(place.edge)
             if columns["alive"][i]:
-                columns["node"][i] = roads.row(self.starts[i])
+                columns["node"][i] = roads.find_row(self.starts[i])
                 columns["edge"][i] = -1 if place is None else roads.edge_rows[place.edge]
                 columns["share"][i] = 0.0 if place is None else place.share
                 columns["motion"][i] = 0 if place is None else place.motion
@@ -288,11 +288,11 @@ class ArrivingAgents:
         """Go on with the agent of a slot, given its place among the agents of a game that has left its batch."""
         paths = self._paths
         others = agents.paths
-        paths.take(i, others.core, place, others.room(place), others.maps[place])
+        paths.take(i, others.core, place, others.count_room(place), others.maps[place])
         paths.renumber(i, self.roads)
         for name, column in agents.counts.items():
             getattr(self._arrivals, name)[0, i] = column[place]
-        self._arrivals.nodes[0, i] = self.roads.row(agents.nodes[place]) if agents.counts["asked"][place] else 0
+        self._arrivals.nodes[0, i] = self.roads.find_row(agents.nodes[place]) if agents.counts["asked"][place] else 0
         before, after = agents.places[place]
         self._columns["start_places"][i] = self._get_place_number(before)
         self._columns["end_places"][i] = self._get_place_number(after)
@@ -301,13 +301,13 @@ class ArrivingAgents:
             if agents.counts["asked"][place]:
                 self._moved.add(i)
                 self._under_way.arrive(self._rows[i], node)
-        elif paths.num_legs(i) > 0:
+        elif paths.count_legs(i) > 0:
             self._moved.add(i)
-            ends_on_edge = paths.progress(i) is not None
+            ends_on_edge = paths.get_progress(i) is not None
             self._under_way.arrive(self._rows[i], paths.end(i) if ends_on_edge else node)
-            if paths.place_at(i, agents.now) is not None:
-                self._under_way.depart(self._rows[i], partial(paths.place_at, i))
-            until = paths.last_time(i)
+            if paths.get_position_at(i, agents.now) is not None:
+                self._under_way.depart(self._rows[i], partial(paths.get_position_at, i))
+            until = paths.get_last_time(i)
             if not ends_on_edge and until > agents.now and (until < 1.0 or self.has_end):
                 self._arrivals.queue.push(0, i, until)
 
@@ -315,7 +315,7 @@ class ArrivingAgents:
         """Return the number of a node or an edge, as conflicts compare them."""
         if isinstance(place, EdgePlace):
             return len(self.roads.ids) + self.roads.edge_rows[place.edge]
-        return self.roads.row(place)
+        return self.roads.find_row(place)
 
     def _let_take_part(self, members: Sequence[int]) -> None:
         """Let the agents of these slots move that are on the ground."""
@@ -360,11 +360,11 @@ class ArrivingAgents:
         for i in self.here:
             if self.chosen.maps[i] not in (None, self.roads, *self._modes.values()):
                 self.chosen.renumber(i, self.roads)  # it was chosen in a batch
-        if self._paths.reserve(max(map(self._paths.num_legs, self.here), default=0) + _MORE_LEGS):
+        if self._paths.reserve(max(map(self._paths.count_legs, self.here), default=0) + _MORE_LEGS):
             self._movers.take_paths(self._paths.core, has_all=True)
         self._play(_CHOOSE)
 
-    def places(self) -> tuple[list[Any], list[Any]]:
+    def list_places(self) -> tuple[list[Any], list[Any]]:
         """Return the places of all agents, node ids or edges, before and after they have set out."""
         before = self._places
         self._befores = before
@@ -375,7 +375,7 @@ class ArrivingAgents:
             self._places[i] = self.roads.ids[place] if edge < 0 else EdgePlace(self.roads.edge_ids[edge][2])
         return before, self._places
 
-    def goal(self, i: int) -> Any:
+    def find_goal(self, i: int) -> Any:
         """Return the node or edge on which the agent of a slot is after it has set out."""
         return self._places[i]
 
@@ -393,9 +393,9 @@ class ArrivingAgents:
         for i in self.here:
             if i in losers:
                 self._arrive(i)
-            if paths.num_legs(i) > (0 if i in losers else legs[i]):
+            if paths.count_legs(i) > (0 if i in losers else legs[i]):
                 self._moved.add(i)
-                self._under_way.depart(self._rows[i], partial(paths.place_at, i))
+                self._under_way.depart(self._rows[i], partial(paths.get_position_at, i))
         if losers:
             self._under_way.pass_time(self.now)
         events = self._events

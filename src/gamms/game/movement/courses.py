@@ -107,7 +107,7 @@ class Routes:
             nodes = action.edges
             self._by_edges.append((len(self._ids), len(action.edges)))
         elif decisions.paths is not None and decisions.paths.maps[i] is not None:
-            count, motion, nodes = decisions.paths.route(i)
+            count, motion, nodes = decisions.paths.make_route(i)
         elif decisions.ends[i] != decisions.starts[i]:
             nodes = (decisions.ends[i],)
         before = len(self._ids)
@@ -142,7 +142,7 @@ class Routes:
             are_edges[begin : begin + count] = True
         rows = np.zeros(len(ids), np.int64)
         rows[~are_edges] = self._by.streets.rows(ids[~are_edges])
-        rows[are_edges] = kernels.rows_of(columns.edge_ids, ids[are_edges], columns.edge_order)
+        rows[are_edges] = kernels.find_rows(columns.edge_ids, ids[are_edges], columns.edge_order)
         return rows
 
     def forget(self) -> None:
@@ -189,7 +189,7 @@ class Courses:
         ids = columns.node_ids.tolist()
         return RoadIds(columns, ids, self._by.map, None) if self._by.by_metres else NodeIds(ids)
 
-    def columns(self) -> list[np.ndarray[Any, Any]]:
+    def list_columns(self) -> list[np.ndarray[Any, Any]]:
         """Return the stored columns of the last turns."""
         trips = self.trips
         legs = int(trips.legs.max(initial=0))
@@ -233,9 +233,11 @@ class Courses:
             edge = np.where(now == trips.edge[own], now, -1)
         else:
             games, agents = self._shape
-            edge = self._by.on_edge((np.arange(games)[:, None], np.arange(agents))).ravel()
+            edge = self._by.find_edges((np.arange(games)[:, None], np.arange(agents))).ravel()
             on = np.flatnonzero(edge >= 0)
-            trips.backs[self._standing + on, 0] = self._by.backs(edge[on], on // agents, self._by.mode_of[on % agents])
+            trips.backs[self._standing + on, 0] = self._by.find_reverse_edges(
+                edge[on], on // agents, self._by.mode_of[on % agents]
+            )
         trips.node[own] = node.ravel()
         trips.nodes[own, 0] = trips.node[own]
         trips.edge[own] = edge
@@ -245,7 +247,7 @@ class Courses:
         trips.begins[own, 0] = trips.share[own]
         trips.ends[own, 0] = trips.share[own]
 
-    def game_paths(self, game: int, agents: IntArray, others: IntArray) -> GamePaths:
+    def get_game_paths(self, game: int, agents: IntArray, others: IntArray) -> GamePaths:
         """Return the paths of agents of a game, and of others that stand on edges.
 
         By edges, these are the paths of agents that did more than move along one edge at once.
@@ -270,7 +272,7 @@ class Courses:
             found.take(place, trips.core, int(rows[place]), int(room[place]), self.road_ids)
         return found
 
-    def paths(
+    def get_paths(
         self, games: IntArray, starts: IntArray, took_part: BoolArray, standing: BoolArray | None = None
     ) -> Paths:
         """Return the paths of agents, with nodes to which they came back; agents that did not take part stay.

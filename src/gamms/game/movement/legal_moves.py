@@ -27,11 +27,11 @@ from gamms.game.movement.roads import (
 )
 from gamms.game.movement.routes import RouteTable, get_shared_routes
 from gamms.game.movement.streets import StreetGraph, as_table
-from gamms.game.movement.travel import ReachableNodes, map_of
+from gamms.game.movement.travel import ReachableNodes, make_map
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
-from gamms.kernels import buffer
+from gamms.kernels import as_buffer
 from gamms.typing.on_edges import Lines
 
 _MOST_ACTIONS = 4096  # that masks and vectors have
@@ -56,7 +56,7 @@ class TravelTerms(NamedTuple):
     decides_at_arrivals: bool = False
 
     @classmethod
-    def of(cls, game: PlayedGame) -> "TravelTerms":
+    def from_game(cls, game: PlayedGame) -> "TravelTerms":
         """Return the terms of a game by metres."""
         settings = game.settings()
         weight = settings["weight"]
@@ -196,18 +196,18 @@ class Movement:
     @cached_property
     def map(self) -> core.RoadEdges:
         """The map in the form of the core."""
-        return self.new_map()
+        return self.make_map()
 
-    def new_map(self) -> core.RoadEdges:
+    def make_map(self) -> core.RoadEdges:
         """Return the map in the form of the core, for one thread."""
         terms = self.terms
-        leaving, _ = self.all_roads.edges_at([self._on])
+        leaving, _ = self.all_roads.get_edges([self._on])
         costs = self.costs if self._on is None else self.costs[self._on.mode]
-        return map_of(self.columns, costs, costs if terms.are_limited else None, terms.turn_seconds, leaving)
+        return make_map(self.columns, costs, costs if terms.are_limited else None, terms.turn_seconds, leaving)
 
-    def on(self, roads: RoadMap) -> Self:
+    def get_for_map(self, roads: RoadMap) -> Self:
         """Return the movement of the same agents on another map."""
-        own = self.at_start()
+        own = self.get_for_start()
         own.streets = roads.streets
         own._on = roads
         own._tables = {}
@@ -215,13 +215,13 @@ class Movement:
             vars(own).pop(name, None)
         return own
 
-    def at_start(self) -> Self:
+    def get_for_start(self) -> Self:
         """Return the movement of the same agents on the map of the start."""
         own = copy(self)
         own._is_on_one_map = True
         return own
 
-    def with_notes(self, noted: CachedLegalMoves) -> Self:
+    def add_notes(self, noted: CachedLegalMoves) -> Self:
         """Return the movement in which the games that are played in contexts of their own are as noted."""
         own = copy(self)
         own.noted = noted
@@ -235,17 +235,17 @@ class Movement:
             games: the numbers of the games.
             modes: the numbers of the modes of an agent of each; None: agents may use all edges.
         """
-        for roads, places in self.all_roads.by_map(games):
+        for roads, places in self.all_roads.group_by_map(games):
             of_each = np.zeros(len(places), np.int64) if modes is None else modes[places]
             for mode in np.unique(of_each).tolist():
-                one = self.all_roads.for_mode(roads, mode)
+                one = self.all_roads.get_mode_map(roads, mode)
                 chosen = places[of_each == mode]
                 if one is None:
-                    yield self.at_start(), chosen
+                    yield self.get_for_start(), chosen
                 else:
-                    yield get_or_make(one.shared, "movement", partial(self.on, one)), chosen
+                    yield get_or_make(one.shared, "movement", partial(self.get_for_map, one)), chosen
 
-    def routes(self, weight: str | None) -> RouteTable:
+    def get_routes(self, weight: str | None) -> RouteTable:
         """Return the tables of paths along `streets`, by an edge weight.
 
         Raises:
@@ -288,15 +288,15 @@ class Movement:
         """The number of states of traffic of agents by edges that obey turns."""
         return 0 if self.traffic is None else self.traffic.num_states
 
-    def modes_of(self, agents: IntArray) -> IntArray:
+    def list_modes(self, agents: IntArray) -> IntArray:
         """Return the numbers of the modes of agents, each once; none in games without modes."""
         return np.unique(self.mode_of[agents]) if self.modes else np.zeros(0, np.int64)
 
     def obey_turns(self, agents: IntArray) -> bool:
         """Return whether any of some agents obeys turn restrictions."""
-        return any(split_mode(self.modes[number - 1])[1] for number in self.modes_of(agents).tolist() if number > 0)
+        return any(split_mode(self.modes[number - 1])[1] for number in self.list_modes(agents).tolist() if number > 0)
 
-    def mode_first(self, agent: int, tables: RoadTables) -> int:
+    def find_mode_offset(self, agent: int, tables: RoadTables) -> int:
         """Return the offset from `tables.first` to the edges that an agent may use, by its number."""
         return int(self.mode_of[agent]) * tables.stride if self.modes else 0
 
@@ -325,19 +325,19 @@ class Movement:
         self.edge[0, agent] = rows[0]
         self.share[0, agent] = place.share
 
-    def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
+    def find_edge_positions(self, game: int, node: IntArray) -> dict[int, Progress]:
         """Return the covered parts of edges of a game's agents on these nodes, (agents,), by their numbers."""
         if not self.depends_on_speeds:
             return {}
         if self.by_metres:
-            return self.progress(self.edge[game], self.share[game], self.motion[game])
+            return self.make_progress(self.edge[game], self.share[game], self.motion[game])
         agents = np.flatnonzero(self.edge[game] >= 0)
         ids = self.streets.ids
         each = ids(node[agents]), ids(self.edge[game, agents]), self.share[game, agents]
         found = zip(*(one.tolist() for one in each), strict=True)
         return {agent: Progress(*one) for agent, one in zip(agents.tolist(), found, strict=True)}
 
-    def progress(self, edge: IntArray, share: FloatArray, motion: IntArray) -> dict[int, Progress]:
+    def make_progress(self, edge: IntArray, share: FloatArray, motion: IntArray) -> dict[int, Progress]:
         """Return the positions of agents on edges, by their places; edges of -1 are nodes."""
         places = np.flatnonzero(edge >= 0)
         columns = self.columns
@@ -347,7 +347,7 @@ class Movement:
         found = zip(*(one.tolist() for one in each), strict=True)
         return {place: Progress(*one) for place, one in zip(places.tolist(), found, strict=True)}
 
-    def on_edge(self, which: tuple[IntArray, IntArray]) -> IntArray:
+    def find_edges(self, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the rows of the edges that agents are on, in games by metres; -1: on a node, or a closed edge."""
         shape = np.broadcast_shapes(which[0].shape, which[1].shape)
         if not (self.by_metres):
@@ -370,7 +370,7 @@ class Movement:
         self.clear(*those)
         return (*those, edges[is_closed])
 
-    def backs(self, edges: IntArray, games: IntArray, modes: IntArray | None = None) -> IntArray:
+    def find_reverse_edges(self, edges: IntArray, games: IntArray, modes: IntArray | None = None) -> IntArray:
         """Return the rows of the edges by which agents turn around on edges in these games, (edges,); -1: none.
 
         Args:
@@ -381,14 +381,14 @@ class Movement:
         found = np.full(len(edges), -1)
         for movement, places in self._select_maps(games, modes):
             backs = found[places]
-            core.backs(movement.map, buffer(edges[places]), backs.data)
+            core.find_reverse_edges(movement.map, as_buffer(edges[places]), backs.data)
             found[places] = backs
         return found
 
-    def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
+    def make_places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
         """Return the positions of agents with these last nodes."""
         columns = self.columns
-        edge = self.on_edge(which)
+        edge = self.find_edges(which)
         ids = np.full((*node.shape, 3), -1)
         offset_m = np.zeros(node.shape)
         xy = columns.xy[node]
@@ -399,31 +399,31 @@ class Movement:
             ends = columns.node_ids[columns.sources[rows]], columns.node_ids[columns.targets[rows]]
             ids[on] = np.column_stack((*ends, columns.edge_ids[rows]))
             offset_m[on] = share * columns.lengths[rows]
-            xy[on] = np.column_stack(self.lines.at(rows, share)[:2])
+            xy[on] = np.column_stack(self.lines.find_points(rows, share)[:2])
         found = Places(ids, offset_m, xy)
         return found if self.noted is None else self.noted.put_places(found, which)
 
     # -- legal edges ----------------------------------------------------------------------------------------------
 
-    def legal_edges(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+    def list_legal_edges(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the ids of the edges that agents may name, with one axis more, ascending, padded with -1.
 
-        See `counts` for the arguments; no agent flies.
+        See `count_legal` for the arguments; no agent flies.
         """
         columns = self.columns
         games, agents = (numbers.ravel() for numbers in np.broadcast_arrays(*which))
-        on_edge = self.places(node, which).edge[..., 2].ravel()
+        on_edge = self.make_places(node, which).edge[..., 2].ravel()
         here = node.ravel()
         obeys = np.zeros(len(here), np.bool_) if self.traffic is None else self.traffic.obeys[agents]
         at: list[IntArray] = [np.flatnonzero(on_edge >= 0)]
         found: list[IntArray] = [on_edge[at[0]]]
-        rows = kernels.rows_of(columns.edge_ids, found[0], columns.edge_order)
-        backs = self.backs(rows, games[at[0]])
+        rows = kernels.find_rows(columns.edge_ids, found[0], columns.edge_order)
+        backs = self.find_reverse_edges(rows, games[at[0]])
         at.append(at[0][backs >= 0])
         found.append(columns.edge_ids[backs[backs >= 0]])
         modes = self.mode_of[agents] if self.modes else None
         for movement, places in () if self.are_all_legal else self._select_maps(games, modes):
-            offsets, edges = movement.all_roads.edges_at([movement._on])[0]
+            offsets, edges = movement.all_roads.get_edges([movement._on])[0]
             chosen = places[(on_edge[places] < 0) & ~obeys[places]]
             number, place = kernels.expand_ranges(offsets[here[chosen]], offsets[here[chosen] + 1])
             leaving = edges[place]
@@ -448,7 +448,7 @@ class Movement:
         Raises:
             BadValue: more than 4096.
         """
-        most = self.most_legal(_MOST_ACTIONS)
+        most = self.count_most_legal(_MOST_ACTIONS)
         if most > _MOST_ACTIONS:
             raise BadValue(
                 f"An agent may go to {most} nodes or more in a turn, and {_MOST_ACTIONS} actions are the most that "
@@ -456,14 +456,14 @@ class Movement:
             )
         return most
 
-    def most_legal(self, limit: int) -> int:
+    def count_most_legal(self, limit: int) -> int:
         """Return the maximum number of legal nodes; above the limit, any number above it."""
         if self.are_all_legal:
             return self.streets.num_nodes
         if self.modes and self.roads is not None:
-            maps = [self.all_roads.for_mode(None, mode) for mode in np.unique(self.mode_of).tolist()]
-            each = [self.at_start() if one is None else self.on(one) for one in maps]
-            return max(one.most_legal(limit) for one in each)
+            maps = [self.all_roads.get_mode_map(None, mode) for mode in np.unique(self.mode_of).tolist()]
+            each = [self.get_for_start() if one is None else self.get_for_map(one) for one in maps]
+            return max(one.count_most_legal(limit) for one in each)
         if not self.depends_on_speeds:
             return int(self.streets.counts.max(initial=1))
         most = 1
@@ -521,7 +521,7 @@ class Movement:
             return self.roads is None and not (self.leaves_nodes or self.is_paced[agents].any())
         return self.is_plain and self.roads is None
 
-    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+    def count_legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the number of legal nodes of agents.
 
         Args:
@@ -537,8 +537,8 @@ class Movement:
             found = self._count_on_streets(node, which)
         return found if self.noted is None else self.noted.put_counts(found, which)
 
-    def legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
-        """Return the rows of the legal nodes of agents, with one axis more, and a mask of valid entries; see `counts`.
+    def find_legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of agents, with one axis more, and a mask of them; see `count_legal`.
 
         Other entries are the nodes of the agents.
         """
@@ -569,7 +569,7 @@ class Movement:
         """Return the number of legal nodes of agents that move along one edge."""
         tables = self._table
         if tables is None:
-            return self.streets.counts_of(node).astype(np.int64)
+            return self.streets.count_legal(node).astype(np.int64)
         places = tables.first[which[0]] + node
         found: IntArray = tables.offsets[places + 1] - tables.offsets[places]
         return found
@@ -578,20 +578,20 @@ class Movement:
         """Return the rows of the nodes that actions of such agents lead to; actions have one axis more."""
         tables = self._table
         if tables is None:
-            return self.streets.ends_of(node[..., None], actions)
+            return self.streets.find_ends(node[..., None], actions)
         first = tables.offsets[tables.first[which[0]] + node]
         found: IntArray = tables.targets[first[..., None] + actions]
         return found
 
-    def action_to(self, node: IntArray, which: tuple[IntArray, IntArray], targets: IntArray) -> IntArray:
+    def find_action(self, node: IntArray, which: tuple[IntArray, IntArray], targets: IntArray) -> IntArray:
         """Return the numbers of the legal nodes with the rows `targets`; -1 if one is not legal."""
         if self.are_all_legal and self.noted is None:
             return np.where(targets == node, 0, targets + (targets < node))
-        nodes, is_legal = self.legal(node, which)
+        nodes, is_legal = self.find_legal(node, which)
         matches = (nodes == targets[..., None]) & is_legal
         return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
 
-    def towards(self, node: IntArray, targets: IntArray, allowed: BoolArray | None = None) -> IntArray:
+    def find_action_towards(self, node: IntArray, targets: IntArray, allowed: BoolArray | None = None) -> IntArray:
         """Return the actions that lead agents toward nodes, as strategies do; -1: no path.
 
         Args:
@@ -601,7 +601,7 @@ class Movement:
         """
         if self.are_all_legal:
             return np.where(targets == node, 0, targets + (targets < node))
-        return self.routes("length").actions(node, targets, allowed)
+        return self.get_routes("length").actions(node, targets, allowed)
 
     # -- legal nodes that depend on speeds ------------------------------------------------------------------------
 
@@ -619,7 +619,7 @@ class Movement:
         return np.empty(self.streets.num_nodes + _ROOM, np.int64)
 
     def _find(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
-        """Return the number of legal nodes of each agent, and the rows of these nodes in sequence; see `counts`."""
+        """Return the number of legal nodes of each agent, and the rows of these nodes; see `count_legal`."""
         games, agents = (np.broadcast_to(one, node.shape).ravel() for one in which)
         here = node.ravel()
         if self.roads is None:
@@ -631,7 +631,7 @@ class Movement:
             order.append(places)
         back = np.argsort(np.concatenate(order), kind="stable")
         counts = np.concatenate([one for one, _ in parts])
-        listed, _ = kernels.chosen_runs(np.concatenate(([0], np.cumsum(counts))), back)
+        listed, _ = kernels.select_runs(np.concatenate(([0], np.cumsum(counts))), back)
         return counts[back], np.concatenate([rows for _, rows in parts])[listed]
 
     def _find_on_map(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
@@ -639,7 +639,7 @@ class Movement:
         which = games, agents
         if self.traffic is not None and self.traffic.obeys[agents[:1]].any():
             return self._find_with_turns(node, games, agents)
-        edge = self.on_edge(which) if self.by_metres else self.edge[which]
+        edge = self.find_edges(which) if self.by_metres else self.edge[which]
         motion = self.motion[which] if self.by_metres else np.zeros(len(node), np.int64)
         legal = self._legal_nodes
         return self._find_at(legal, node, edge, self.share[which], motion, self.paces[agents], self.time[games])
@@ -672,12 +672,12 @@ class Movement:
         now: FloatArray,
     ) -> tuple[IntArray, IntArray]:
         """Return what `_find` does for agents at these positions; see `core.LegalNodes.find`."""
-        columns = [buffer(column) for column in (node, edge, share, motion, speed, now)]
+        columns = [as_buffer(column) for column in (node, edge, share, motion, speed, now)]
         counts = np.zeros(len(node), np.int64)
         parts = [np.zeros(0, np.int64)]
         first = 0
         while first < len(node):
-            last = core.find_each(*[legal, first, *columns, buffer(self._room), counts.data])
+            last = core.find_each(*[legal, first, *columns, as_buffer(self._room), counts.data])
             parts.append(self._room[: counts[first:last].sum()].copy())
             first = last
         return counts, np.concatenate(parts)

@@ -30,7 +30,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, list_forbidden_paths, split_mode
 from gamms.ir.progress import Progress
 from gamms.text import shown
-from gamms.typing.actions import as_node, flight, get_heading
+from gamms.typing.actions import as_node, get_heading, resolve_flight
 from gamms.typing.context import HostContext
 from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Leg, Track
 
@@ -53,7 +53,7 @@ class MultiEdgeMoves(PathFinder):
         super().__init__(streets.columns, np.ones(len(streets.columns.edge_ids)))
         self.streets = streets
         self._most = streets.num_nodes + _MORE_NODES
-        self._take_ways(self.ways(0))
+        self._take_ways(self.get_ways(0))
 
     def _take_ways(self, hops: GoalPaths) -> None:
         """Use these shortest paths in the core, with new buffers."""
@@ -68,35 +68,37 @@ class MultiEdgeMoves(PathFinder):
         if place is not None and place.source == here:
             ahead = self._row_of.get(place.target, -1)
             covered = place.share
-        core.begin(self._walks, 0, self.row(here), ahead, covered, nan if speed is None else min(speed, self._most))
+        core.begin(
+            self._walks, 0, self.find_row(here), ahead, covered, nan if speed is None else min(speed, self._most)
+        )
 
-    def reachable(self, here: int, speed: float | None, place: Progress | None) -> tuple[int, ...]:
+    def list_reachable(self, here: int, speed: float | None, place: Progress | None) -> tuple[int, ...]:
         """Return the legal nodes of an agent in this turn, its own first."""
         self._begin(here, speed, place)
-        return self.found(core.list_legal(self._walks, 0))
+        return self.list_found(core.list_legal(self._walks, 0))
 
-    def towards(self, agent: int, here: int, speed: float, place: Progress | None, target: int) -> ResolvedAction:
+    def move_towards(self, agent: int, here: int, speed: float, place: Progress | None, target: int) -> ResolvedAction:
         """Return the move of an agent toward a node, along a path with the fewest edges.
 
         Raises:
             BadValue: there is no path.
         """
-        hops = self.ways(agent)
+        hops = self.get_ways(agent)
         if hops is not self._hops:
             self._take_ways(hops)
         self._begin(here, speed, place)
-        if not core.go_towards(self._walks, 0, hops, agent, self.row(target)):
+        if not core.go_towards(self._walks, 0, hops, agent, self.find_row(target)):
             raise BadValue(str(NoPath(here, target)))
         return self._make_resolved_action()
 
-    def along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> ResolvedAction:
+    def move_along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> ResolvedAction:
         """Return the move of an agent along a route of nodes."""
         if len(route) + _MORE_NODES > self._most:
             self._most = len(route) + _MORE_NODES
             self._take_ways(self._hops)
         self._begin(here, speed, place)
         for number, node in enumerate(route):
-            self._trips.route[number] = self.row(node)
+            self._trips.route[number] = self.find_row(node)
         core.walk(self._trips, 0, len(route))
         return self._make_resolved_action()
 
@@ -179,7 +181,8 @@ class Legality:
         ctx: the context, for its graph and agents.
         settings: the settings of the game.
         state: the state of the game, for the edges that agents have driven.
-        mode: the edge attribute that says which edges the agents may use; None: those with any mode, see `of`.
+        mode: the edge attribute that says which edges the agents may use; None: those with any mode, see
+            `get_for_agent`.
 
     Attributes:
         travel: the paths of agents by metres.
@@ -199,11 +202,11 @@ class Legality:
         self._turning: tuple[MovesWithTurns, str | None] | None = None  # with the weight
         self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
 
-    def of(self, mover: AgentSlot) -> "Legality":
+    def get_for_agent(self, mover: AgentSlot) -> "Legality":
         """Return the legality of the actions of agents with the mode of an agent."""
-        return self.of_mode(mover.mode)
+        return self.get_for_mode(mover.mode)
 
-    def of_mode(self, mode: str | None) -> "Legality":
+    def get_for_mode(self, mode: str | None) -> "Legality":
         """Return the legality of the actions of agents with a mode; None: of those without."""
         if mode == self._mode:
             return self
@@ -247,7 +250,7 @@ class Legality:
             if not mover.flies and "edge" not in action:
                 action.setdefault("node_id", None if mover.travels else here)
         if mover.flies:
-            position, quat = flight(self._ctx.agent.block, mover.row, action)
+            position, quat = resolve_flight(self._ctx.agent.block, mover.row, action)
             return ResolvedAction(here, (here,), position=position, quat=quat, deeds=deeds)
         heading: Any = ()
         names_edge = isinstance(action, dict) and "edge" in action
@@ -257,7 +260,7 @@ class Legality:
                 raise BadValue("An action names the next node or the edge to it, not both: leave out 'node_id'.")
             action = action["edge"] if names_edge else action["node_id"]
         if names_edge:
-            resolved = self.of(mover)._take_edge(mover, here, as_int(action, "The id of an edge"))
+            resolved = self.get_for_agent(mover)._take_edge(mover, here, as_int(action, "The id of an edge"))
         else:
             resolved = self._resolve_move(mover, here, action)
         if heading == () and deeds is None:
@@ -266,15 +269,15 @@ class Legality:
 
     def _resolve_move(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return the move toward a node, or along a list of nodes; None: an agent by metres stops."""
-        own = self.of(mover)
+        own = self.get_for_agent(mover)
         self._check_driven(mover)
         if mover.travels and action is None:
-            return own.travelled(mover, here, None)
+            return own.find_path(mover, here, None)
         if isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
             nodes = list(map(self._check_node, action))
-            return own.travelled(mover, here, nodes) if mover.travels else own.walked(mover, here, nodes, True)
+            return own.find_path(mover, here, nodes) if mover.travels else own.resolve_path(mover, here, nodes, True)
         node = self._check_node(action)
-        return own.travelled(mover, here, node) if mover.travels else own.walked(mover, here, [node], False)
+        return own.find_path(mover, here, node) if mover.travels else own.resolve_path(mover, here, [node], False)
 
     def _take_edge(self, mover: AgentSlot, here: int, edge: int) -> ResolvedAction:
         """Return the move along an edge that an action has named."""
@@ -282,22 +285,22 @@ class Legality:
             raise refuse_any(edge, mover.name)
         self._check_driven(mover)
         roads = self.travel.roads
-        row = roads.on(edge)
+        row = roads.get_row_of_edge(edge)
         if row is None:
             raise UnknownName("edge", edge)
         legal = self.list_edges(mover, here)
         if edge not in legal:
             raise refuse_edge(edge, self._explain_refused_edge(mover, here, roads.edge_ids[row]), legal)
         if mover.travels:
-            self.travel.over(self.travel.place(mover.row), here, mover.speed, edge)
+            self.travel.cross_edge(self.travel.get_position(mover.row), here, mover.speed, edge)
             return ResolvedAction(self.travel.end(), (here,), edge=edge)
         if mover.obeys_turns:
             return self.turning.go_along(*self._find_start(mover, here), [edge])
-        return self.walked(mover, here, [roads.edge_ids[row][1]], True)._replace(edge=edge)
+        return self.resolve_path(mover, here, [roads.edge_ids[row][1]], True)._replace(edge=edge)
 
     def _explain_refused_edge(self, mover: AgentSlot, here: int, edge: tuple[int, int, int]) -> str:
         """Return why an agent may not take an edge, given by the ids of its ends and its own."""
-        place = self.travel.place(mover.row) if mover.travels else None
+        place = self.travel.get_position(mover.row) if mover.travels else None
         is_usable = edge[1] != here and edge[2] in self.travel.roads.list_edges(here)
         if place is None and is_usable:
             return self._explain_forbidden_edge(mover, here)
@@ -307,8 +310,8 @@ class Legality:
         """Return the ids of the edges that the action of an agent may name."""
         if mover.flies or self._settings.legal == "any":
             return ()
-        own = self.of(mover)
-        place = own.travel.place(mover.row) if mover.travels else None
+        own = self.get_for_agent(mover)
+        place = own.travel.get_position(mover.row) if mover.travels else None
         if place is None:
             return tuple(own._list_onward_edges(mover, here))
         around = own.travel.roads.list_around(place.edge)
@@ -328,20 +331,20 @@ class Legality:
         is_loop = by_edges and is_loop_of(known)
         known = known[:-1] if is_loop else known
         block = self._ctx.agent.block
-        row = block.row_of(name)
+        row = block.find_row(name)
         mode = block.modes[row]
         if mode is None or not split_mode(mode)[1]:
             return ()
-        roads = self.of_mode(mode).travel.roads
+        roads = self.get_for_mode(mode).travel.roads
         walk: list[tuple[int, int, int]] = []  # the ids of the ends of each edge, and its own
         for edge in known:
-            place = roads.on(edge)
+            place = roads.get_row_of_edge(edge)
             ends = None if place is None else roads.edge_ids[place]
             if ends is None or edge not in roads.list_edges(ends[0]):  # it was removed, or closed to the mode
                 walk = []
             else:
                 walk = [*walk, ends] if walk and walk[-1][1] == ends[0] else [ends]
-        previous, node = block.previous_of(row), block.node_of(row)
+        previous, node = block.get_previous_node(row), block.get_node(row)
         if not walk or walk[-1][1] != node:
             return ()
         if by_edges:
@@ -366,7 +369,7 @@ class Legality:
     def drive_on(self, mover: AgentSlot, legs: Sequence[Leg]) -> None:
         """Note the edges that an agent that obeys turn restrictions has driven to their ends on its legs."""
         driven = self._state.driven
-        forbidden = self.of(mover)._forbidden
+        forbidden = self.get_for_agent(mover)._forbidden
         before = known = self._list_driven(mover.name)
         edges = [leg.edge for leg in legs if leg.end == 1.0]
         for edge in edges:
@@ -405,7 +408,7 @@ class Legality:
     def _explain_forbidden_edge(self, mover: AgentSlot, here: int) -> str:
         """Return why an edge that the mode may use is not legal for an agent that obeys turn restrictions."""
         edge = self.find_driven(mover.name)[-1]
-        source = self._ctx.agent.block.previous_of(mover.row)
+        source = self._ctx.agent.block.get_previous_node(mover.row)
         return (
             f"the agent came to node {here} along edge {edge} from node {source}, and a turn restriction forbids it, "
             "or it leads back, which is legal only where nothing else is"
@@ -413,7 +416,7 @@ class Legality:
 
     def _find_start(self, mover: AgentSlot, here: int) -> tuple[int, tuple[int, ...], float | None, Progress | None]:
         """Return where an agent begins that obeys turn restrictions, as `MovesWithTurns` takes it."""
-        place = None if mover.speed is None else self._ctx.agent.block.progress_of(mover.row)
+        place = None if mover.speed is None else self._ctx.agent.block.get_progress(mover.row)
         return here, self.find_driven(mover.name), mover.speed, place
 
     def _obey(self, mover: AgentSlot, here: int, path: list[int], *, is_route: bool) -> ResolvedAction:
@@ -431,7 +434,7 @@ class Legality:
         is_next = path[0] in near and (mover.speed is not None or len(path) == 1)
         if is_next:
             return self.turning.go_over(*start, path)
-        legal = [*self.reachable(mover, here)]
+        legal = [*self.list_reachable(mover, here)]
         if path[0] not in near and path[0] in self._graph.neighborhoods[here]:
             raise BadValue(
                 f"No turn to node {path[0]} is legal: {self._explain_forbidden_edge(mover, here)}; legal are {legal}."
@@ -443,18 +446,18 @@ class Legality:
 
         It is the cheapest that they may use; None: there is none now.
         """
-        return self.of_mode(mode).travel.roads.find_edge(source, target)
+        return self.get_for_mode(mode).travel.roads.find_edge(source, target)
 
-    def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
+    def find_path(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
         """Find the path of an agent by metres: toward a node, along a list of nodes, or None to stop."""
         travel = self._tell_driven(mover)
-        place = travel.place(mover.row)
+        place = travel.get_position(mover.row)
         if wanted is None:
             travel.stay(place, here)
         elif isinstance(wanted, list):
-            travel.along(place, here, mover.speed, wanted)
+            travel.follow_route(place, here, mover.speed, wanted)
         else:
-            travel.towards(mover.row, place, here, mover.speed, wanted)
+            travel.find_path_towards(mover.row, place, here, mover.speed, wanted)
         return ResolvedAction(travel.end(), (here,))
 
     def _tell_driven(self, mover: AgentSlot) -> Travel:
@@ -467,29 +470,29 @@ class Legality:
         """Return whether all edges of a legal move still exist."""
         path, _, legs = track
         if legs:
-            return all(self.travel.roads.on(leg.edge) is not None for leg in legs)
+            return all(self.travel.roads.get_row_of_edge(leg.edge) is not None for leg in legs)
         near = self._ctx.graph.graph.neighborhoods
         has_node = self._ctx.graph.graph.has_node
         if self._settings.legal == "any" or not all(map(has_node, path)):
             return all(map(has_node, path))
         return all(end in near[start] for start, end in pairwise(path))
 
-    def reachable(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
+    def list_reachable(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
         """Return the ids of the legal nodes of an agent in this turn, its own first; () for an agent that flies."""
         if mover.flies:
             return ()
         if mover.is_plain:
             return tuple(self._ctx.graph.graph.neighborhoods[here])
-        own = self.of(mover)
+        own = self.get_for_agent(mover)
         if mover.travels:
             travel = own._tell_driven(mover)
             travel.prepare(mover.row)
-            return travel.legal(here, travel.place(mover.row), mover.speed)
+            return travel.list_legal(here, travel.get_position(mover.row), mover.speed)
         if self._settings.legal == "any":
             return self._list_all_nodes(here)
         if mover.obeys_turns:
             return own.turning.find_legal(*own._find_start(mover, here))
-        return own.walking.reachable(here, mover.speed, self._ctx.agent.block.progress_of(mover.row))
+        return own.walking.list_reachable(here, mover.speed, self._ctx.agent.block.get_progress(mover.row))
 
     def _list_all_nodes(self, here: int) -> tuple[int, ...]:
         """Return all nodes, the agent's own first."""
@@ -527,9 +530,9 @@ class Legality:
             self._turning = MovesWithTurns(columns, str(self._mode), costs), weight
         return self._turning[0]
 
-    def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
+    def list_reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
         """Return the legal nodes of several agents: offsets (agents + 1,) and ids."""
-        legal = [self.reachable(mover, here) for mover, here in zip(movers, starts, strict=True)]
+        legal = [self.list_reachable(mover, here) for mover, here in zip(movers, starts, strict=True)]
         offsets = np.zeros(len(legal) + 1, np.int64)
         np.cumsum(list(map(len, legal)), out=offsets[1:])
         return offsets, np.fromiter(chain.from_iterable(legal), np.int64, int(offsets[-1]))
@@ -556,7 +559,7 @@ class Legality:
         """The beginning of a message that an edge is missing."""
         return "No edge leads" if self._mode is None else f"No edge that mode {self._mode!r} may use leads"
 
-    def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
+    def resolve_path(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
         """Return the move along a path, or along the shortest path to its only node, as far as it goes in this turn."""
         path = self._check_path(here, nodes) if is_route else nodes
         if not path or (path == [here] and not is_route):
@@ -570,7 +573,7 @@ class Legality:
             if len(path) > 1 or path[0] not in near:
                 raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {list(near)}.")
             return ResolvedAction(path[0], (here, path[0]))
-        place = self._ctx.agent.block.progress_of(mover.row)
+        place = self._ctx.agent.block.get_progress(mover.row)
         if is_route:
-            return self.walking.along(here, mover.speed, place, path)
-        return self.walking.towards(mover.row, here, mover.speed, place, path[0])
+            return self.walking.move_along(here, mover.speed, place, path)
+        return self.walking.move_towards(mover.row, here, mover.speed, place, path[0])

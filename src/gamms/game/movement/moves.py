@@ -83,16 +83,16 @@ class TurnMoves(TurnMovesInCore):
 
     __slots__ = ()
 
-    def in_core(self) -> MoveColumns:
+    def get_core_columns(self) -> MoveColumns:
         """Return the starts and ends of all moves as arrays of the core."""
         return make_moves(self.starts, self.ends) if self.columns is None else self.columns
 
-    def of_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
-        """Return the same moves for the agents of a copied game, matched by name; see `Slots.of_agents`."""
+    def copy_for_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
+        """Return the same moves for the agents of a copied game, matched by name; see `Slots.copy_for_agents`."""
         order = copy(self.order)
         order.block = agents.block
         order.entries = -1  # those of the copy are numbered independently
-        order.slots = self.slots.of_agents(agents, twin_of)
+        order.slots = self.slots.copy_for_agents(agents, twin_of)
         return TurnMoves(order, self.starts, self.ends, self.actions, paths=self.paths, took_part=self.took_part)
 
     def are_latest(self, block: AgentBlock) -> bool:
@@ -100,24 +100,26 @@ class TurnMoves(TurnMovesInCore):
         is_same = self.order.block is block and self.order.entries == block.structure.entries
         return is_same and self.applied == block.version
 
-    def by_name(self) -> dict[str, Move]:
+    def get_by_name(self) -> dict[str, Move]:
         """Return agent -> its move, for agents on the ground, in the order of names."""
         if self.by_names is None:
             ground = self.order.whole.on_ground
-            self.by_names = self.named(self.took_part_of(range(len(self.slots)) if ground is None else ground))
+            self.by_names = self.select_by_slot(
+                self.select_taking_part(range(len(self.slots)) if ground is None else ground)
+            )
         return self.by_names
 
-    def took_part_of(self, indices: Sequence[int]) -> Sequence[int]:
+    def select_taking_part(self, indices: Sequence[int]) -> Sequence[int]:
         """Return those of some slots whose agents took part."""
         took_part = self.took_part
         return indices if 0 not in took_part else [i for i in indices if took_part[i]]
 
-    def index_of(self, name: str) -> int | None:
+    def find_index(self, name: str) -> int | None:
         """Return the slot of an agent that took part, by its name; None: it did not."""
         i: int | None = self.order.index_of.get(name)
         return i if i is not None and self.took_part[i] else None
 
-    def named(self, indices: Sequence[int]) -> dict[str, Move]:
+    def select_by_slot(self, indices: Sequence[int]) -> dict[str, Move]:
         """Return agent -> its move, for the slots `indices`."""
         moves = {}
         for i in indices:
@@ -128,38 +130,43 @@ class TurnMoves(TurnMovesInCore):
             moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], path, legs)
         return moves
 
-    def places(self) -> tuple[list[Any], list[Any]]:
+    def list_places(self) -> tuple[list[Any], list[Any]]:
         """Return the start and end place of each agent, by slot: a node id, or an edge."""
         starts: list[Any] = list(self.starts)
         ends: list[Any] = list(self.ends)
         for i in range(len(starts)):
-            begun = None if self.paths is None else self.paths.begun(i)
-            progress = None if self.paths is None else self.paths.progress(i)
+            begun = None if self.paths is None else self.paths.get_first_leg(i)
+            progress = None if self.paths is None else self.paths.get_progress(i)
             if begun is not None:
                 starts[i] = EdgePlace(begun.edge)
             if progress is not None and progress.motion:
                 ends[i] = EdgePlace(progress.edge)
         return starts, ends
 
-    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
+    def list_tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return the tracks of agents; an agent that was placed or flew is on its node only at time 1."""
-        slots = [(agent, self.slot_of(agent)) for agent in agents]
+        slots = [(agent, self.find_slot(agent)) for agent in agents]
         return [Track((one.current_node_id,), (1.0,)) if i is None else self.find_track(i) for one, i in slots]
 
     def has_path(self, i: int) -> bool:
         """Return whether the path of the agent of a slot is in `paths`."""
         return self.paths is not None and self.paths.maps[i] is not None
 
-    def slot_of(self, agent: IAgent) -> int | None:
+    def find_slot(self, agent: IAgent) -> int | None:
         """Return the slot of an agent; None: it has none, or is not where its move has ended."""
-        i = self.index_of(agent.name)
-        if i is None or self.ends[i] != agent.current_node_id or self.slots[i].agent is not agent or self.was_put(i):
+        i = self.find_index(agent.name)
+        if (
+            i is None
+            or self.ends[i] != agent.current_node_id
+            or self.slots[i].agent is not agent
+            or self.is_displaced(i)
+        ):
             return None
         return i
 
-    def track(self, i: int) -> Track:
+    def get_track(self, i: int) -> Track:
         """Return the nodes, times and legs of the move of a slot."""
-        track: Track | None = None if self.paths is None else self.paths.track(i)
+        track: Track | None = None if self.paths is None else self.paths.make_track(i)
         if track is not None:
             return track
         start = self.starts[i]
@@ -168,8 +175,8 @@ class TurnMoves(TurnMovesInCore):
 
     def find_track(self, i: int) -> Track:
         """Return the track of a slot, with the edge that its action has named as a leg."""
-        # NOTE: contacts read `track`: in games that count edges they compare nodes, whatever edge leads to them.
-        track = self.track(i)
+        # NOTE: contacts read `get_track`: in games that count edges they compare nodes, whatever edge leads to them.
+        track = self.get_track(i)
         action = self.actions.get(i)
         if track.legs or action is None or (action.edge is None and not action.edges) or len(track.path) == 1:
             return track
@@ -190,24 +197,24 @@ class TurnMoves(TurnMovesInCore):
         ends = {name: [stay.edge for stay in track.legs if stay.end == 1.0] for name, track in tracks.items()}
         return {name: edge for name, edge in named.items() if ends[name] == [edge]}
 
-    def turn_to(self, i: int, heading: tuple[float, float] | None) -> None:
+    def set_heading(self, i: int, heading: tuple[float, float] | None) -> None:
         """Set the heading that the agent of a slot has chosen at an arrival."""
         action = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))
         self.actions[i] = action._replace(heading=heading)
 
-    def was_put(self, i: int) -> bool:
+    def is_displaced(self, i: int) -> bool:
         """Return whether an agent on the end node of its move got there otherwise: it flew, or a rule placed it."""
         slot = self.slots[i]
         action = self.actions.get(i)
         block = self.slots.block_now
-        if block.placed and slot.name in block.rows and block.row_of(slot.name) in block.placed:
+        if block.placed and slot.name in block.rows and block.find_row(slot.name) in block.placed:
             return True
         if slot.flies:
             return action is not None and action.position not in (None, slot.agent.prev_position)
         if not slot.travels:
             return False
-        ended = self.progress(i)
-        now = block.progress_of(block.row_of(slot.name)) if slot.name in block.rows else ended
+        ended = self.get_progress(i)
+        now = block.get_progress(block.find_row(slot.name)) if slot.name in block.rows else ended
         return (now and now[:-1]) != (ended and ended[:-1])  # the last field, its motion, does not count
 
     def stop(self, i: int) -> bool:
@@ -226,7 +233,7 @@ class TurnMoves(TurnMovesInCore):
         if not len(losers):
             return losers, losers
         if self.actions or self.paths is not None:
-            _, ends = self.places()
+            _, ends = self.list_places()
             wanted = [(i, ends[i]) for i in losers]  # before `stop` changes the ends
             stopped = [(i, end) for i, end in wanted if self.stop(i)]
             return [i for i, _ in stopped], [end for _, end in stopped]
@@ -238,12 +245,14 @@ class TurnMoves(TurnMovesInCore):
 
     def give_up(self, block: AgentBlock) -> None:
         """Cancel the moves of agents that a rule has placed elsewhere since they decided."""
-        nodes = self.order.nodes()
+        nodes = self.order.get_nodes()
         self.starts = copy_column(self.starts)
         self.ends = copy_column(self.ends)
         self.columns = None
-        began_on = [] if self.paths is None else [i for i in range(len(nodes)) if self.paths.begun(i) is not None]
-        left = {i for i in began_on if block.on_edge(self.slots[i].row) is None}
+        began_on = (
+            [] if self.paths is None else [i for i in range(len(nodes)) if self.paths.get_first_leg(i) is not None]
+        )
+        left = {i for i in began_on if block.get_edge_position(self.slots[i].row) is None}
         for i in left.union(compress(count(), map(ne, self.starts, nodes))):
             self.starts[i] = nodes[i]
             self._take_path(i, None, i)
@@ -258,9 +267,9 @@ class TurnMoves(TurnMovesInCore):
             self.actions[i] = action._replace(position=None)
         self.by_names = None
 
-    def progress(self, i: int) -> Progress | None:
+    def get_progress(self, i: int) -> Progress | None:
         """Return the position of the agent of a slot on an edge when its move ends; None: it is on a node."""
-        return None if self.paths is None else self.paths.progress(i)
+        return None if self.paths is None else self.paths.get_progress(i)
 
     # -- turns with several parts ----------------------------------------------------------------------------------
 
@@ -269,13 +278,13 @@ class TurnMoves(TurnMovesInCore):
         maps = None if self.paths is None else self.paths.maps
         for i in paced if maps is None else [i for i in paced if maps[i] is None]:
             slot = self.slots[i]
-            place = travel.place(slot.row) if slot.travels else None
-            if place is not None and travel.roads.on(place.edge) is not None:
+            place = travel.get_position(slot.row) if slot.travels else None
+            if place is not None and travel.roads.get_row_of_edge(place.edge) is not None:
                 travel.stay(place, self.starts[i])
                 self.paths = self.paths or GamePaths(len(self.slots))
                 travel.put(self.paths, i)
 
-    def on(self, order: TurnOrder) -> "TurnMoves":
+    def fit_to_order(self, order: TurnOrder) -> "TurnMoves":
         """Return the moves for another order, or of other agents that take part; those that are new stay."""
         lives = order.moving.lives
         if order is self.order and lives == self.took_part:
@@ -287,7 +296,7 @@ class TurnMoves(TurnMovesInCore):
                 if j >= 0 and order.slots[i].agent is not self.slots[j].agent:
                     places[i] = -1
         order.block.locate()
-        nodes = order.nodes()
+        nodes = order.get_nodes()
         takes_part = (places >= 0) & np.frombuffer(lives, np.bool_)
         takes_part[takes_part] = np.frombuffer(self.took_part, np.bool_)[places[takes_part]]
         there = np.flatnonzero(takes_part)
@@ -303,9 +312,9 @@ class TurnMoves(TurnMovesInCore):
             found._take_path(i, self.paths, j)
         return found
 
-    def in_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
+    def fit_to_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
         """Fit each move into the part of the turn of the agent's team; return this object."""
-        teams = self.order.all_teams()
+        teams = self.order.list_teams()
         for number, part in enumerate(parts):
             self.go_in_part(number, len(parts), [i for i, team in enumerate(teams) if team in part])
         return self
@@ -320,7 +329,7 @@ class TurnMoves(TurnMovesInCore):
             paths.go_in_part(i, number, parts)
         self.by_names = None
 
-    def then(self, later: "TurnMoves", part: int) -> None:
+    def add_part(self, later: "TurnMoves", part: int) -> None:
         """Add the moves of a later part of the turn; both have the same order."""
         parts = later.order.parts
         starts = copy_column(self.starts)
@@ -347,7 +356,7 @@ class TurnMoves(TurnMovesInCore):
         """Let the agent of a slot have the path of another slot in other paths."""
         if paths is not None and paths.maps[other] is not None:
             self.paths = self.paths or GamePaths(len(self.slots))
-            self.paths.take(i, paths.core, other, paths.room(other), paths.maps[other])
+            self.paths.take(i, paths.core, other, paths.count_room(other), paths.maps[other])
         elif self.paths is not None:
             self.paths.maps[i] = None
 

@@ -42,7 +42,7 @@ class CachedLegalMoves:
         self.counts[game, agent] = len(legal)
         self.nodes[game, agent, : len(legal)] = legal
 
-    def place(
+    def note_position(
         self, game: int, agent: int, edge: tuple[int, int, int], offset_m: float, xy: Sequence[float] | FloatArray
     ) -> None:
         """Note the position of an agent; see `Places`."""

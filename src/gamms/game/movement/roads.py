@@ -16,7 +16,7 @@ from gamms import kernels
 from gamms.core.by_edges import LegalWithTurns, TrafficStates, find_states, use_states
 from gamms.core.contacts import NearNodes
 from gamms.errors import BadValue
-from gamms.game.conflicts import flat
+from gamms.game.conflicts import flatten
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import EdgesAt, FollowingStates, ReachableNodes, TrafficTable, bind_states
 from gamms.ir.graph import (
@@ -60,7 +60,7 @@ class RoadTables(NamedTuple):
     targets: IntArray
     stride: int
 
-    def first_costs(self, edges: int) -> IntArray:
+    def find_first_costs(self, edges: int) -> IntArray:
         """Return the index of the cost of the first edge on each map, (maps,), if the costs of modes follow each other.
 
         Args:
@@ -69,7 +69,7 @@ class RoadTables(NamedTuple):
         nodes = (len(self.offsets) - 1) // len(self.maps)
         return np.arange(len(self.maps)) * nodes // max(1, self.stride) * edges
 
-    def moved(self, before: Sequence["RoadMap | None"]) -> IntArray:
+    def find_first_nodes(self, before: Sequence["RoadMap | None"]) -> IntArray:
         """Return the index of the first node of each of some other maps, (maps,); -1: it is not among the maps."""
         nodes = (len(self.offsets) - 1) // len(self.maps)
         first = {id(one): nodes * slot for slot, one in enumerate(self.maps)}
@@ -110,7 +110,7 @@ class RoadMap:
         self.closed = closed
         self._arcs: dict[tuple[str | None, bool], kernels.Arcs] = {}
         self.shared: dict[Hashable, Any] = {}
-        self.world: Any = None  # of the games on this map; see `GameArrays.world`
+        self.world: Any = None  # of the games on this map; see `GameArrays.make_map_data`
         self.snapshot: Any = None
         self.of_modes: dict[int, RoadMap] = {}
 
@@ -288,13 +288,13 @@ class TrafficOnMaps:
         parts: list[tuple[FollowingStates, int]] = []
         for base in tables.maps[: tables.stride // nodes]:
             for mode in self._modes:
-                one = self._roads.for_mode(base, mode)
+                one = self._roads.get_mode_map(base, mode)
                 assert isinstance(one, ModeMap)  # noqa: S101 - it is the map of a mode
                 parts.append((one.find_following(self._weight), self._first[mode]))
         offsets, after = _join_rows([(one.offsets, one.after + first) for one, first in parts])
         kept = np.concatenate([np.where(one.kept >= 0, one.kept + first, -1) for one, first in parts])
         first_of_game = tables.first // nodes * self.num_states
-        return [*map(kernels.buffer, (offsets, after, kept, first_of_game))]
+        return [*map(kernels.as_buffer, (offsets, after, kept, first_of_game))]
 
     @cached_property
     def _states(self) -> TrafficStates:
@@ -321,7 +321,7 @@ class TrafficOnMaps:
     ) -> tuple[IntArray, IntArray]:
         """Return the states of agents that obey turns, and their places; all arguments are flat, see the core."""
         found, places = np.zeros((2, len(node)), np.int64)
-        columns = [kernels.buffer(one) for one in (*which, node, previous, speed)]
+        columns = [kernels.as_buffer(one) for one in (*which, node, previous, speed)]
         find_states(*[self.states, *columns, found.data, places.data])
         return found, places
 
@@ -355,7 +355,7 @@ class TrafficOnMaps:
         columns = self._roads.whole.columns
         is_loop = len(edges) > 1 and edges[-1] == edges[-2]
         known = np.array(edges[:-1] if is_loop else edges, np.int64)
-        rows = kernels.rows_of(columns.edge_ids, known, columns.edge_order)
+        rows = kernels.find_rows(columns.edge_ids, known, columns.edge_order)
         mode = int(self._mode_of[agent])
         missing = np.flatnonzero(rows < 0)
         rest = rows[missing[-1] + 1 :] if len(missing) else rows
@@ -400,7 +400,7 @@ class _OpenRoutes:
         """Return each node and its neighbors by open edges, itself first, as offsets (nodes + 1,) and rows."""
         columns = self._whole.columns
         rows = self._roads.rows
-        return kernels.neighborhoods(columns.sources[rows], columns.targets[rows], len(columns.node_ids))
+        return kernels.list_neighborhoods(columns.sources[rows], columns.targets[rows], len(columns.node_ids))
 
 
 class OpenRoads:
@@ -457,7 +457,7 @@ class OpenRoads:
         while len(self._used) > max(1, _MOST_BYTES // (_EDGE_BYTES * (1 + len(self.streets.columns.edge_ids)))):
             self._used.popitem(last=False)[1].forget()
 
-    def of(self, game: int) -> RoadMap | None:
+    def get_map(self, game: int) -> RoadMap | None:
         """Return the map of a game; None: the map of the start."""
         return self._maps[game]
 
@@ -466,7 +466,7 @@ class OpenRoads:
         """Whether agents may use different edges."""
         return self.are_closed or len(self.modes) > 0
 
-    def for_mode(self, base: RoadMap | None, mode: int) -> RoadMap | None:
+    def get_mode_map(self, base: RoadMap | None, mode: int) -> RoadMap | None:
         """Return a map with the edges that a mode may use, by its number from 1; 0: all."""
         if mode == 0:
             return base
@@ -502,13 +502,13 @@ class OpenRoads:
         columns = self.streets.columns
         return (columns.offsets, columns.out_edges), kernels.group_rows(columns.targets, len(columns.node_ids))
 
-    def edges_at(self, maps: Sequence[RoadMap | None]) -> EdgesAt:
+    def get_edges(self, maps: Sequence[RoadMap | None]) -> EdgesAt:
         """Return the open edges out of each node and into each node, of one map after the other."""
         each = [self.edges_at_start if one is None else one.edges_at for one in maps]
         leaving, entering = (_join_rows([one[way] for one in each]) for way in (0, 1))
         return leaving, entering
 
-    def removed(self, maps: Sequence[RoadMap | None]) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    def find_removed(self, maps: Sequence[RoadMap | None]) -> np.ndarray[Any, np.dtype[np.uint8]]:
         """Return whether each edge was removed from each map, (maps * edges,); empty: none was."""
         edges = len(self.whole.columns.edge_ids)
         each = [np.zeros(edges, np.bool_) if one is None else one.is_removed for one in maps]
@@ -518,12 +518,12 @@ class OpenRoads:
     def are_open_rows(self, rows: IntArray, games: IntArray) -> BoolArray:
         """Return whether each edge, given by its row in `whole`, is open in the game at the same index; not -1."""
         found = (rows >= 0) & (rows < self._at_start)
-        for roads, places in self.by_map(games) if self.are_closed else ():
+        for roads, places in self.group_by_map(games) if self.are_closed else ():
             if roads is not None:
                 found[places] = (rows[places] >= 0) & roads.is_open[rows[places]]
         return found
 
-    def arcs_of(self, maps: Sequence[RoadMap | None], weight: str | None, *, reverse: bool) -> tuple[Any, Any, Any]:
+    def join_arcs(self, maps: Sequence[RoadMap | None], weight: str | None, *, reverse: bool) -> tuple[Any, Any, Any]:
         """Return the edges of maps, concatenated: offsets, rows of nodes, and weights.
 
         Args:
@@ -531,14 +531,14 @@ class OpenRoads:
             weight: the edge weight.
             reverse: whether to return the incoming edges of each node instead of the outgoing ones.
         """
-        at_start = self.streets.ways_to if reverse else self.streets.ways
+        at_start = self.streets.get_reversed_ways if reverse else self.streets.get_ways
         each = [at_start(weight) if one is None else one.arcs(weight, reverse=reverse) for one in maps]
         counts = np.concatenate([np.diff(arcs.offsets) for arcs in each])
         offsets: Any = np.concatenate(([0], np.cumsum(counts)))
         tails, weights = (
             np.concatenate(columns) for columns in zip(*((one.ends, one.weights) for one in each), strict=True)
         )
-        return flat(offsets, np.int64), flat(tails, np.int64), flat(weights, np.float64)
+        return flatten(offsets, np.int64), flatten(tails, np.int64), flatten(weights, np.float64)
 
     @property
     def tables(self) -> RoadTables:
@@ -547,13 +547,13 @@ class OpenRoads:
             numbers, slots = np.unique(np.append(0, self.number), return_inverse=True)
             maps = dict(zip(self.number.tolist(), self._maps, strict=True)) | {0: None}
             several = [maps[number] for number in numbers.tolist()]
-            every = [self.for_mode(one, mode) for mode in range(len(self.modes) + 1) for one in several]
+            every = [self.get_mode_map(one, mode) for mode in range(len(self.modes) + 1) for one in several]
             legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in every]
             nodes = self.streets.num_nodes
             self._tables = RoadTables(every, slots[1:] * nodes, *_join_rows(legal), len(several) * nodes)
         return self._tables
 
-    def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
+    def group_by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
         """Yield each map of the games, and the indices of its games in `games`."""
         number = self.number[games]
         for one in np.unique(number).tolist():
@@ -565,7 +565,7 @@ class OpenRoads:
     def are_open(self, edges: IntArray, games: IntArray) -> BoolArray:
         """Return whether each edge, given by its id, is open in the game at the same index, (edges,)."""
         found = np.zeros(edges.shape, np.bool_)
-        for roads, places in self.by_map(games):
+        for roads, places in self.group_by_map(games):
             columns = self.streets.columns if roads is None else roads.columns()
             found[places] = np.isin(edges[places], columns.edge_ids)
         return found
@@ -579,9 +579,9 @@ class OpenRoads:
         rows = self._find_rows(edge_ids)
         if (rows < 0).any():
             raise BadValue(f"edge {edge_ids[rows < 0][0]} was on no map of the games that the batch began with")
-        return self._map_of(rows, closed)
+        return self._make_map(rows, closed)
 
-    def _map_of(self, rows: IntArray, closed: ClosedEdges) -> RoadMap | None:
+    def _make_map(self, rows: IntArray, closed: ClosedEdges) -> RoadMap | None:
         opened = np.array([id for id in self.closed_at_start if id not in closed], np.int64)
         if (self._find_rows(opened) < self._at_start).any():
             raise BadValue("it opens roads that were closed at the start, and whose ids other edges had")
@@ -604,7 +604,7 @@ class OpenRoads:
         known = self.whole.columns.edge_ids
         if self._order is None:
             self._order = np.argsort(known, kind="stable")
-        return kernels.rows_of(known, edge_ids, self._order)
+        return kernels.find_rows(known, edge_ids, self._order)
 
 
 # -- where maps differ ------------------------------------------------------------------------------------------------
@@ -644,8 +644,8 @@ class MultiMapStreets(StreetGraph):
 
 
 _OF_ROADS = {
-    *("counts", "offsets", "targets", "legal", "counts_of", "legal_of", "step", "ends_of", "action_to", "_narrow"),
-    *("ways", "ways_to", "weights", "apart"),
+    *("counts", "offsets", "targets", "legal", "count_legal", "get_legal", "step", "find_ends", "action_to", "_narrow"),
+    *("get_ways", "get_reversed_ways", "weights", "copy_without_graph"),
 }
 
 

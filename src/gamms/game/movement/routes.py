@@ -18,7 +18,7 @@ from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes
 from gamms.ir.graph import FloatArray, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
-from gamms.kernels import buffer
+from gamms.kernels import as_buffer
 from gamms.typing.game import EdgeAction
 from gamms.typing.graph_engine import IGraph
 
@@ -32,7 +32,7 @@ _shared: OrderedDict[bytes, "RouteTable"] = OrderedDict()  # by hash of graph an
 
 def get_shared_routes(streets: StreetGraph, weight: str | None) -> "RouteTable":
     """Return the tables of a graph; batches on equal graphs with equal weights share them."""
-    arcs = streets.ways_to(weight)
+    arcs = streets.get_reversed_ways(weight)
     parts = (streets.columns.node_ids, streets.offsets, streets.targets, *arcs)
     key = blake2b(b"".join(blake2b(part.tobytes()).digest() for part in parts)).digest()
     with _lock:
@@ -61,12 +61,12 @@ class PathTables:
         self._most = max(1, _MOST_BYTES // (_BYTES * max(1, self._nodes)))
         self._far: FloatArray = np.zeros((0, self._nodes))
         self._following = np.zeros((0, self._nodes), np.int32)
-        paths = routes.Paths(ReachableNodes(self._nodes).core, *map(buffer, np.zeros((3, self._nodes), np.int64)))
-        self.core = routes.PathTables(buffer(ids), *arcs, paths, *self._make_room(arcs))
+        paths = routes.Paths(ReachableNodes(self._nodes).core, *map(as_buffer, np.zeros((3, self._nodes), np.int64)))
+        self.core = routes.PathTables(as_buffer(ids), *arcs, paths, *self._make_room(arcs))
 
     def take(self, arcs: tuple[Any, Any, Any], moved: IntArray) -> None:
         """Switch to other maps, and keep the tables of those that remain; see `routes.PathTables.take`."""
-        self.core.take(*arcs, *self._make_room(arcs), buffer(moved))
+        self.core.take(*arcs, *self._make_room(arcs), as_buffer(moved))
 
     def _make_room(self, arcs: tuple[Any, Any, Any]) -> tuple[Any, Any]:
         """Return the tables of the core, with room for paths to all nodes of these maps, or as many as fit."""
@@ -74,7 +74,7 @@ class PathTables:
         room = max(len(self._far), min(self._most, len(arcs[0]) - 1))
         self._far = _extend_tables(self._far, room)
         self._following = _extend_tables(self._following, room)
-        return buffer(self._far), buffer(self._following)
+        return as_buffer(self._far), as_buffer(self._following)
 
 
 def _extend_tables(tables: np.ndarray[Any, Any], room: int) -> Any:
@@ -99,9 +99,9 @@ class RouteTable:
     """
 
     def __init__(self, streets: StreetGraph, weight: str | None, *, from_sources: bool = False) -> None:
-        self._streets = streets.apart()
-        arcs = streets.ways(weight) if from_sources else streets.ways_to(weight)
-        columns = buffer(arcs.offsets), buffer(arcs.ends), buffer(arcs.weights)
+        self._streets = streets.copy_without_graph()
+        arcs = streets.get_ways(weight) if from_sources else streets.get_reversed_ways(weight)
+        columns = as_buffer(arcs.offsets), as_buffer(arcs.ends), as_buffer(arcs.weights)
         self._paths = PathTables(streets.columns.node_ids, columns).core
 
     @property
@@ -122,7 +122,7 @@ class RouteTable:
         sources, targets = self._check_rows(sources, targets)
         found = np.empty(sources.shape)
         with _lock:
-            routes.find_distances(self._paths, *_make_queries(sources, targets), buffer(found))
+            routes.find_distances(self._paths, *_make_queries(sources, targets), as_buffer(found))
         return found
 
     def actions(
@@ -153,22 +153,22 @@ class RouteTable:
         if allowed is not None:
             enterable = as_array(allowed, "allowed", "booleans", (self._streets.num_nodes,))
         found = np.empty(sources.shape, np.int64)
-        legal = buffer(self._streets.offsets), buffer(self._streets.targets)
+        legal = as_buffer(self._streets.offsets), as_buffer(self._streets.targets)
         queries = _make_queries(sources, targets)
         with _lock:
-            routes.find_actions(self._paths, *legal, *queries, buffer(enterable.view(np.uint8)), buffer(found))
+            routes.find_actions(self._paths, *legal, *queries, as_buffer(enterable.view(np.uint8)), as_buffer(found))
         return found
 
     def _check_rows(self, sources: object, targets: object) -> list[IntArray]:
         """Return the rows of nodes that a caller passed, broadcast to one shape."""
-        checked = self._streets.checked
+        checked = self._streets.check_rows
         return as_one_shape({"sources": checked(sources, "sources"), "targets": checked(targets, "targets")})
 
 
 def _make_queries(sources: IntArray, targets: IntArray) -> tuple[Any, Any, Any]:
     """Return queries for the core: their order by target, so that each table is made once, sources and targets."""
     ends = targets.reshape(-1)
-    return buffer(np.argsort(ends, kind="stable")), buffer(sources), buffer(ends)
+    return as_buffer(np.argsort(ends, kind="stable")), as_buffer(sources), as_buffer(ends)
 
 
 class RoutesFromNodes:
@@ -207,21 +207,21 @@ class RoutesFromNodes:
         edges = self.find_path(source, target, weight)
         if edges is None:
             return []
-        rows = self._rows(edges)
+        rows = self._find_rows(edges)
         columns = self.graph.columns()
         ends = columns.node_ids[columns.targets[rows]].tolist()
         gone = np.cumsum(self.graph.routes.weights(weight)[rows]).tolist()
         return [(self._find_start(source)[0], 0.0), *zip(ends, gone, strict=True)]
 
-    def _rows(self, edges: Sequence[int]) -> IntArray:
+    def _find_rows(self, edges: Sequence[int]) -> IntArray:
         """Return the rows of edges."""
         columns = self.graph.columns()
-        return kernels.rows_of(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
+        return kernels.find_rows(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the length of the shortest path; infinite if there is none."""
         edges = [] if self._find_start(source)[0] == target else self.find_path(source, target, weight)
-        return inf if edges is None else float(self.graph.routes.weights(weight)[self._rows(edges)].sum())
+        return inf if edges is None else float(self.graph.routes.weights(weight)[self._find_rows(edges)].sum())
 
     def nearest(self, source: int, targets: Iterable[int], weight: str | None = "length") -> int | None:
         """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
@@ -311,7 +311,7 @@ class RoutesWithTurns(RoutesFromNodes):
         if edges is None:
             return None
         columns = self.graph.columns()
-        (row,) = self._rows(edges[:1])
+        (row,) = self._find_rows(edges[:1])
         source, end = columns.sources[row], columns.targets[row]
         leaving = columns.out_edges[columns.offsets[source] : columns.offsets[source + 1]]
         node = int(columns.node_ids[end])
@@ -322,4 +322,4 @@ class RoutesWithTurns(RoutesFromNodes):
         """Return the ids of the nodes on the shortest path beyond the first; None: there is no path."""
         edges = self.find_path(self.here, target)
         columns = self.graph.columns()
-        return None if edges is None else columns.node_ids[columns.targets[self._rows(edges)]].tolist()
+        return None if edges is None else columns.node_ids[columns.targets[self._find_rows(edges)]].tolist()

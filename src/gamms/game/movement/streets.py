@@ -58,11 +58,11 @@ class StreetGraph(ShallowCopyMixin):
         self._padded: IntArray | None = None
         self._axes: FloatArray | None = None
 
-    def ways(self, weight: str | None) -> kernels.Arcs:
+    def get_ways(self, weight: str | None) -> kernels.Arcs:
         """Return the edges with weights as compressed sparse rows."""
         return self._queries.arcs(weight)
 
-    def ways_to(self, weight: str | None) -> kernels.Arcs:
+    def get_reversed_ways(self, weight: str | None) -> kernels.Arcs:
         """Return the reversed edges with weights, for searches from the ends of paths."""
         return self._queries.arcs(weight, reverse=True)
 
@@ -70,7 +70,7 @@ class StreetGraph(ShallowCopyMixin):
         """Return the weight of each edge, (edges,)."""
         return self._queries.weights(weight)
 
-    def apart(self) -> "StreetGraph":
+    def copy_without_graph(self) -> "StreetGraph":
         """Return a copy that does not keep the graph in memory, for caches."""
         twin = copy(self)
         del twin._queries
@@ -82,9 +82,9 @@ class StreetGraph(ShallowCopyMixin):
         Raises:
             BadType, BadValue: `rows` are not rows of nodes.
         """
-        return self.ids_of(self.checked(rows, "rows"))
+        return self.get_ids(self.check_rows(rows, "rows"))
 
-    def ids_of(self, rows: IntArray) -> IntArray:
+    def get_ids(self, rows: IntArray) -> IntArray:
         """Return the ids of nodes, without a check of the rows."""
         return rows if self._ids_are_rows else self.columns.node_ids[rows]
 
@@ -109,7 +109,7 @@ class StreetGraph(ShallowCopyMixin):
             raise UnknownName("node", int(missing.flat[0]))
         return found
 
-    def checked(self, rows: object, name: str) -> IntArray:
+    def check_rows(self, rows: object, name: str) -> IntArray:
         """Return rows of nodes from a caller, checked; `streets.rows(ids)` makes them.
 
         Raises:
@@ -163,7 +163,7 @@ class StreetGraph(ShallowCopyMixin):
             steps = rows
         return self.counts.astype(np.min_scalar_type(most)), most if is_even else 0, steps, offsets
 
-    def counts_of(self, rows: IntArray) -> RowArray:
+    def count_legal(self, rows: IntArray) -> RowArray:
         """Return the numbers of legal nodes of nodes, in the smallest integer type that fits."""
         return self._narrow[0].take(rows)
 
@@ -178,9 +178,9 @@ class StreetGraph(ShallowCopyMixin):
             self._padded = copy_locked(np.where(is_legal, padded, np.arange(len(padded))[:, None]))
         return self._padded
 
-    def legal_of(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+    def get_legal(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Return the legal nodes of several nodes: offsets (nodes + 1,) and rows."""
-        places, ends = kernels.chosen_runs(self.offsets, rows)
+        places, ends = kernels.select_runs(self.offsets, rows)
         return ends, self.targets[places]
 
     def step(self, rows: IntArray, actions: IntArray) -> IntArray:
@@ -190,18 +190,18 @@ class StreetGraph(ShallowCopyMixin):
             BadType, BadValue: `rows` or `actions` are invalid, or do not broadcast to one shape.
         """
         here, chosen = as_one_shape(
-            {"rows": self.checked(rows, "rows"), "actions": as_array(actions, "actions", "integers")}
+            {"rows": self.check_rows(rows, "rows"), "actions": as_array(actions, "actions", "integers")}
         )
-        counts = self.counts_of(here)
+        counts = self.count_legal(here)
         is_wrong = (chosen < 0) | (chosen >= counts)
         if is_wrong.any():
             raise BadValue(
                 f"actions: from node {self.ids(here[is_wrong])[0]} there is no action {chosen[is_wrong][0]}, only 0 to "
                 f"{counts[is_wrong][0] - 1}."
             )
-        return self.ends_of(here, chosen)
+        return self.find_ends(here, chosen)
 
-    def ends_of(self, rows: IntArray, actions: IntArray) -> IntArray:
+    def find_ends(self, rows: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of the nodes that actions lead to, without checks."""
         _, width, steps, offsets = self._narrow
         # NOTE: in place: to make another array is a twentieth of a turn of 100,000 agents (benchmarks: teams).
@@ -219,7 +219,7 @@ class StreetGraph(ShallowCopyMixin):
         Raises:
             BadType, BadValue: `rows` are not rows of nodes, or `targets` are not integers.
         """
-        rows = self.checked(rows, "rows")
+        rows = self.check_rows(rows, "rows")
         targets = as_array(targets, "targets", "integers")
         matches = self.legal[rows] == targets[..., None]
         matches &= np.arange(matches.shape[-1]) < self.counts[rows][..., None]
@@ -240,7 +240,7 @@ class LegalNodes:
         self.ragged = offsets, targets
 
     @classmethod
-    def along_streets(cls, streets: StreetGraph, nodes: IntArray) -> "LegalNodes":
+    def from_streets(cls, streets: StreetGraph, nodes: IntArray) -> "LegalNodes":
         """Return the legal nodes of agents that move along one edge, from the ids of their nodes, (agents,)."""
         legal = cls.__new__(cls)
         legal._streets = streets
@@ -251,13 +251,13 @@ class LegalNodes:
     def ragged(self) -> tuple[IntArray, IntArray]:
         """Offsets and targets; read-only."""
         streets: Any = self._streets
-        offsets, rows = streets.legal_of(self._rows)
+        offsets, rows = streets.get_legal(self._rows)
         return copy_locked(offsets), copy_locked(streets.ids(rows))
 
     @cached_property
     def counts(self) -> RowArray:
         """The number of legal nodes of each agent, (agents,)."""
-        found: RowArray = np.diff(self.ragged[0]) if self._streets is None else self._streets.counts_of(self._rows)
+        found: RowArray = np.diff(self.ragged[0]) if self._streets is None else self._streets.count_legal(self._rows)
         return copy_locked(found.astype(np.int32))
 
     def step(self, actions: IntArray) -> IntArray:
@@ -266,7 +266,7 @@ class LegalNodes:
             ends, nodes = self.ragged
             chosen: IntArray = nodes[ends[:-1] + actions]
             return chosen
-        return self._streets.ids_of(self._streets.ends_of(self._rows, actions))
+        return self._streets.get_ids(self._streets.find_ends(self._rows, actions))
 
 
 def as_table(at: IntArray, ids: IntArray, rows: int) -> IntArray:

@@ -1,6 +1,6 @@
 """Travel by metres: maps and paths in the form of `gamms.core.travel`, and moves of the game of a context by ids.
 
-`map_of`, `ReachableNodes` and `TurnPaths` hold the data of the core, for one game or many, with rows of nodes and
+`make_map`, `ReachableNodes` and `TurnPaths` hold the data of the core, for one game or many, with rows of nodes and
 edges. `Travel` finds legal nodes and paths of agents in the game of a context, and `GamePaths` holds these paths: their
 ids are only looked up when code reads them.
 """
@@ -38,7 +38,7 @@ from gamms.ir.progress import Motion, Progress
 from gamms.typing.context import HostContext, IContext
 from gamms.typing.game import Leg, Track
 from gamms.typing.graph_engine import IGraph
-from gamms.typing.on_edges import Line, OnEdge, placed
+from gamms.typing.on_edges import Line, OnEdge, locate_on_edge
 from gamms.typing.routes import TurnRoutes
 
 SLACK = 1e-9  # of a turn, as in the core
@@ -55,7 +55,7 @@ NO_ROWS = np.zeros(0, np.int64)
 STAYS = -1  # the number of nodes on the route of an agent that stays
 
 
-def map_of(
+def make_map(
     columns: GraphColumns,
     costs: FloatArray,
     seconds: FloatArray | None,
@@ -267,7 +267,7 @@ class GamePaths(core.PathsBySlot):
     @property
     def most(self) -> tuple[int, int]:
         """The maximum numbers of legs and of nodes of an agent."""
-        return self.most_legs(), self.most_nodes()
+        return self.count_most_legs(), self.count_most_nodes()
 
     # -- one agent --------------------------------------------------------------------------------------------------
 
@@ -275,10 +275,10 @@ class GamePaths(core.PathsBySlot):
         """Let an agent have the same path, by ids, on another map with its nodes and edges."""
         before = self.maps[i]
         columns = self._columns
-        columns.node[i] = roads.row(before.ids[columns.node[i]])
+        columns.node[i] = roads.find_row(before.ids[columns.node[i]])
         first = i * (self._most + 1)
         for place in range(first, first + columns.passed[i]):
-            columns.nodes[place] = roads.row(before.ids[columns.nodes[place]])
+            columns.nodes[place] = roads.find_row(before.ids[columns.nodes[place]])
         first = i * self._most
         legs = range(first, first + columns.legs[i])
         for edges, places in ((columns.edge, [i]), (columns.edges, legs), (columns.backs, legs)):
@@ -309,15 +309,15 @@ class GamePaths(core.PathsBySlot):
     def _is_over_nodes(self, i: int) -> bool:
         return isinstance(self.maps[i], NodeIds)
 
-    def num_legs(self, i: int) -> int:
+    def count_legs(self, i: int) -> int:
         """Return the number of legs of an agent."""
         return 0 if self.maps[i] is None else self._columns.legs[i]
 
-    def room(self, i: int) -> int:
+    def count_room(self, i: int) -> int:
         """Return the number of legs of an agent with a path, or of its nodes, if there are more."""
         return int(max(self._columns.legs[i], self._columns.passed[i]))
 
-    def last_time(self, i: int) -> float:
+    def get_last_time(self, i: int) -> float:
         """Return when the last leg of an agent ends."""
         time: float = self._columns.until[i * self._most + self._columns.legs[i] - 1]
         return time
@@ -329,13 +329,13 @@ class GamePaths(core.PathsBySlot):
         node: int = roads.ids[self._columns.node[i]]
         return node
 
-    def begun(self, i: int) -> Leg | None:
+    def get_first_leg(self, i: int) -> Leg | None:
         """Return the first leg of an agent if it begins on an edge."""
-        if self.maps[i] is None or not core.begins_on_edge(self.core, i):
+        if self.maps[i] is None or not core.is_on_edge_at_start(self.core, i):
             return None
-        return self.legs_of(i)[0]
+        return self.list_legs(i)[0]
 
-    def track(self, i: int) -> Track | None:
+    def make_track(self, i: int) -> Track | None:
         """Return the track of an agent; None: it has no path."""
         roads = self.maps[i]
         if roads is None:
@@ -345,7 +345,7 @@ class GamePaths(core.PathsBySlot):
         last = first + columns.passed[i]
         ids = roads.ids
         path = [ids[node] for node in columns.nodes[first:last]]
-        return Track(tuple(path), tuple(columns.times[first:last]), tuple(self.legs_of(i)))
+        return Track(tuple(path), tuple(columns.times[first:last]), tuple(self.list_legs(i)))
 
     def _list_nodes_beyond(self, i: int) -> list[int]:
         """Return the ids of the nodes on the path of an agent over nodes, beyond the first."""
@@ -355,7 +355,7 @@ class GamePaths(core.PathsBySlot):
         rows = [*columns.nodes[first + 1 : first + columns.passed[i]], *ahead]
         return [self.maps[i].ids[row] for row in rows]
 
-    def legs_of(self, i: int) -> list[Leg]:
+    def list_legs(self, i: int) -> list[Leg]:
         """Return the legs of an agent with a path."""
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
         columns = self._columns
@@ -368,19 +368,19 @@ class GamePaths(core.PathsBySlot):
             legs.append(Leg(source, target, id, begins[place], ends[place], since[place], until[place], back))
         return legs
 
-    def route(self, i: int) -> tuple[int, int, list[int]]:
+    def make_route(self, i: int) -> tuple[int, int, list[int]]:
         """Return the path of an agent as `core.ChosenRoutes` takes it: a count, a motion and the ids of nodes.
 
         The count is for an agent that passes no more nodes.
         """
-        legs = self.legs_of(i)
+        legs = self.list_legs(i)
         targets = [leg.target for leg in legs] if legs else self._list_nodes_beyond(i)
-        if not targets or not core.begins_on_edge(self.core, i):
+        if not targets or not core.is_on_edge_at_start(self.core, i):
             return STAYS, Motion.FORWARD, targets
         motion = self._columns.motion[i]
         if not core.is_moving(self.core, i):  # it stands, or is on its way and too slow to get on
             return (STAYS if motion == Motion.STOPPED else 0), motion, []
-        return 0, core.motion_of(legs[0].begin, legs[0].end), targets[1:]
+        return 0, core.get_motion(legs[0].begin, legs[0].end), targets[1:]
 
 
 @lru_cache(maxsize=256)
@@ -455,26 +455,26 @@ class StoredPaths:
         self._plain: list[core.RoadEdges] = []  # the maps in use,
         self._back: list[core.RoadEdges] = []  # and with all edges reversed
 
-    def apart(self, rows: int, most: int) -> "StoredPaths":
+    def copy_with_room(self, rows: int, most: int) -> "StoredPaths":
         """Return a copy with room for other numbers of agents and nodes."""
         twin = copy(self)
         twin._begin(rows, most)
         return twin
 
-    def ways(self, roads: core.RoadEdges, reach: ReachableNodes) -> core.GoalPaths:
+    def get_ways(self, roads: core.RoadEdges, reach: ReachableNodes) -> core.GoalPaths:
         """Return the paths in the form of the core, for one thread on a map."""
         columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
         direct: Any = np.zeros(len(self._columns.edge_ids), np.uint8).data
         turned = replace(self._columns, sources=self._columns.targets, targets=self._columns.sources)
-        back = map_of(turned, self._costs, None, 1.0, self._entering)
+        back = make_map(turned, self._costs, None, 1.0, self._entering)
         self._back.append(back)
         return core.GoalPaths(*[roads, back, reach.core, direct, self.most, *columns])
 
-    def plain_ways(self, reach: ReachableNodes) -> core.GoalPaths:
+    def get_plain_ways(self, reach: ReachableNodes) -> core.GoalPaths:
         """Return the paths in the form of the core, on a map where only costs matter."""
-        roads = map_of(self._columns, self._costs, None, 1.0, self._leaving)
+        roads = make_map(self._columns, self._costs, None, 1.0, self._leaving)
         self._plain.append(roads)
-        return self.ways(roads, reach)
+        return self.get_ways(roads, reach)
 
     def take_maps(self, edges_at: EdgesAt, moved: IntArray, first_costs: IntArray) -> None:
         """Switch to other maps, and keep the paths on those that remain.
@@ -487,7 +487,7 @@ class StoredPaths:
         self._take_edges(edges_at, first_costs)
         for maps, (offsets, rows) in ((self._plain, self._leaving), (self._back, self._entering)):
             for one in maps:
-                one.take(kernels.buffer(offsets), kernels.buffer(rows), kernels.buffer(first_costs))
+                one.take(kernels.as_buffer(offsets), kernels.as_buffer(rows), kernels.as_buffer(first_costs))
         nodes = len(self._columns.node_ids)
         goal = self._ints[0]
         first = moved[goal // nodes]
@@ -518,7 +518,7 @@ class PathFinder:
         self._ways: core.GoalPaths | None = None
         self._agents = 0  # the number of agents that `_ways` has room for
 
-    def row(self, node: int) -> int:
+    def find_row(self, node: int) -> int:
         """Return the row of a node.
 
         Raises:
@@ -526,17 +526,17 @@ class PathFinder:
         """
         return self._row_of[node]
 
-    def found(self, count: int) -> tuple[int, ...]:
+    def list_found(self, count: int) -> tuple[int, ...]:
         """Return the ids of the first `count` nodes found last."""
         ids = self.ids
         return tuple([ids[row] for row in self._found[:count].tolist()])
 
-    def ways(self, agent: int) -> core.GoalPaths:
+    def get_ways(self, agent: int) -> core.GoalPaths:
         """Return the paths of agents, with room for an agent of this row."""
         if self._ways is None or agent >= self._agents:
             self._agents = 2 * agent + 2
             paths = StoredPaths(self._columns, self._costs, self._agents, _REMEMBERED, self._edges_at)
-            self._ways = paths.plain_ways(self.reach)
+            self._ways = paths.get_plain_ways(self.reach)
         return self._ways
 
 
@@ -565,7 +565,7 @@ class EdgeLines(dict[int, Line]):
         self._edge_ids = edge_ids
 
     def __missing__(self, row: int) -> Line:
-        line = Line.of(self._graph.get_edge(self._edge_ids[row]).points)
+        line = Line.from_flat(self._graph.get_edge(self._edge_ids[row]).points)
         self[row] = line
         return line
 
@@ -616,13 +616,13 @@ class RoadMap(PathFinder, RoadIds):
         self.seconds = seconds
         self.turn_seconds = turn_seconds
         PathFinder.__init__(self, columns, costs, edges_at)
-        roads = map_of(columns, self._costs, seconds, turn_seconds, edges_at and edges_at[0])
+        roads = make_map(columns, self._costs, seconds, turn_seconds, edges_at and edges_at[0])
         RoadIds.__init__(self, columns, self.ids, roads, graph.revision)
         edge_ids = columns.edge_ids.tolist()
         self.edge_rows = RowsOfIds("edge", edge_ids)
         self.lines = EdgeLines(graph, edge_ids)
 
-    def on(self, edge: int) -> int | None:
+    def get_row_of_edge(self, edge: int) -> int | None:
         """Return the row of an edge by its id; None: it does not exist."""
         return self.edge_rows.get(edge)
 
@@ -631,7 +631,7 @@ class RoadMap(PathFinder, RoadIds):
         row_of = self._row_of
         if source not in row_of or target not in row_of:
             return None
-        row = core.cheapest(self.map, row_of[source], row_of[target])
+        row = core.find_cheapest(self.map, row_of[source], row_of[target])
         return None if row < 0 else self.edge_ids[row][2]
 
     def find_cheapest(self, edges: Sequence[int]) -> int:
@@ -653,7 +653,7 @@ class RoadMap(PathFinder, RoadIds):
         row = self.edge_rows.get(edge)
         if row is None:
             return []
-        back = core.back(self.map, row)
+        back = core.find_reverse_edge(self.map, row)
         return sorted([edge] if back < 0 else [edge, self.edge_ids[back][2]])
 
     def join(self, others: Sequence["RoadMap"]) -> core.RoadEdges:
@@ -664,9 +664,9 @@ class RoadMap(PathFinder, RoadIds):
         offsets = np.concatenate(([0], np.cumsum(np.concatenate([np.diff(offsets) for offsets, _ in each]))))
         leaving = offsets, np.concatenate([rows for _, rows in each])
         costs = np.array([one._costs for one in every])
-        found = map_of(columns, costs, None if self.seconds is None else costs, self.turn_seconds, leaving)
+        found = make_map(columns, costs, None if self.seconds is None else costs, self.turn_seconds, leaving)
         first_costs = np.arange(len(every)) * len(columns.edge_ids)
-        found.take(*map(kernels.buffer, (*leaving, first_costs)))
+        found.take(*map(kernels.as_buffer, (*leaving, first_costs)))
         return found
 
     def search(self, found: TravelSearch) -> None:
@@ -678,10 +678,10 @@ class RoadMap(PathFinder, RoadIds):
         """The positions of nodes, by row."""
         return [*map(tuple, self._columns.xy.tolist())]
 
-    def located(self, place: Progress) -> OnEdge | None:
+    def locate(self, place: Progress) -> OnEdge | None:
         """Return the position of an agent on an edge; see `typing.on_edges.located`."""
         row = self.edge_rows.get(place.edge)
-        return None if row is None else placed(place, self._columns.lengths.item(row), self.lines[row])
+        return None if row is None else locate_on_edge(place, self._columns.lengths.item(row), self.lines[row])
 
 
 def find_edges_at(columns: GraphColumns, mode: str) -> EdgesAt:
@@ -762,11 +762,11 @@ class Travel(TravelSearch):
 
     def prepare(self, agents: int) -> None:
         """Prepare to find paths of agents below this row on the present map, until it changes."""
-        self.take_ways(self.roads.ways(agents))
+        self.take_ways(self.roads.get_ways(agents))
 
-    def place(self, row: int) -> Progress | None:
+    def get_position(self, row: int) -> Progress | None:
         """Return the position of an agent on an edge; None: it is on its node."""
-        place: Progress | None = self._ctx.agent.block.on_edge(row)
+        place: Progress | None = self._ctx.agent.block.get_edge_position(row)
         return place
 
     # -- moves ----------------------------------------------------------------------------------------------------
@@ -777,7 +777,7 @@ class Travel(TravelSearch):
         self.begin(here, place and place._replace(motion=Motion.STOPPED), None)
         core.stand(roads.map, self._trips, 0)
 
-    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
+    def follow_route(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
         """Find the path along a route of nodes, as far as the turn allows.
 
         Raises:
@@ -795,19 +795,19 @@ class Travel(TravelSearch):
             at = place.target
         elif place is not None:
             motion = Motion.BACK
-            if core.back(roads.map, roads.edge_rows[place.edge]) < 0:
-                raise one_way(place.source, place.target)
+            if core.find_reverse_edge(roads.map, roads.edge_rows[place.edge]) < 0:
+                raise make_one_way_error(place.source, place.target)
         if len(nodes) + _MORE_LEGS > self._most:
             self._make_room(len(nodes) + _MORE_LEGS)
         for number, node in enumerate(nodes):
-            self._route[number] = roads.row(node)
-        flaw = core.without_edge(roads.map, self._trips, roads.row(at), len(nodes))
+            self._route[number] = roads.find_row(node)
+        flaw = core.find_missing_edge(roads.map, self._trips, roads.find_row(at), len(nodes))
         if flaw >= 0:
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
         self.begin(here, place, speed)
         core.go(roads.map, self._trips, 0, motion, len(nodes))
 
-    def over(self, place: Progress | None, here: int, speed: float | None, edge: int) -> None:
+    def cross_edge(self, place: Progress | None, here: int, speed: float | None, edge: int) -> None:
         """Find the path of an agent to the end of an edge out of its node, or of the edge that it is on, or back on it.
 
         The path is as far as the turn allows.
@@ -823,7 +823,9 @@ class Travel(TravelSearch):
         if place is None and self._trips.share[0] == 0.0 and self._trips.edge[0] >= 0:  # it has not left its node
             self.stay(None, here)
 
-    def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> None:
+    def find_path_towards(
+        self, agent: int, place: Progress | None, here: int, speed: float | None, target: int
+    ) -> None:
         """Find the shortest path of an agent toward a node, as far as the turn allows.
 
         Raises:
@@ -836,7 +838,7 @@ class Travel(TravelSearch):
         if not self.go_towards(agent, here, place, speed, target):
             if place is None:
                 raise BadValue(str(NoPath(here, target)))
-            may_turn = core.back(roads.map, roads.edge_rows[place.edge]) >= 0
+            may_turn = core.find_reverse_edge(roads.map, roads.edge_rows[place.edge]) >= 0
             raise make_no_path_error(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
 
     def _refuse_far(self, here: int, target: int) -> None:
@@ -868,7 +870,7 @@ class FollowingStates(NamedTuple):
 class TrafficTable:
     """The states of traffic that obeys turn restrictions by edges, on a graph and on maps with some of its edges.
 
-    They are those of `kernels.turn_states`; behind them is one for each node, in which traffic begins there.
+    They are those of `kernels.make_turn_states`; behind them is one for each node, in which traffic begins there.
 
     Args:
         columns: the columns of the graph.
@@ -906,7 +908,7 @@ class TrafficTable:
         is_open = np.zeros(len(columns.edge_ids), np.bool_)
         is_open[rows] = True
         going = rows[columns.sources[rows] != columns.targets[rows]]
-        steps = kernels.turn_states(columns.sources, columns.targets, columns.lengths, is_open, self._forbidden)
+        steps = kernels.make_turn_states(columns.sources, columns.targets, columns.lengths, is_open, self._forbidden)
         starts = np.append(steps.starts, self.begin + columns.sources[going])
         ends = np.append(steps.ends, going)
         place = np.zeros(len(columns.edge_ids), np.int64)  # of each edge on the map,
@@ -953,7 +955,7 @@ def bind_states(
     columns = [[getattr(one, name) for one in tables] for name in ("nodes", "edges", "sources")]
     views: list[Any] = [np.concatenate(several).data for several in columns]
     working: Any = np.zeros(5 * len(views[0]), np.int64).data
-    of_agents = [kernels.buffer(one.reshape(-1)) for one in (begin_of_agent, driven, driving)]
+    of_agents = [kernels.as_buffer(one.reshape(-1)) for one in (begin_of_agent, driven, driving)]
     return by_edges.TrafficStates(*[*views, of_agents[0], working, *of_agents[1:]])
 
 
@@ -977,7 +979,7 @@ class MovesWithTurns:
         self._following = self._table.find_following(np.flatnonzero(find_usable_edges(columns, mode)), costs)
         nothing = np.full(1, -1)
         self._states = bind_states([self._table], np.array([self._table.begin]), nothing, nothing)
-        self._states.take_maps(*[*map(kernels.buffer, self._following), kernels.buffer(np.zeros(1, np.int64))])
+        self._states.take_maps(*[*map(kernels.as_buffer, self._following), kernels.as_buffer(np.zeros(1, np.int64))])
         by_edges.use_states(self._states, 0, 0)
         self._reach = ReachableNodes(len(self._ids))
         self._make_room(len(self._ids) + _MORE_LEGS)
@@ -1171,7 +1173,7 @@ class TurnMap:
         arc = self._arcs[state, edge]
         return state, arc, self._ends[arc]
 
-    def onward(self, state: int) -> list[tuple[int, int, int]]:
+    def list_following(self, state: int) -> list[tuple[int, int, int]]:
         """Return what may follow a state: the rows of the edge and of its end, and the next state, of each."""
         arcs = range(self._offsets[state], self._offsets[state + 1])
         return [(int(self.edges[arc]), int(self.nodes[self._ends[arc]]), self._ends[arc]) for arc in arcs]
@@ -1211,10 +1213,10 @@ class TravelWithTurns(Travel):
 
     def _find_start(self, here: int, place: Progress | None) -> tuple[int, int, int]:
         roads = self.roads
-        edge = None if place is None else roads.on(place.edge)
-        return self.turns.start(roads.row(here), [roads.edge_rows[one] for one in self.driven], edge)
+        edge = None if place is None else roads.get_row_of_edge(place.edge)
+        return self.turns.start(roads.find_row(here), [roads.edge_rows[one] for one in self.driven], edge)
 
-    def legal(self, here: int, place: Progress | None, speed: float | None) -> tuple[int, ...]:
+    def list_legal(self, here: int, place: Progress | None, speed: float | None) -> tuple[int, ...]:
         """Return the legal nodes of an agent: those next to it, then those that it can reach in this turn.
 
         An agent on an edge goes on to its end first.
@@ -1225,12 +1227,12 @@ class TravelWithTurns(Travel):
             return (place.target,)
         at = (0.0, Motion.NONE) if arc < 0 or place is None else (place.share, Motion.FORWARD)
         pace = nan if speed is None else speed
-        count = core.reachable(turns.map, turns.reach.core, state, arc, *at, pace, self.now, True)
+        count = core.find_reachable(turns.map, turns.reach.core, state, arc, *at, pace, self.now, True)
         ids = self.roads.ids
         rows = turns.nodes[turns.reach.nodes[:count]].tolist()
         return tuple(dict.fromkeys([ids[row] for row in rows]))
 
-    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
+    def follow_route(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
         """Find the path along a route of nodes, over the cheapest edges whose turns are legal.
 
         Raises:
@@ -1250,9 +1252,18 @@ class TravelWithTurns(Travel):
         """Return the rows of the cheapest edges from a state along nodes, whose turns are all legal."""
         roads = self.roads
         turns = self.turns
-        return find_legal_edges(state, at, [*map(roads.row, nodes)], roads.ids, turns.onward, turns.routes.costs)
+        return find_legal_edges(
+            state, at, [*map(roads.find_row, nodes)], roads.ids, turns.list_following, turns.routes.costs
+        )
 
-    def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> None:  # noqa: ARG002
+    def find_path_towards(
+        self,
+        agent: int,  # noqa: ARG002 - turns have no stored paths
+        place: Progress | None,
+        here: int,
+        speed: float | None,
+        target: int,
+    ) -> None:
         """Find the shortest path of an agent toward a node over legal turns, as far as the turn allows.
 
         Raises:
@@ -1260,12 +1271,12 @@ class TravelWithTurns(Travel):
         """
         *_, state = self._find_start(here, place)
         at = here if place is None else place.target
-        if speed is None and target not in (legal := self.legal(here, place, None)):
+        if speed is None and target not in (legal := self.list_legal(here, place, None)):
             raise BadValue(f"Node {target} is not next to the agent, or the turn is forbidden; legal are {[*legal]}.")
         if speed is None:
             edges: list[int] | None = self._find_edges(state, at, [target])
         else:
-            edges = self.turns.routes.path_from(state, self.roads.row(target))
+            edges = self.turns.routes.path_from(state, self.roads.find_row(target))
         if edges is None:
             raise BadValue(str(NoPath(at, target)))
         self._go(place, here, speed, edges)
@@ -1300,7 +1311,7 @@ class TravelWithTurns(Travel):
         for leg in range(trips.legs[0]):
             edge = int(turns.edges[trips.edges[leg]])
             trips.edges[leg] = edge
-            trips.backs[leg] = core.back(roads, edge)
+            trips.backs[leg] = core.find_reverse_edge(roads, edge)
 
 
 def make_turning_error(place: Progress) -> BadValue:
@@ -1311,7 +1322,7 @@ def make_turning_error(place: Progress) -> BadValue:
     )
 
 
-def graph_of(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its class cannot be imported here
+def get_mode_graph(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its class cannot be imported here
     """Return the graph of the edges that the agents of a mode may use; None: the whole graph.
 
     Raises:
@@ -1342,10 +1353,10 @@ def make_no_path_error(here: int, end: int, target: int, *, is_paced: bool, may_
     """Return the error for an agent on an edge from `here` to `end` that cannot reach a node."""
     if not is_paced:
         return BadValue(f"Node {target} is no end of the edge from node {here} to node {end}.")
-    return BadValue(str(NoPath(end, target))) if may_turn or target != here else one_way(here, end)
+    return BadValue(str(NoPath(end, target))) if may_turn or target != here else make_one_way_error(here, end)
 
 
-def one_way(source: int, target: int) -> BadValue:
+def make_one_way_error(source: int, target: int) -> BadValue:
     """Return the error for an agent that cannot turn around on an edge."""
     return BadValue(
         f"The edge from node {source} to node {target} is a one-way road: the agent cannot turn round on "

@@ -15,7 +15,7 @@ from gamms.errors import BadFile, BadValue
 from gamms.ir import packing
 from gamms.plain import Plain
 from gamms.readonly import NotPickled
-from gamms.recorder.errors import DAMAGES, RecordingError, reporting_damage
+from gamms.recorder.errors import DAMAGES, RecordingError, report_damage
 from gamms.recorder.streams import StreamOwner
 from gamms.text import shown
 
@@ -72,7 +72,7 @@ def compute_cost(turns: int, moves: int, events: int) -> int:
     return _OF_TURN * turns + _OF_MOVE * moves + _OF_EVENT * events
 
 
-def block(type: int, body: bytes, key: int, counts: BlockCounts) -> bytes:
+def make_block(type: int, body: bytes, key: int, counts: BlockCounts) -> bytes:
     """Return the bytes of a block."""
     if len(body) > MOST_BODY:
         raise BadValue(f"{len(body)} bytes cannot be recorded at once; at most {MOST_BODY} can.")
@@ -108,9 +108,9 @@ class FileContents(NamedTuple):
     warning: str | None  # None of a finished one
 
 
-def add_position_to_errors(at: int) -> reporting_damage:
+def add_position_to_errors(at: int) -> report_damage:
     """Return a context manager that adds the position of a block to errors."""
-    return reporting_damage(f"This recording is damaged at byte {at}", (*DAMAGES, MemoryError, RecursionError))
+    return report_damage(f"This recording is damaged at byte {at}", (*DAMAGES, MemoryError, RecursionError))
 
 
 class BlockSource(NotPickled):
@@ -153,17 +153,17 @@ class BlockSource(NotPickled):
             raise BadFile("the file became shorter while it was read")
         return data
 
-    def head(self, at: int) -> BlockHead:
+    def read_head(self, at: int) -> BlockHead:
         """Return the head of the block at a position (BadFile)."""
         return decode_head(self.read(at, min(HEAD_SIZE, self.size - at)), at)
 
-    def body(self, head: BlockHead) -> bytes:
+    def read_body(self, head: BlockHead) -> bytes:
         """Return the body of a block.
 
         Raises:
             BadFile: the body is damaged, or the head has changed.
         """
-        if self.head(head.at) != head:
+        if self.read_head(head.at) != head:
             raise BadFile("this block has changed")
         body = self.read(head.at + HEAD_SIZE, head.size)
         if zlib.crc32(body) != head.crc:
@@ -179,8 +179,8 @@ def read_contents(source: BlockSource, decoder: packing.Decoder) -> FileContents
     """
     _check_magic(source.read(0, min(len(MAGIC), source.size)))
     with add_position_to_errors(len(MAGIC)):
-        head = source.head(len(MAGIC))
-        header = packing.unpack(source.body(head), decoder)
+        head = source.read_head(len(MAGIC))
+        header = packing.unpack(source.read_body(head), decoder)
         if head.type != HEADER or head.key or not isinstance(header, dict):
             raise BadFile("there is no header here")
     return FileContents(header, *_Blocks(source, head).read(head.end))
@@ -199,7 +199,7 @@ def _check_magic(data: bytes) -> None:
     raise RecordingError(f"This is not a recording: at byte 0 it begins with {shown(data)}, not with {shown(MAGIC)}.")
 
 
-def turns_of(found: list[BlockHead]) -> int:
+def count_turns(found: list[BlockHead]) -> int:
     """Return the number of turns in consecutive blocks."""
     return found[-1].first + found[-1].turns if found else 0
 
@@ -225,13 +225,13 @@ class _Blocks:
         if (copy := self._copy_behind(at)) is not None:
             self._join(copy)
             at = copy.end
-        turns = turns_of(found)
+        turns = count_turns(found)
         rest = f" {source.size - at} bytes after them are lost." if source.size > at else ""
         return found, f"This recording was not finished: its first {turns} turns, up to byte {at}, can be read.{rest}"
 
     def _read_block(self, at: int) -> BlockHead | None:
         try:
-            head = self._source.head(at)
+            head = self._source.read_head(at)
         except BadFile:
             return None
         return head if head.key == self._key and head.end <= self._source.size else None
@@ -239,10 +239,10 @@ class _Blocks:
     def _add_next_block(self, block: BlockHead) -> bool:
         """Add a block if it continues the blocks found so far; return whether it does."""
         if block.type == END:
-            return block.first == turns_of(self._found)
+            return block.first == count_turns(self._found)
         if block.type not in (TURNS, KEYFRAME):
             return True  # of a later version
-        is_next = block.first == turns_of(self._found)
+        is_next = block.first == count_turns(self._found)
         if (block.type == TURNS) != (block.turns > 0) or not (
             is_next or (self._replace_block(block) and self._is_sound(block))
         ):
@@ -261,7 +261,7 @@ class _Blocks:
 
     def _is_sound(self, block: BlockHead) -> bool:
         try:
-            self._source.body(block)
+            self._source.read_body(block)
         except BadFile:
             return False
         return True
@@ -274,7 +274,7 @@ class _Blocks:
             if (
                 block is not None
                 and block.turns
-                and (self._replace_block(block) or block.first == turns_of(self._found))
+                and (self._replace_block(block) or block.first == count_turns(self._found))
             ):
                 if self._is_sound(block):
                     return block

@@ -26,7 +26,7 @@ from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packing
 from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.packed_bytes import FAST, ByteReader, column, steps
+from gamms.ir.packed_bytes import FAST, ByteReader, compute_differences, encode_column
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
@@ -66,27 +66,27 @@ class TrackLayout:
         self.at = np.flatnonzero(self.is_first)  # (tracks,): start of each track
         self.lengths = np.diff(self.at, append=len(numbers))
 
-    def columns(self, values: IntArray) -> Iterator[bytes]:
+    def encode_columns(self, values: IntArray) -> Iterator[bytes]:
         """Yield two columns: the first value of each track; all other values, as differences."""
         ordered = values[self.order]
-        yield column(steps(ordered[self.is_first]))
-        yield column(steps(ordered)[~self.is_first])
+        yield encode_column(compute_differences(ordered[self.is_first]))
+        yield encode_column(compute_differences(ordered)[~self.is_first])
 
-    def float_columns(self, values: IntArray) -> Iterator[bytes]:
-        """Yield two columns of the bits of floats: like `columns`, but with second differences of each track.
+    def encode_float_columns(self, values: IntArray) -> Iterator[bytes]:
+        """Yield two columns of the bits of floats: like `encode_columns`, but with second differences of each track.
 
         The steps of an agent that moves straight on are nearly equal.
         """
         ordered = values[self.order]
-        yield column(steps(ordered[self.is_first]))
-        others = steps(ordered)[~self.is_first]
+        yield encode_column(compute_differences(ordered[self.is_first]))
+        others = compute_differences(ordered)[~self.is_first]
         is_second = self.is_first[:-1][~self.is_first[1:]]  # (others,)
-        yield column(np.where(is_second, others, steps(others)))
+        yield encode_column(np.where(is_second, others, compute_differences(others)))
 
     def take(self, reader: ByteReader, *, are_floats: bool = False) -> IntArray:
-        """Read the values (entries,) of the next `columns`, or the bits of floats of the next `float_columns`."""
-        firsts = reader.sums(len(self.at))
-        others = reader.column(len(self.order) - len(self.at))
+        """Read the values (entries,) of `encode_columns`, or the bits of floats of `encode_float_columns`."""
+        firsts = reader.read_sums(len(self.at))
+        others = reader.read_column(len(self.order) - len(self.at))
         if are_floats:
             others = self._sum_tracks(0, others)[~self.is_first]
         values = np.empty(len(self.order), np.int64)
@@ -112,7 +112,7 @@ class EventRows(NamedTuple):
     floats: "array[float]"
 
     @classmethod
-    def of(cls, kind: int, events: list[Plain]) -> "EventRows":
+    def from_events(cls, kind: int, events: list[Plain]) -> "EventRows":
         """Return checked data of events.
 
         Raises:
@@ -136,22 +136,22 @@ class EventRows(NamedTuple):
             raise BadValue(f"An event of kind {kind:#010x} has a number of more than 64 bits.") from None
 
     @classmethod
-    def joined(cls, parts: Sequence["EventRows"]) -> "EventRows":
+    def join(cls, parts: Sequence["EventRows"]) -> "EventRows":
         """Return the events of several turns."""
         ints, floats = (b"".join(numbers) for numbers in zip(*parts, strict=True))
         return cls(array("q", ints), array("d", floats))
 
-    def columns(self, kind: int) -> Iterator[bytes]:
+    def encode_columns(self, kind: int) -> Iterator[bytes]:
         """Yield the columns for the block: the bits of floats as integers."""
         nodes, floats = FORMS[kind]
         ints = np.frombuffer(self.ints, np.int64).reshape(-1, 1 + nodes)
         layout = TrackLayout(ints[:, 0])
-        yield column(steps(ints[:, 0]))
+        yield encode_column(compute_differences(ints[:, 0]))
         bits = np.frombuffer(self.floats, np.float64).astype("<f8", copy=False).view(np.int64).reshape(-1, floats)
         for part in ints.T[1:]:
-            yield from layout.columns(part)
+            yield from layout.encode_columns(part)
         for part in bits.T:
-            yield from layout.float_columns(part)
+            yield from layout.encode_float_columns(part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,11 +162,11 @@ class EventTracks:
     nodes: IntArray  # (events, 0 or 1)
     floats: FloatArray  # (events, floats)
 
-    def at(self, places: IntArray | slice) -> "EventTracks":
+    def select(self, places: IntArray | slice) -> "EventTracks":
         """Return a selection of the events."""
         return EventTracks(self.numbers[places], self.nodes[places], self.floats[places])
 
-    def data(self) -> Iterator[tuple[Plain, ...]]:
+    def list_data(self) -> Iterator[tuple[Plain, ...]]:
         """Yield the data of each event."""
         parts = (self.numbers, *self.nodes.T, *self.floats.T)
         return zip(*(part.tolist() for part in parts), strict=True)
@@ -178,7 +178,7 @@ class EventTracks:
         Raises:
             BadFile: the columns are damaged.
         """
-        numbers = reader.sums(size)
+        numbers = reader.read_sums(size)
         layout = TrackLayout(numbers)
         nodes = np.empty((size, FORMS[kind].nodes), np.int64)
         floats = np.empty((size, FORMS[kind].floats), np.int64)
@@ -209,7 +209,7 @@ class LogPart(NamedTuple):
         return _BYTES_PER_MOVE * len(self.moves) + values + _BYTES_PER_NUMBER * numbers
 
 
-def part_of(log: Sequence[object]) -> LogPart:
+def make_part(log: Sequence[object]) -> LogPart:
     """Return the checked log of a turn as columns.
 
     Raises:
@@ -256,7 +256,7 @@ def _make_part(log: Log) -> LogPart:
         else:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
     found.append(_select_moves(log[begin:]))
-    numbers = {kind: EventRows.of(kind, each) for kind, each in rows.items() if each}
+    numbers = {kind: EventRows.from_events(kind, each) for kind, each in rows.items() if each}
     whole = np.concatenate(found)
     return LogPart(whole, after, kinds, data, numbers)
 
@@ -317,7 +317,7 @@ class WaitingTurns:
         """The counts for the head of the block."""
         return blocks.BlockCounts(self.first, self.turns, self.moves, self.events)
 
-    def fits(self, moves: int, events: int = 0) -> bool:
+    def has_room(self, moves: int, events: int = 0) -> bool:
         """Return whether this many moves and events can be added."""
         return self.moves + moves <= blocks.MOST_MOVES and self.events + events <= blocks.MOST_EVENTS
 
@@ -329,27 +329,27 @@ class WaitingTurns:
         self.values += len(part.data)
         self.size += part.size
 
-    def since(self, mark: int) -> "WaitingTurns":
+    def get_turns_since(self, mark: int) -> "WaitingTurns":
         """Return the turns after the first `mark` ones, for a separate block."""
         return WaitingTurns(self.first + mark, self.parts[mark:])
 
-    def body(self) -> bytes:
+    def make_body(self) -> bytes:
         """Return the body of the block."""
         parts = self.parts
-        columns = [column(np.array([len(part.moves) for part in parts], np.int64))]
+        columns = [encode_column(np.array([len(part.moves) for part in parts], np.int64))]
         columns += self._list_event_columns()
         columns[2:2] = self._list_move_columns()
         for kind in sorted(FORMS):
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
-                columns += EventRows.joined(some).columns(kind)
+                columns += EventRows.join(some).encode_columns(kind)
         data = list(chain.from_iterable(part.data for part in parts))
         return packing.pack_parts(data, columns, blocks.compute_cost(*self.counts[1:]), FAST)
 
     def _list_move_columns(self) -> Iterator[bytes]:
         """Yield rows, first nodes of tracks, and other nodes."""
         rows, nodes = np.concatenate([part.moves for part in self.parts]).T
-        yield column(steps(rows))
-        yield from TrackLayout(rows).columns(nodes)
+        yield encode_column(compute_differences(rows))
+        yield from TrackLayout(rows).encode_columns(nodes)
 
     def _list_event_columns(self) -> Iterator[bytes]:
         """Yield the number of events of each turn; for each event the moves before it, its kind, and its size."""
@@ -364,7 +364,7 @@ class WaitingTurns:
             moves += len(part.moves)
         for one in numbers:
             array = np.array(one, np.int64)
-            yield column(steps(array) if one is after else array)
+            yield encode_column(compute_differences(array) if one is after else array)
 
 
 # -- reading ----------------------------------------------------------------------------------------------------
@@ -395,7 +395,7 @@ class EventValues:
             BadFile: the bytes are invalid.
         """
         data = self._data[self._ends[number] : self._ends[number + 1]]
-        value = self._decoder.value(data, is_new=not self._charged[number])
+        value = self._decoder.decode(data, is_new=not self._charged[number])
         self._charged[number] = 1
         return value
 
@@ -414,48 +414,48 @@ class Chunk:
     tracks: dict[int, EventTracks]  # events with only numeric data, by kind
     places: dict[int, IntArray]  # which events these are
 
-    def numbers_of(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
+    def find_numbers(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
         """Return the numbers of the events in turns `first` to `last - 1`, optionally only of some kinds."""
         begin = int(self.event_ends[first])
         end = int(self.event_ends[last])
         numbers = np.arange(begin, end)
         return numbers if kinds is None else numbers[np.isin(self.kinds[begin:end], list(kinds))]
 
-    def turns_of(self, numbers: IntArray) -> IntArray:
+    def find_turns(self, numbers: IntArray) -> IntArray:
         """Return the turn within the block of each event."""
         return self.event_ends.searchsorted(numbers, side="right") - 1
 
-    def data_of(self, numbers: IntArray) -> Iterator[Plain]:
+    def read_data(self, numbers: IntArray) -> Iterator[Plain]:
         """Yield the data of events, given in ascending order.
 
         Raises:
             BadFile: the data are damaged.
         """
         kinds = self.kinds[numbers]
-        rows = {kind: self.tracks_of(kind, numbers[kinds == kind]).data() for kind in self.tracks}
+        rows = {kind: self.read_tracks(kind, numbers[kinds == kind]).list_data() for kind in self.tracks}
         for number, kind in zip(numbers.tolist(), kinds.tolist(), strict=True):
             if kind in rows:
                 yield next(rows[kind])
             else:
                 yield self.values[number]
 
-    def tracks_of(self, kind: int, numbers: IntArray) -> EventTracks:
+    def read_tracks(self, kind: int, numbers: IntArray) -> EventTracks:
         """Return some events of a kind with only numeric data."""
-        return self.tracks[kind].at(self.places[kind].searchsorted(numbers))
+        return self.tracks[kind].select(self.places[kind].searchsorted(numbers))
 
     def log(self, turn: int, without: Collection[int] = ()) -> Log:
         """Return the log of a turn of the recording, without some kinds of events."""
         turn -= self.first
         begin, end = self.move_ends[turn : turn + 2].tolist()
         flat: Log = self.moves[begin:end].reshape(-1).tolist()
-        numbers = self.numbers_of(turn, turn + 1)
+        numbers = self.find_numbers(turn, turn + 1)
         if without:
             numbers = numbers[[kind not in without for kind in self.kinds[numbers].tolist()]]
         if not len(numbers):
             return flat
         log: Log = []
         at = 0
-        columns = self.after[numbers].tolist(), self.kinds[numbers].tolist(), self.data_of(numbers)
+        columns = self.after[numbers].tolist(), self.kinds[numbers].tolist(), self.read_data(numbers)
         for after, kind, data in zip(*columns, strict=True):
             until = 2 * (after - begin)
             if until > at:
@@ -479,14 +479,14 @@ def decode_chunk(head: blocks.BlockHead, body: bytes, decoder: packing.Decoder, 
     """
     data, columns = packing.unpack_parts(body, decoder.most_bytes, has_columns=True)
     reader = ByteReader(columns)
-    move_ends = _compute_ends(reader.column(head.turns), head.moves, "moves")
-    event_ends = _compute_ends(reader.column(head.turns), head.events, "events")
+    move_ends = _compute_ends(reader.read_column(head.turns), head.moves, "moves")
+    event_ends = _compute_ends(reader.read_column(head.turns), head.events, "events")
     moves = np.empty((head.moves, 2), np.int64)
-    moves[:, 0] = reader.sums(head.moves)
+    moves[:, 0] = reader.read_sums(head.moves)
     moves[:, 1] = TrackLayout(moves[:, 0]).take(reader)
-    after = reader.sums(head.events)
-    kinds = reader.column(head.events)
-    sizes = reader.column(head.events)
+    after = reader.read_sums(head.events)
+    kinds = reader.read_column(head.events)
+    sizes = reader.read_column(head.events)
     data_ends = _compute_ends(sizes, len(data), "bytes")
     found = _take_tracks(reader, kinds, sizes)
     reader.finish()

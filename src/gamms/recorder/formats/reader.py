@@ -20,8 +20,8 @@ from gamms.recorder.formats.blocks import (
     BlockSource,
     FileContents,
     add_position_to_errors,
+    count_turns,
     read_contents,
-    turns_of,
 )
 from gamms.recorder.streams import StreamOwner
 
@@ -61,7 +61,7 @@ class Reader(StreamOwner):
         self.header = contents.header
         self.warning = contents.warning
         self.is_complete = contents.warning is None
-        self.turns = turns_of(contents.found)
+        self.turns = count_turns(contents.found)
         self._chunks = [block for block in contents.found if block.type == blocks.TURNS]
         self._keyframes = [block for block in contents.found if block.type == blocks.KEYFRAME]
         self._firsts = [block.first for block in self._chunks]
@@ -120,11 +120,11 @@ class Reader(StreamOwner):
             The turn; the number of moves of this turn before the event; its kind; its data.
         """
         for chunk, first, last in self._read_parts(start, stop, with_events=True):
-            numbers = chunk.numbers_of(first, last, kinds)
-            turns = chunk.turns_of(numbers)
+            numbers = chunk.find_numbers(first, last, kinds)
+            turns = chunk.find_turns(numbers)
             places = chunk.after[numbers] - chunk.move_ends[turns]
             columns = (column.tolist() for column in (turns + chunk.first, places, chunk.kinds[numbers]))
-            every = chunk.data_of(numbers)
+            every = chunk.read_data(numbers)
             for turn, place, kind in zip(*columns, strict=True):
                 with add_position_to_errors(self._chunks[bisect_right(self._firsts, turn) - 1].at):
                     data = next(every)
@@ -169,7 +169,7 @@ class Reader(StreamOwner):
             return None
         block = self._keyframes[number]
         with add_position_to_errors(block.at):
-            state = unpack(self._input.body(block), self._decoder, is_new=block.at not in self._charged)
+            state = unpack(self._input.read_body(block), self._decoder, is_new=block.at not in self._charged)
             self._charged[block.at] = bytearray()
             if not isinstance(state, dict):
                 raise BadFile("this is not a keyframe")
@@ -217,6 +217,6 @@ class Reader(StreamOwner):
         return chunk
 
     def _read(self, block: BlockHead) -> chunks.Chunk:
-        body = self._input.body(block)
+        body = self._input.read_body(block)
         charged = self._charged.setdefault(block.at, bytearray(block.events))
         return chunks.decode_chunk(block, body, self._decoder, charged)

@@ -94,7 +94,7 @@ class CborReader:
         self._begin = position
         self._items = 0
 
-    def item(self, depth: int = 0) -> Plain:
+    def read_item(self, depth: int = 0) -> Plain:
         """Return the next item."""
         data = self._data
         position = self.position
@@ -150,16 +150,16 @@ class CborReader:
 
     def _read_list(self, count: int, depth: int) -> list[Plain]:
         self._check_container(count, depth)
-        return [self.item(depth + 1) for _ in range(count)]
+        return [self.read_item(depth + 1) for _ in range(count)]
 
     def _read_dict(self, count: int, depth: int) -> dict[Plain, Plain]:
         self._check_container(count, depth)
         found = {}
         for _ in range(count):
-            key = self.item(depth + 1)
+            key = self.read_item(depth + 1)
             if type(key) is not str:
                 key = self._make_key(key)
-            found[key] = self.item(depth + 1)
+            found[key] = self.read_item(depth + 1)
         if len(found) != count:
             raise BadCbor("it holds a map with a key that is there twice")
         return found
@@ -167,7 +167,7 @@ class CborReader:
     def _read_tagged(self, number: int, depth: int) -> Plain:
         """Return the value of a tag: an integer, a set, or a `Tagged`."""
         self._check_container(1, depth)
-        value = self.item(depth + 1)
+        value = self.read_item(depth + 1)
         if number in _BIGNUMS and isinstance(value, bytes):
             if len(value) > MOST_BIGNUM_BYTES:
                 raise BadCbor(f"it holds a number of {len(value)} bytes, more than {MOST_BIGNUM_BYTES}")
@@ -290,11 +290,11 @@ def _read_next_record(window: _StreamWindow) -> Record:
         marks = (data[position + _MARKS_AT[0]], data[position + _MARKS_AT[1]])
         if (begin, code, rest) == _FRONT_TEXTS and marks == _MARKS:
             reader = CborReader(data, position + _FRONT.size, window.keys)
-            record: Record = {"timestamp": time, "opCode": opcode, "data": reader.item(1)}
+            record: Record = {"timestamp": time, "opCode": opcode, "data": reader.read_item(1)}
             window.position = reader.position
             return record
     reader = CborReader(data, position, window.keys)
-    found = reader.item()
+    found = reader.read_item()
     if type(found) is not dict:
         raise BadCbor("it is not a map")
     window.position = reader.position

@@ -69,7 +69,7 @@ class Writer(NotPickled):
                 f"Blocks of {turns} turns or {size} bytes cannot be; at least 1 of both, at most 65,536 turns."
             )
         body = packing.pack(_is_dict(header, "header"), "The header")
-        head = blocks.block(blocks.HEADER, body, 0, blocks.BlockCounts())
+        head = blocks.make_block(blocks.HEADER, body, 0, blocks.BlockCounts())
         self._turns = turns
         self._seconds = seconds
         self._size = size
@@ -100,8 +100,8 @@ class Writer(NotPickled):
             RecordingError: the stream cannot be written. Data written before stay readable.
         """
         self._file.check()
-        part = chunks.part_of(log)
-        if not self._open.fits(len(part.moves), len(part.kinds)):
+        part = chunks.make_part(log)
+        if not self._open.has_room(len(part.moves), len(part.kinds)):
             self._close_block()
         self._open.add(part)
         if self._is_full(self._open.turns, self._open.size):
@@ -144,8 +144,8 @@ class Writer(NotPickled):
         """
         self._file.check()
         if self._file.can_overwrite and len(self._open.parts) > self._saved:
-            part = self._open.since(self._saved)
-            self._file.extend(self._write_block(blocks.TURNS, part.body(), part.counts))
+            part = self._open.get_turns_since(self._saved)
+            self._file.extend(self._write_block(blocks.TURNS, part.make_body(), part.counts))
             self._saved = len(self._open.parts)
         self._saved_at = self._clock()
 
@@ -162,7 +162,7 @@ class Writer(NotPickled):
         self._file.close()
 
     def _close_block(self) -> None:
-        self._put(blocks.TURNS, self._open.body(), self._open.counts)
+        self._put(blocks.TURNS, self._open.make_body(), self._open.counts)
         self._values += self._open.values
         self._open = chunks.WaitingTurns(self.turns)
         self._saved = 0
@@ -172,7 +172,7 @@ class Writer(NotPickled):
         self._file.append(self._write_block(type, body, counts))
 
     def _write_block(self, type: int, body: bytes, counts: blocks.BlockCounts) -> bytes:
-        return blocks.block(type, body, self._key, counts)
+        return blocks.make_block(type, body, self._key, counts)
 
 
 def _is_dict(value: object, what: str) -> dict[str, Plain]:
@@ -231,7 +231,7 @@ class Output:
             self._length += len(data)
             self._show()
 
-    def back_to(self, end: int) -> None:
+    def return_to(self, end: int) -> None:
         """Make all bytes from a position on provisional, even after an interrupted write."""
         self.end = end
         if self.can_overwrite:

@@ -20,21 +20,21 @@ from gamms.visual.camera import Camera
 Backend = Callable[..., bytes]
 
 FORMATS: Registry[bytes] = Registry("picture format", "gamms.backends")
-FORMATS.register(".svg")(svg.svg)
+FORMATS.register(".svg")(svg.write_svg)
 
 
 @FORMATS.register(".png")
 def _render_png(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
-    from gamms.visual.backends.raster import png
+    from gamms.visual.backends.raster import write_png
 
-    return png(commands, camera, **words)
+    return write_png(commands, camera, **words)
 
 
 @FORMATS.register(".pdf")
 def _render_pdf(commands: DrawCommands, camera: Camera, **words: Any) -> bytes:
-    from gamms.visual.backends.pdf import pdf
+    from gamms.visual.backends.pdf import write_pdf
 
-    return pdf(commands, camera, **words)
+    return write_pdf(commands, camera, **words)
 
 
 class FilmWriter(Protocol):

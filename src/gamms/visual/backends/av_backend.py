@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.visual.backends.pillow_backend import PaintedFrame
 
 _AHEAD = 8  # frames waiting for the encoder
@@ -26,7 +26,7 @@ class Mp4:
     """
 
     def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
-        with needing("Writing an MP4 film", "video"):
+        with require_extra("Writing an MP4 film", "video"):
             import av
         from fractions import Fraction
 

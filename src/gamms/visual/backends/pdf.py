@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pillow_backend import read_image_size
 from gamms.visual.backends.vectors import Point, write_vectors
@@ -31,14 +31,14 @@ _FAMILY = "Arimo"
 _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff\U00010000-\U0010ffff]")
 
 
-def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
+def write_pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
     """Return the picture as a one-page PDF file, with the paper size given by `dpi`.
 
     Raises:
         MissingExtra: ReportLab is not installed.
         BadValue: an image cannot be read.
     """
-    with needing("Writing a PDF file", "viz"):
+    with require_extra("Writing a PDF file", "viz"):
         from reportlab.pdfbase import pdfmetrics, ttfonts
         from reportlab.pdfgen.canvas import Canvas
     pdfmetrics.registerFont(ttfonts.TTFont(_FAMILY, str(FONT)))
@@ -77,22 +77,22 @@ class _PdfWriter:
     def end(self) -> None:
         pass
 
-    def lines(self, lines: list[list[Point]]) -> None:
+    def write_lines(self, lines: list[list[Point]]) -> None:
         """Draw lines as one path, so that transparent lines are blended once where they cross."""
         self._page.drawPath(self._make_path(lines), **self._paint)
 
-    def circle(self, middle: Point, radius: int) -> None:
+    def write_circle(self, middle: Point, radius: int) -> None:
         path: Any = self._page.beginPath()
         path.circle(*self._convert_point(middle), radius / 10)
         self._page.drawPath(path, **self._paint)
 
-    def rectangle(self, corner: Point, width: int, height: int) -> None:
+    def write_rectangle(self, corner: Point, width: int, height: int) -> None:
         path: Any = self._page.beginPath()
         x, y = self._convert_point(corner)
         path.rect(x, y - height / 10, width / 10, height / 10)
         self._page.drawPath(path, **self._paint)
 
-    def polygon(self, corners: list[Point]) -> None:
+    def write_polygon(self, corners: list[Point]) -> None:
         path = self._make_path([corners])
         path.close()
         self._page.drawPath(path, **self._paint)
@@ -118,7 +118,7 @@ class _PdfWriter:
                 path.lineTo(*self._convert_point(point))
         return path
 
-    def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
+    def write_text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
         words = _UNWRITABLE.sub("\ufffd", words)
         if not words or not size:
             return
@@ -141,7 +141,7 @@ class _PdfWriter:
             self._page.drawText(text)
             self._page.restoreState()
 
-    def image(self, path: str, middle: Point, half: int, angle: float) -> None:
+    def write_image(self, path: str, middle: Point, half: int, angle: float) -> None:
         try:
             width, height = read_image_size(path)
         except OSError as error:

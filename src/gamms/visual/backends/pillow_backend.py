@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.plugins import needing
+from gamms.plugins import require_extra
 from gamms.visual.font import ASCENT, EM, FONT, measure_words
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def import_image_module() -> Any:
     Raises:
         MissingExtra: Pillow is not installed.
     """
-    with needing("Painting a picture", "viz"):
+    with require_extra("Painting a picture", "viz"):
         from PIL import Image
     return Image
 

@@ -108,7 +108,7 @@ class Canvas:
 
     # -- shapes ----------------------------------------------------------------------------------------------
 
-    def hairlines(self, starts: FloatArray, ends: FloatArray, color: Rgba) -> None:
+    def draw_hairlines(self, starts: FloatArray, ends: FloatArray, color: Rgba) -> None:
         """Draw smooth lines (lines, 2), one pixel wide, which must not extend far outside."""
         low, high = find_extent(starts, ends)
         left, top = np.maximum(np.floor(low - 2), 0).astype(int).tolist()
@@ -127,7 +127,7 @@ class Canvas:
             part.set_alpha(color[3])
             self.surface.blit(part, (left, top))
 
-    def rectangle(self, x: float, y: float, width: float, height: float, color: Rgba) -> None:
+    def draw_rectangle(self, x: float, y: float, width: float, height: float, color: Rgba) -> None:
         """Fill a rectangle, rounded to whole pixels for sharp edges."""
         corners = np.rint([(x, y), (x + width, y + height)])
         (left, top), (right, bottom) = np.clip(corners, 0, (self.width, self.height)).astype(int).tolist()
@@ -138,7 +138,7 @@ class Canvas:
         """Blend a color with the coverage of a patch."""
         self.surface.blit(make_stamp(patch.coverage, color), (patch.left, patch.top))
 
-    def stamps(self, placed: Iterable[Placed]) -> None:
+    def draw_stamps(self, placed: Iterable[Placed]) -> None:
         """Paint surfaces, in order."""
         fast = getattr(self.surface, "fblits", None)  # only in pygame-ce
         if fast is None:
@@ -148,7 +148,7 @@ class Canvas:
 
     # -- words and images ------------------------------------------------------------------------------------
 
-    def text(
+    def draw_text(
         self,
         words: str,
         x: float,
@@ -180,7 +180,7 @@ class Canvas:
         top = y + down * cos(turn) - across * sin(turn) - written.get_height() / 2
         self.surface.blit(written, (round(left), round(top)))
 
-    def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
+    def draw_image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
         """Draw an image file in a square of `side` px around (x, y), rotated counter-clockwise by degrees."""
         drawn = _render_image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
         self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))

@@ -17,7 +17,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pillow_backend import EDGE_PX, ByteArray, Patch, compute_polygons
 from gamms.visual.backends.pygame_backend import Canvas, make_stamp
-from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clip_lines, find_extent, touching
+from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clip_lines, find_extent, find_touching
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # minimum width of lines in world units
@@ -50,7 +50,7 @@ def _split_into_runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[D
     kind = commands.kind[rows]
     has_style = np.isin(kind, (DrawKind.LINE, DrawKind.POLYGON))
     styles = (commands.width, commands.space, *commands.color.T)
-    offsets = kernels.equal_runs(kind, *(np.where(has_style, column[rows], 0) for column in styles))
+    offsets = kernels.find_equal_runs(kind, *(np.where(has_style, column[rows], 0) for column in styles))
     for begin, end in pairwise(offsets.tolist()):
         yield DrawKind(int(kind[begin])), begin, end
 
@@ -93,7 +93,7 @@ class _Lines:
             exact = max(width_px * camera.scale, FAINTEST_PX)
             width_px = max(exact, _THINNEST_PX)
             color = (red, green, blue, round(alpha * min(exact, 1.0)))
-        seen = touching(self.low, self.high, _compute_view(camera, width_px + _BEYOND_PX))
+        seen = find_touching(self.low, self.high, _compute_view(camera, width_px + _BEYOND_PX))
         if not seen.any() or width_px == 0.0 or color[3] == 0:
             return
         starts = camera.to_screen(self.starts[seen])
@@ -112,7 +112,7 @@ def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: f
     if len(starts) == 0:
         return
     if width_px == _THINNEST_PX:
-        canvas.hairlines(starts, ends, color)
+        canvas.draw_hairlines(starts, ends, color)
         return
     patch = compute_strokes(starts, ends, width_px, canvas.width, canvas.height)
     if patch is not None:
@@ -171,16 +171,16 @@ class _Circles:
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
         radius = self.size * np.where(self.is_in_world, camera.scale, 1.0)
         farthest = max(self.largest_in_world * camera.scale, self.largest_px) + self.widest_px + _BEYOND_PX
-        near = touching(self.centers, self.centers, _compute_view(camera, farthest + self.farthest_px))
+        near = find_touching(self.centers, self.centers, _compute_view(camera, farthest + self.farthest_px))
         near &= (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
         columns: tuple[np.ndarray[Any, Any], ...] = (self.centers, self.shift, radius, self.width, self.color)
         centers, shift, radius, width, color = (column[near] for column in columns)
         centers = camera.to_screen(centers) + shift
         reach = (radius + width)[:, None] + 1.0
-        inside = touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
+        inside = find_touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
         seen = np.flatnonzero(inside)
         is_small = (radius + width)[seen] <= _LARGEST_STAMP_PX
-        for begin, end in pairwise(kernels.equal_runs(is_small).tolist()):
+        for begin, end in pairwise(kernels.find_equal_runs(is_small).tolist()):
             rows = seen[begin:end]
             paint = _stamp_circles if is_small[begin] else _draw_large_circles
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
@@ -199,7 +199,7 @@ def _stamp_circles(
     stamps = {key: _make_stamp(key) for key in set(keys)}
     x, y = whole.astype(np.int64).T.tolist()
     # NOTE: never a list of pairs, which triggers the garbage collector (first frame of 100,000 edges).
-    canvas.stamps(zip(map(stamps.__getitem__, keys), zip(x, y, strict=True), strict=True))
+    canvas.draw_stamps(zip(map(stamps.__getitem__, keys), zip(x, y, strict=True), strict=True))
 
 
 @lru_cache(maxsize=8192)
@@ -212,14 +212,14 @@ def _make_stamp(look: bytes) -> Any:
     x, y = (reach + (step + 0.5) / _STEPS for step in (right, down))
     side = 2 * reach + 1
     full = np.zeros((side, side), np.uint8)
-    patch = disc(x, y, *_compute_ring(radius, width), side, side)
+    patch = make_disc(x, y, *_compute_ring(radius, width), side, side)
     if patch is not None:
         rows, columns = patch.coverage.shape
         full[patch.top : patch.top + rows, patch.left : patch.left + columns] = patch.coverage
     return make_stamp(full, tuple(color))
 
 
-def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
+def make_disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
     """Return a disc of radius `outer` px with a hole of radius `inner`, clipped to a picture; None if it is empty."""
     left = max(0, int(np.floor(x - outer - 1)))
     top = max(0, int(np.floor(y - outer - 1)))
@@ -246,7 +246,7 @@ def _draw_large_circles(
 ) -> None:
     columns = (centers.tolist(), radius.tolist(), width.tolist(), color.tolist())
     for (x, y), r, w, (red, green, blue, alpha) in zip(*columns, strict=True):
-        patch = disc(x, y, *_compute_ring(r, w), canvas.width, canvas.height)
+        patch = make_disc(x, y, *_compute_ring(r, w), canvas.width, canvas.height)
         if patch is not None:
             canvas.cover(patch, (red, green, blue, alpha))
 
@@ -265,7 +265,7 @@ class _SingleCommands:
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
         for row in self.rows:
-            self.paint(canvas, camera, _Command.of(self.commands, row, camera))
+            self.paint(canvas, camera, _Command.from_row(self.commands, row, camera))
 
 
 class _Polygons:
@@ -274,7 +274,7 @@ class _Polygons:
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         self.color = _get_color(commands, int(rows[0]))
         self.width = float(commands.width[rows[0]])
-        take, self.offsets = kernels.chosen_runs(commands.offsets, rows)
+        take, self.offsets = kernels.select_runs(commands.offsets, rows)
         # world units, and pixels
         self.points = commands.points[take]
         self.shifts = np.zeros((len(take), 2))
@@ -287,10 +287,10 @@ class _Polygons:
         self.margin_px = self.width + float(np.abs(self.shifts).max())
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
-        seen = touching(self.low, self.high, _compute_view(camera, self.margin_px))
+        seen = find_touching(self.low, self.high, _compute_view(camera, self.margin_px))
         if not seen.any() or self.color[3] == 0:
             return
-        take, offsets = kernels.chosen_runs(self.offsets, np.flatnonzero(seen))
+        take, offsets = kernels.select_runs(self.offsets, np.flatnonzero(seen))
         points = camera.to_screen(self.points[take]) + self.shifts[take]
         if self.width > 0.0 or self.color[3] < _OPAQUE:
             for begin, end in pairwise(offsets.tolist()):
@@ -313,7 +313,7 @@ class _Command(NamedTuple):
     extent: FloatArray  # of a rectangle, in its own unit
 
     @classmethod
-    def of(cls, commands: DrawCommands, row: int, camera: Camera) -> "_Command":
+    def from_row(cls, commands: DrawCommands, row: int, camera: Camera) -> "_Command":
         """Return one command as seen by a camera."""
         points = commands.points[commands.offsets[row] : commands.offsets[row + 1]]
         scale = camera.scale if commands.space[row] == DrawSpace.WORLD else 1.0
@@ -332,7 +332,7 @@ def _draw_rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None: 
     x, y = command.points[0].tolist()
     width, height = command.extent.tolist()
     if command.width == 0.0:
-        canvas.rectangle(x, y, width, height, command.color)
+        canvas.draw_rectangle(x, y, width, height, command.color)
         return
     corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
     _draw_polygon(canvas, corners, command.width, command.color)
@@ -355,7 +355,7 @@ def _draw_text(canvas: Canvas, camera: Camera, command: _Command) -> None:
     x, y = command.points[0].tolist()
     reach = 2.0 * command.size * len(command.text)  # an upper bound of the width
     if -reach < x < camera.width + reach and -reach < y < camera.height + reach:
-        canvas.text(command.text, x, y, command.size, command.color, angle=command.angle)
+        canvas.draw_text(command.text, x, y, command.size, command.color, angle=command.angle)
 
 
 def _draw_image(canvas: Canvas, camera: Camera, command: _Command) -> None:
@@ -363,7 +363,7 @@ def _draw_image(canvas: Canvas, camera: Camera, command: _Command) -> None:
     reach = 1.5 * command.size
     is_seen = -reach < x < camera.width + reach and -reach < y < camera.height + reach
     if is_seen and command.size >= _SMALLEST_RADIUS_PX:
-        canvas.image(command.text, x, y, 2 * command.size, command.angle)
+        canvas.draw_image(command.text, x, y, 2 * command.size, command.angle)
 
 
 _SINGLE = {
@@ -382,7 +382,7 @@ _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
 # -- whole pictures -----------------------------------------------------------------------------------------
 
 
-def painted(commands: DrawCommands, camera: Camera, background: Rgba) -> Canvas:
+def paint_picture(commands: DrawCommands, camera: Camera, background: Rgba) -> Canvas:
     """Paint a whole picture."""
     canvas = Canvas(camera.width, camera.height, paper=background[:3])
     canvas.fill(background)
@@ -390,7 +390,7 @@ def painted(commands: DrawCommands, camera: Camera, background: Rgba) -> Canvas:
     return canvas
 
 
-def png(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:  # noqa: ARG001 - of every format
+def write_png(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:  # noqa: ARG001 - of every format
     """Return the picture as a PNG file.
 
     Raises:
@@ -398,4 +398,4 @@ def png(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
     """
     from gamms.visual.backends.pillow_backend import encode_png
 
-    return encode_png(painted(commands, camera, background).pixels(), dpi)
+    return encode_png(paint_picture(commands, camera, background).pixels(), dpi)

@@ -31,7 +31,7 @@ _IMAGE_TYPES = {
 }
 
 
-def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
+def write_svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
     """Return the picture as an SVG file, with the paper size given by `dpi`."""
     writer = _SvgWriter()
     write_vectors(commands, camera, background, writer)
@@ -79,30 +79,30 @@ class _SvgWriter:
         if self._body:
             self.elements.append(f"<g{self._style}>{''.join(self._body)}</g>")
 
-    def lines(self, lines: list[list[Point]]) -> None:
+    def write_lines(self, lines: list[list[Point]]) -> None:
         if lines:
             self.elements.append(f'<path{self._style} d="{_write_path(lines)}"/>')
 
-    def circle(self, middle: Point, radius: int) -> None:
+    def write_circle(self, middle: Point, radius: int) -> None:
         x, y = middle
         self._body.append(f'<circle cx="{_format_number(x)}" cy="{_format_number(y)}" r="{_format_number(radius)}"/>')
 
-    def rectangle(self, corner: Point, width: int, height: int) -> None:
+    def write_rectangle(self, corner: Point, width: int, height: int) -> None:
         sides = f'width="{_format_number(width)}" height="{_format_number(height)}"'
         self._body.append(f"<rect {_format_point(corner)} {sides}/>")
 
-    def polygon(self, corners: list[Point]) -> None:
+    def write_polygon(self, corners: list[Point]) -> None:
         steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *corners])]
         self._body.append(f'<path d="{_join_steps(["m", *steps, "z"])}"/>')
 
-    def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
+    def write_text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
         x, y = corner
         start = _format_point((x, y + round(ASCENT * size)))
         place = f'{start} font-size="{_format_number(size)}"{_write_rotation(corner, angle)}'
         outline = "" if halo is None else _HALO.format(*halo)
         self._body.append(f"<text {place}{outline}>{as_xml(words)}</text>")
 
-    def image(self, path: str, middle: Point, half: int, angle: float) -> None:
+    def write_image(self, path: str, middle: Point, half: int, angle: float) -> None:
         x, y = middle
         side = _format_number(2 * half)
         place = f'{_format_point((x - half, y - half))} width="{side}" height="{side}"{_write_rotation(middle, angle)}'

@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.appearance import Rgb, Rgba, is_dark
-from gamms.visual.camera import FAINTEST_PX, Camera, on_screen, touching
+from gamms.visual.camera import FAINTEST_PX, Camera, find_touching, project_to_screen
 from gamms.visual.font import EM
 
 _SMALLEST_RADIUS = 5  # tenths of pixels
@@ -31,36 +31,36 @@ class VectorWriter(Protocol):
     def end(self) -> None:
         """End the run; it may be empty."""
 
-    def lines(self, lines: list[list[Point]]) -> None:
+    def write_lines(self, lines: list[list[Point]]) -> None:
         """Write all lines of a run, each of at least two points, of which neighbors differ."""
 
-    def circle(self, middle: Point, radius: int) -> None:
+    def write_circle(self, middle: Point, radius: int) -> None:
         """Write a circle."""
 
-    def rectangle(self, corner: Point, width: int, height: int) -> None:
+    def write_rectangle(self, corner: Point, width: int, height: int) -> None:
         """Write a rectangle below and to the right of a corner."""
 
-    def polygon(self, corners: list[Point]) -> None:
+    def write_polygon(self, corners: list[Point]) -> None:
         """Write a polygon."""
 
-    def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
+    def write_text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
         """Write text below and to the right of a corner, around which it turns; a halo makes it readable over a map."""
 
-    def image(self, path: str, middle: Point, half: int, angle: float) -> None:
+    def write_image(self, path: str, middle: Point, half: int, angle: float) -> None:
         """Write an image file that turns around its middle, with half of its longer side."""
 
 
 def write_vectors(commands: DrawCommands, camera: Camera, background: Rgba, writer: VectorWriter) -> None:
     """Write draw commands as seen by a camera over a background, from back to front."""
     sheet = _make_sheet(commands, camera, background)
-    for begin, end in pairwise(kernels.equal_runs(sheet.kind, sheet.width, *sheet.color.T).tolist()):
+    for begin, end in pairwise(kernels.find_equal_runs(sheet.kind, sheet.width, *sheet.color.T).tolist()):
         kind = DrawKind(int(sheet.kind[begin]))
         red, green, blue, alpha = sheet.color[begin].tolist()
         width = int(sheet.width[begin])
         writer.begin((red, green, blue, alpha), width, is_outline=kind is DrawKind.LINE or width > 0)
         if kind is DrawKind.LINE:
-            lines = ([point for point, _ in groupby(sheet.points_of(row))] for row in range(begin, end))
-            writer.lines([line for line in lines if len(line) > 1])  # the others shrank to a point
+            lines = ([point for point, _ in groupby(sheet.list_points(row))] for row in range(begin, end))
+            writer.write_lines([line for line in lines if len(line) > 1])  # the others shrank to a point
         else:
             for row in range(begin, end):
                 _ELEMENTS[kind](sheet, row, writer)
@@ -80,7 +80,7 @@ class _Sheet(NamedTuple):
     text: list[str]  # (commands,)
     paper: Rgb
 
-    def points_of(self, row: int) -> list[Point]:
+    def list_points(self, row: int) -> list[Point]:
         """Return the points of one command."""
         return [(x, y) for x, y in self.points[self.offsets[row] : self.offsets[row + 1]].tolist()]
 
@@ -88,26 +88,28 @@ class _Sheet(NamedTuple):
 def _write_circle(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
     radius = int(sheet.size[row])
     if radius >= _SMALLEST_RADIUS:
-        writer.circle(sheet.points_of(row)[0], radius)
+        writer.write_circle(sheet.list_points(row)[0], radius)
 
 
 def _write_rectangle(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
-    corner, (width, height) = sheet.points_of(row)
-    writer.rectangle(corner, width, height)
+    corner, (width, height) = sheet.list_points(row)
+    writer.write_rectangle(corner, width, height)
 
 
 def _write_polygon(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
-    corners = sheet.points_of(row)
-    writer.polygon(corners[1:] if corners[0] == corners[1] else corners)  # for a polygon in pixels, see `on_screen`
+    corners = sheet.list_points(row)
+    writer.write_polygon(
+        corners[1:] if corners[0] == corners[1] else corners
+    )  # for a polygon in pixels, see `project_to_screen`
 
 
 def _write_text(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
     halo = sheet.paper if is_dark(sheet.color[row].tolist()) != is_dark(sheet.paper) else None
-    writer.text(sheet.text[row], sheet.points_of(row)[0], int(sheet.size[row]), float(sheet.angle[row]), halo)
+    writer.write_text(sheet.text[row], sheet.list_points(row)[0], int(sheet.size[row]), float(sheet.angle[row]), halo)
 
 
 def _write_image(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
-    writer.image(sheet.text[row], sheet.points_of(row)[0], int(sheet.size[row]), float(sheet.angle[row]))
+    writer.write_image(sheet.text[row], sheet.list_points(row)[0], int(sheet.size[row]), float(sheet.angle[row]))
 
 
 _ELEMENTS: dict[DrawKind, Callable[[_Sheet, int, VectorWriter], None]] = {
@@ -121,10 +123,10 @@ _ELEMENTS: dict[DrawKind, Callable[[_Sheet, int, VectorWriter], None]] = {
 
 def _make_sheet(commands: DrawCommands, camera: Camera, background: Rgba) -> _Sheet:
     """Return the view of a camera on draw commands over a background."""
-    points = on_screen(commands, camera)
+    points = project_to_screen(commands, camera)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
     rows = _find_seen_rows(commands, camera, points, scale)
-    take, offsets = kernels.chosen_runs(commands.offsets, rows)
+    take, offsets = kernels.select_runs(commands.offsets, rows)
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
     points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
@@ -151,7 +153,7 @@ def _find_seen_rows(commands: DrawCommands, camera: Camera, points: FloatArray, 
     low, high = (measure.reduceat(points, commands.offsets[:-1]) for measure in (np.minimum, np.maximum))
     box = (0.0, 0.0, float(camera.width), float(camera.height))
     margin = (reach + _BEYOND_PX)[:, None]
-    is_seen = touching(low - margin, high + margin, box) | (commands.kind == DrawKind.RECTANGLE)
+    is_seen = find_touching(low - margin, high + margin, box) | (commands.kind == DrawKind.RECTANGLE)
     seen: IntArray = rows[is_seen[rows]]
     return seen
 

@@ -12,7 +12,7 @@ from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, AgentLooks, AnyColor, Circle, Rectangle, Rgb, rgba
+from gamms.visual.appearance import AgentData, AgentLooks, AnyColor, Circle, Rectangle, Rgb, parse_color
 from gamms.visual.drawing import EDGE_PX, Disc, DiscOffsets, Points, get_drawing
 from gamms.visual.shown_turn import MovedAgents
 
@@ -47,7 +47,7 @@ def _read_shape(kind: type[_Shape], data: dict[str, Any]) -> _Shape:
 # A drawer does not know the scale, so each mark is drawn twice, in world units and in pixels.
 
 
-def rings(
+def draw_rings(
     ctx: IContext, centers: Points, radius: float, color: ColorType, at_least_px: float, width_px: float = 2.0
 ) -> None:
     """Draw a ring around each of `centers` (rings, 2); a large one keeps the small one inside it."""
@@ -96,7 +96,7 @@ def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
         return
     x, y = place
     for color, edge_px in ((choose_outline(look.color), 2.0), (look.color, 0.0)):  # an edge lifts it off the map
-        rings(ctx, [(x, y)], RING * look.size, color, RING_PX, 2.0 + edge_px)
+        draw_rings(ctx, [(x, y)], RING * look.size, color, RING_PX, 2.0 + edge_px)
         if (cos, sin) != (0.0, 0.0):  # it does not point straight up or down
             nose = (x + _NOSE * look.size * cos, y + _NOSE * look.size * sin)
             get_drawing(ctx).render_lines([(x, y), nose], [0, 2], color, 3.0 + edge_px)
@@ -172,7 +172,7 @@ class _GroundAgents(NamedTuple):
 def _draw_discs(ctx: IContext, agents: _GroundAgents, discs: list[Disc], share: float) -> tuple[FloatArray, FloatArray]:
     """Draw agents as discs, and return where, and by how many radii they are moved right and down, (agents, 2)."""
     visual = get_drawing(ctx)
-    positions = visual.motion.positions_of(agents.names, agents.nodes, share)
+    positions = visual.motion.find_positions(agents.names, agents.nodes, share)
     shifts = _compute_shifts(ctx, agents, share)
     visual.render_all_discs(positions, discs, agents.rows, shifts)
     return positions, shifts
@@ -192,7 +192,7 @@ def _compute_shifts(ctx: IContext, agents: _GroundAgents, share: float) -> Float
         visual.has_stacks = False
         return np.zeros((len(agents.names), 2))
     moves = visual.motion.moves
-    between = visual.motion.on_edges().keys() | visual.motion.reported.keys()
+    between = visual.motion.list_on_edges().keys() | visual.motion.reported.keys()
     on = agents.nodes
     previous = agents.previous
     if between:  # each is alone on its node
@@ -201,7 +201,7 @@ def _compute_shifts(ctx: IContext, agents: _GroundAgents, share: float) -> Float
         on[alone] = 2 * len(on) + np.arange(int(alone.sum()))
     known = visual.spread
     if known is None or known.moves is not moves or not known.is_of(on, agents.rows):  # else it is the same turn
-        before = np.where(visual.motion.paths_of(agents.names) >= 0, previous, on)
+        before = np.where(visual.motion.find_paths(agents.names) >= 0, previous, on)
         starts = _spread(before, agents.rows)
         ends = _spread(on, agents.rows)
         known = DiscOffsets(on, agents.rows, moves, starts, ends)
@@ -260,7 +260,7 @@ def _draw_body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
 @lru_cache(maxsize=256)
 def choose_outline(color: AnyColor) -> Rgb:
     """Return a dark color around bright ones, white around the others."""
-    red, green, blue, _ = rgba(color)
+    red, green, blue, _ = parse_color(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue
     return _DARK if luminance > _BRIGHT else _WHITE
 
@@ -273,7 +273,7 @@ _TRAIL_PX = 3.0
 
 def render_past_trails(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the paths of `data["turns"]` turns except the last, in `data["colors"]` by agent; older ones are fainter."""
-    ages = list(enumerate(get_drawing(ctx).motion.past(data["turns"])))[1:]
+    ages = list(enumerate(get_drawing(ctx).motion.list_past(data["turns"])))[1:]
     for age, moves in reversed(ages):
         _draw_trails(ctx, moves, 1.0, data["colors"], round(_TRAIL_ALPHA * (1.0 - age / (data["turns"] + 1))))
 
@@ -285,17 +285,17 @@ def render_trails(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the ways of the last turn as far as it is shown."""
     motion = get_drawing(ctx).motion
     share = float(data.get("_alpha", 1.0))
-    for moves in [motion.moves] if share < 1.0 else motion.past(1):
+    for moves in [motion.moves] if share < 1.0 else motion.list_past(1):
         _draw_trails(ctx, moves, share, data["colors"], _TRAIL_ALPHA)
 
 
 def _draw_trails(ctx: IContext, moves: MovedAgents, share: float, colors: Mapping[str, Any], alpha: int) -> None:
     by_color: dict[Any, list[list[tuple[float, float]]]] = {}
     paths = moves.paths
-    ends = [(x, y) for x, y in moves.paths.at(share).tolist()]
+    ends = [(x, y) for x, y in moves.paths.find_points(share).tolist()]
     for name, row in moves.rows.items():
         if name in colors:
-            by_color.setdefault(rgba(colors[name]), []).append(paths.until(row, share, ends[row]))
+            by_color.setdefault(parse_color(colors[name]), []).append(paths.list_points_until(row, share, ends[row]))
     for color, lines in by_color.items():
         points = list(chain.from_iterable(lines))
         offsets = np.cumsum([0, *map(len, lines)])

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.ir.geometry import are_within, seam_rings
+from gamms.ir.geometry import are_within, join_rings
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
 from gamms.ir.scenery import SceneryKind, find_ground
 from gamms.typing import IContext
-from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
-from gamms.visual.drawers.streets import find_median, measure_along, part_of, polylines
+from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, parse_color
+from gamms.visual.drawers.streets import find_median, join_polylines, measure_along, select_part
 from gamms.visual.drawing import Drawing, get_drawing
 from gamms.visual.legend import ColoredValues
 from gamms.visual.themes import WallTones
@@ -32,12 +32,12 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
     order = np.argsort(values.places, kind="stable")
     are_nodes = values.of == "nodes"
     known = columns.node_ids if are_nodes else columns.edge_ids
-    rows = kernels.rows_of(known, values.ids[order], columns.node_order if are_nodes else columns.edge_order)
+    rows = kernels.find_rows(known, values.ids[order], columns.node_order if are_nodes else columns.edge_order)
     places = values.places[order][rows >= 0]
     rows = rows[rows >= 0]
     draw = _draw_nodes if values.of == "nodes" else _draw_edges
     unit = find_typical_edge_length(columns)
-    for begin, end in pairwise(kernels.equal_runs(places).tolist()):
+    for begin, end in pairwise(kernels.find_equal_runs(places).tolist()):
         draw(ctx, columns, rows[begin:end], unit, values.colors[int(places[begin])])
 
 
@@ -63,7 +63,7 @@ def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: floa
 
 def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: AnyColor) -> None:
     points: FloatArray
-    points, offsets = polylines(columns, rows)
+    points, offsets = join_polylines(columns, rows)
     get_drawing(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
     get_drawing(ctx).render_lines(points, offsets, color, _EDGE_PX)
 
@@ -92,7 +92,7 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     least = 0.0 if shown is None else _RING_PX / shown[-1]
     radius = least if data.get("_ink") and least else max(look.node_size, least)
     rows = _find_edges(columns, next(iter(options.values())), set(options.values()))
-    ways = [_cut_ends(polylines(columns, row)[0], radius) for row in rows[:, None]]
+    ways = [_cut_ends(join_polylines(columns, row)[0], radius) for row in rows[:, None]]
     if ways:
         offsets = np.cumsum([0, *map(len, ways)])
         get_drawing(ctx).render_lines(np.vstack(ways), offsets, data.get("_ink") or look.edge_color, _CHOICE_PX)
@@ -102,7 +102,7 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
 def _cut_ends(way: FloatArray, radius: float) -> FloatArray:
     """Return a way without its ends, which would cover the agents there; all of it where nothing would be left."""
     along = measure_along(way)
-    return way if 2 * radius >= along[-1] else part_of(way, along, radius, along[-1] - radius)
+    return way if 2 * radius >= along[-1] else select_part(way, along, radius, along[-1] - radius)
 
 
 def _find_edges(columns: GraphColumns, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":
@@ -125,12 +125,12 @@ class Footprints(NamedTuple):
     types: IntArray  # (footprints,)  of obstacles
     row_of: IntArray  # (faces,)  the footprint of each face; -1 = none
 
-    def chosen(self, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
+    def select(self, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
         """Return the points and offsets of some footprints."""
-        take, offsets = kernels.chosen_runs(self.offsets, np.flatnonzero(is_chosen))
+        take, offsets = kernels.select_runs(self.offsets, np.flatnonzero(is_chosen))
         return self.points[take], offsets
 
-    def boxes(self) -> tuple[FloatArray, FloatArray]:
+    def compute_boxes(self) -> tuple[FloatArray, FloatArray]:
         """Return the lower left and upper right corners, (footprints, 2) each."""
         first = self.offsets[:-1]
         return np.minimum.reduceat(self.points, first), np.maximum.reduceat(self.points, first)
@@ -150,7 +150,7 @@ def find_footprints(faces: ObstacleColumns) -> Footprints:
     looks = np.column_stack((faces.types, faces.corners[:, 0, 2], faces.corners[:, 2, 2]))[first].tolist()
     bundles = _group_rings(outlines, looks)
     closed = [np.array([*outline, outline[0]]) for outline in outlines]
-    polygons = [seam_rings([closed[ring] for ring in bundle]) for bundle in bundles]
+    polygons = [join_rings([closed[ring] for ring in bundle]) for bundle in bundles]
     row_of = np.full(len(faces.ids), -1)
     for row, bundle in enumerate(bundles):
         for ring in bundle:
@@ -174,11 +174,11 @@ def _compute_wall_heights(corners: FloatArray) -> FloatArray:
 
 def _find_rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]:
     """Return the first row and last row + 1 of each ring, (rings, 2), and whether its faces join from right to left."""
-    found = dict.fromkeys(map(tuple, kernels.closed_rings(rights, lefts).tolist()), True)
+    found = dict.fromkeys(map(tuple, kernels.find_closed_rings(rights, lefts).tolist()), True)
     taken = np.zeros(len(rights), bool)
     for begin, end in found:
         taken[begin:end] = True
-    others = np.zeros((0, 2), np.int64) if taken.all() else kernels.closed_rings(lefts, rights)
+    others = np.zeros((0, 2), np.int64) if taken.all() else kernels.find_closed_rings(lefts, rights)
     for begin, end in others.tolist():
         if not taken[begin:end].any():
             found[(begin, end)] = False
@@ -264,7 +264,7 @@ def render_base_map(ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG00
         SceneryKind.RAIL: tones.rail,
     }
     for kind, color in colors.items():
-        take, offsets = kernels.chosen_runs(scenery.offsets, np.flatnonzero(scenery.kinds == kind))
+        take, offsets = kernels.select_runs(scenery.offsets, np.flatnonzero(scenery.kinds == kind))
         if kind in _LINES_M and len(take):
             visual.render_lines(scenery.points[take], offsets, color, _LINES_M[kind], in_world=True)
         elif len(take):
@@ -305,7 +305,7 @@ def _draw_buildings(
 
 def _fill(visual: Drawing, built: Footprints, chosen: BoolArray, color: AnyColor) -> None:
     if chosen.any():
-        visual.render_polygons(*built.chosen(chosen), color)
+        visual.render_polygons(*built.select(chosen), color)
 
 
 def _is_fence(ctx: IContext, built: Footprints) -> BoolArray:
@@ -313,7 +313,7 @@ def _is_fence(ctx: IContext, built: Footprints) -> BoolArray:
     xy: FloatArray = ctx.graph.columns().xy
     if len(xy) == 0 or len(built.types) == 0:
         return np.zeros(len(built.types), bool)
-    low, high = built.boxes()
+    low, high = built.compute_boxes()
     is_fence: BoolArray = (low <= xy.min(axis=0)).all(axis=1) & (high >= xy.max(axis=0)).all(axis=1)
     return is_fence
 
@@ -336,5 +336,5 @@ def _blend_colors(low: Rgb, high: Rgb, share: float) -> Rgb:
 
 
 def _shade_color(color: AnyColor) -> Rgba:
-    red, green, blue, alpha = rgba(color)
+    red, green, blue, alpha = parse_color(color)
     return round(_SHADE * red), round(_SHADE * green), round(_SHADE * blue), alpha

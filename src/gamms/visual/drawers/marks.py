@@ -14,7 +14,7 @@ import numpy as np
 from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
-from gamms.visual.appearance import AgentData, AnyColor, Rgba, get_color_group, rgba
+from gamms.visual.appearance import AgentData, AnyColor, Rgba, get_color_group, parse_color
 from gamms.visual.constants import Layer
 from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
@@ -62,7 +62,7 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     marks = list[_AgentMark]()
     out = data.get("out", {})
     colors = visual.group_colors() | data.get("colors", {})
-    new = visual.events.of_turns("tag", 1)
+    new = visual.events.list_recent("tag", 1)
     taken = Counter(visual.position_of(name) for name in out)
     left_out = {*out, *data.get("hidden", ())}
     for node, tags in _find_latest_tags(ctx, data.get("side"), left_out).items():
@@ -84,7 +84,7 @@ def _find_latest_tags(
     agents = ctx.agent.agents
     found = dict[int, dict[str, dict[str, Any]]]()
     events = get_drawing(ctx).events
-    for tag in events.of_turns("tag", TAG_TURNS):
+    for tag in events.list_recent("tag", TAG_TURNS):
         node = tag.get("node", -1)
         name = tag.get("other", "")
         is_known = side is None or side in events.find_witnesses(tag)
@@ -105,7 +105,7 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
     for name, has_arrived in data["out"].items():
         color = data["colors"][name]
         place = visual.position_of(name)
-        color = _fade_color(color, is_new=name in visual.events.eliminated())
+        color = _fade_color(color, is_new=name in visual.events.list_eliminated())
         marks.append(_AgentMark(name, color, place, taken[place], (_TICK if has_arrived else _CROSS,), Owner(name)))
         taken[place] += 1
     _draw(ctx, marks, data)
@@ -118,7 +118,7 @@ def get_drawn_marks(artist: IArtist) -> list[AgentData]:
 
 
 def _fade_color(color: AnyColor, *, is_new: bool) -> Rgba:
-    red, green, blue, alpha = rgba(color)
+    red, green, blue, alpha = parse_color(color)
     return red, green, blue, alpha if is_new else min(alpha, _PALE)
 
 
@@ -150,7 +150,7 @@ def _draw(ctx: IContext, marks: Sequence[_AgentMark], data: dict[str, Any]) -> N
 
 
 def _make_tag_rows(ctx: IContext) -> LegendRows | None:
-    is_marked = bool(_find_latest_tags(ctx, None, get_drawing(ctx).events.out()))
+    is_marked = bool(_find_latest_tags(ctx, None, get_drawing(ctx).events.list_out()))
     return LegendRows("", (LegendRow(SIGN, "tagged", sign="tag"),)) if is_marked else None
 
 

@@ -13,7 +13,7 @@ from gamms.knowledge.sides import find_receivers
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import Rgba, get_color_group
-from gamms.visual.drawers.agents import RING, RING_PX, rings
+from gamms.visual.drawers.agents import RING, RING_PX, draw_rings
 from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
@@ -77,7 +77,7 @@ def _draw_ring(ctx: IContext, data: dict[str, Any], name: str, color: Rgba, grow
     radius = (RING if flies else 1.0) + _BEYOND + _WIDER * grown
     least_px = (RING_PX if flies else _DISC_PX) + _BEYOND_PX + _WIDER_PX * grown
     place = get_drawing(ctx).position_of(name, data.get("_alpha", 1.0))
-    rings(ctx, [place], radius * data.get("size", 0.0), color, least_px, _LINE_PX)
+    draw_rings(ctx, [place], radius * data.get("size", 0.0), color, least_px, _LINE_PX)
 
 
 def _list_unheard_senders(ctx: IContext, of: Collection[str] | None) -> Iterator[str]:

@@ -17,10 +17,10 @@ from gamms.knowledge.sides import HIDDEN, find_known_flags
 from gamms.text import as_text as text_of
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import AnyColor, rgba
+from gamms.visual.appearance import AnyColor, parse_color
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import find_typical_edge_length
-from gamms.visual.drawers.streets import find_distinct_roads, polylines
+from gamms.visual.drawers.streets import find_distinct_roads, join_polylines
 from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
@@ -258,7 +258,7 @@ class TerritoryDrawer(KeyedDrawer):
             self._places = _find_team_streets(columns, owned)
         visual = get_drawing(ctx)
         for team, color in find_team_colors(ctx, self._places, self._given).items():
-            tint = (*rgba(color)[:3], _TINT)
+            tint = (*parse_color(color)[:3], _TINT)
             ground = self._places[team]
             visual.render_lines(ground.points, ground.offsets, tint, self._breadth, in_world=True)
             visual.render_circles(ground.alone, self._breadth / 2, tint)
@@ -283,7 +283,7 @@ def _find_team_streets(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[
         is_alone[columns.sources[rows]] = False
         is_alone[columns.targets[rows]] = False
         if is_own.any():
-            found[team] = _TeamStreets(*polylines(columns, rows), columns.xy[is_alone])
+            found[team] = _TeamStreets(*join_polylines(columns, rows), columns.xy[is_alone])
     return found
 
 
@@ -301,7 +301,7 @@ def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
     for team, color in find_team_colors(ctx, goals, data.get("colors")).items():
         places = columns.xy[find_ids_in_text(goals[team], columns.node_ids)]
         if len(places) > _FEW_GOALS:
-            visual.render_circles(places, _DOT_PX, (*rgba(color)[:3], 2 * _TINT), in_pixels=True)
+            visual.render_circles(places, _DOT_PX, (*parse_color(color)[:3], 2 * _TINT), in_pixels=True)
             continue
         for ink, width in ((visual.theme.background, _GOAL_LINE_PX + 2.0), (color, _GOAL_LINE_PX)):
             for radius in _GOAL_PX:

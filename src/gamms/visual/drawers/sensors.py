@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.geometry import list_rings, seam_rings, unite
+from gamms.ir.geometry import join_rings, list_rings, unite
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import AnyColor, Color, Rgba, rgba
-from gamms.visual.drawers.agents import rings
+from gamms.visual.appearance import AnyColor, Color, Rgba, parse_color
+from gamms.visual.drawers.agents import draw_rings
 from gamms.visual.drawers.streets import cut_dashes, measure_along
 from gamms.visual.drawing import Points, get_drawing
 from gamms.visual.shown_turn import get_view
@@ -89,7 +89,7 @@ def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
             visual.render_circles(nodes, _MANY_PX / 2, _make_transparent(color), in_pixels=True)
         for view in of_color:
             if len(view.agents) and not view.names:
-                rings(ctx, view.agents, data["size"], rgba(color), _RING_PX)
+                draw_rings(ctx, view.agents, data["size"], parse_color(color), _RING_PX)
 
 
 def remove_edge_ends(view: SensorView) -> SensorView:
@@ -104,7 +104,7 @@ def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
     agents = ctx.agent.agents
     for color, view in data["sights"]:
         places = [position_of(name, share) for name in view.names if name in agents]
-        rings(ctx, places, data["size"], color, _RING_PX)
+        draw_rings(ctx, places, data["size"], color, _RING_PX)
 
 
 def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
@@ -121,7 +121,7 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
         default = _JUNCTION_RADIUS if len(view.lines) else _NODE_RADIUS
         _mark(ctx, view.nodes, data.get("node_size", default), data.get("node_color", color))
     if len(view.agents):
-        rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
+        draw_rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
 
 
 def _move_with_carrier(ctx: IContext, view: SensorView, corners: FloatArray, data: dict[str, Any]) -> FloatArray:
@@ -175,7 +175,7 @@ def _draw_fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyCo
     if not bounded:
         return
     visual = get_drawing(ctx)
-    fills = [seam_rings(rings) for rings in bounded]
+    fills = [join_rings(rings) for rings in bounded]
     rims = list(chain.from_iterable(bounded))
     visual.render_polygons(np.concatenate(fills), np.cumsum([0, *map(len, fills)]), _make_transparent(color, alpha))
     visual.render_lines(np.concatenate(rims), np.cumsum([0, *map(len, rims)]), _make_transparent(color, _RIM_ALPHA))
@@ -254,5 +254,5 @@ def _is_whole(corners: FloatArray, low: FloatArray, high: FloatArray) -> bool:
 
 def _make_transparent(color: AnyColor, alpha: int = _ALPHA) -> Rgba:
     """Return a color with the default transparency, unless it is more transparent already."""
-    red, green, blue, own = rgba(color)
+    red, green, blue, own = parse_color(color)
     return red, green, blue, min(own, alpha)

@@ -8,7 +8,7 @@ import numpy as np
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
-from gamms.visual.appearance import AnyColor, GraphData, rgba
+from gamms.visual.appearance import AnyColor, GraphData, parse_color
 from gamms.visual.drawing import Drawing, get_drawing
 
 _IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # coordinate systems in degrees, whose lengths are not in metres
@@ -119,7 +119,7 @@ def _draw(visual: Drawing, strokes: list[_Strokes], look: GraphData, *, tinted: 
 def change_shade(color: AnyColor, shade: float, visual: Drawing) -> AnyColor:
     """Return a color that is nearer to that of the background, or, below 0.0, to that of words."""
     goal = visual.theme.background if shade > 0.0 else visual.theme.ink
-    red, green, blue = (round(a + abs(shade) * (b - a)) for a, b in zip(rgba(color)[:3], goal[:3], strict=True))
+    red, green, blue = (round(a + abs(shade) * (b - a)) for a, b in zip(parse_color(color)[:3], goal[:3], strict=True))
     return red, green, blue
 
 
@@ -128,7 +128,7 @@ def _make_streets(columns: GraphColumns) -> _Streets:
     rows = find_distinct_roads(columns)
     is_below = np.zeros(len(columns.xy), bool)
     if columns.crs is None:
-        return _Streets([_Strokes(*polylines(columns, rows), 0.0, 0.0, 0)] if len(rows) else [], is_below)
+        return _Streets([_Strokes(*join_polylines(columns, rows), 0.0, 0.0, 0)] if len(rows) else [], is_below)
     breadth = min(_STREET, _SLIM * find_median(columns.lengths))
     classes = find_classes(columns)
     levels = find_levels(columns)
@@ -141,7 +141,7 @@ def _make_streets(columns: GraphColumns) -> _Streets:
         for number, (width, shade) in enumerate(_CLASSES):
             part = rows[(classes[rows] == number) & (levels[rows] == level)]
             if len(part):
-                lines = polylines(columns, part)
+                lines = join_polylines(columns, part)
                 is_tunnel = level == _BELOW
                 lines = cut_dashes(*lines, _DASH) if is_tunnel else lines
                 strokes.append(_Strokes(*lines, width * breadth, _TUNNEL_SHADE if is_tunnel else shade, level))
@@ -211,7 +211,7 @@ def _cut_into_dashes(line: FloatArray, along: FloatArray, period: float) -> Iter
     for number in range(gaps + 1):
         begin = max((number - _DASHED / 2) * step, 0.0)
         end = min((number + _DASHED / 2) * step, length)
-        yield part_of(line, along, begin, end)
+        yield select_part(line, along, begin, end)
 
 
 def measure_along(line: FloatArray) -> FloatArray:
@@ -219,7 +219,7 @@ def measure_along(line: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
 
 
-def part_of(line: FloatArray, along: FloatArray, begin: float, end: float) -> FloatArray:
+def select_part(line: FloatArray, along: FloatArray, begin: float, end: float) -> FloatArray:
     """Return the part of a polyline between two distances; `along` is from `measure_along`."""
     first, last = np.column_stack([np.interp([begin, end], along, axis) for axis in line.T])
     return np.vstack([first, line[(along > begin) & (along < end)], last])
@@ -235,7 +235,7 @@ def find_median(lengths: FloatArray) -> float:
     return float(np.partition(lengths, (low, high))[[low, high]].mean())
 
 
-def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArray]:
+def join_polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArray]:
     """Return the points (points, 2) and offsets (rows + 1,) of the edges in `rows`."""
     is_bent = ~_is_straight(columns)[rows]
     bends = [columns.polylines[row] for row in rows[is_bent].tolist()]

@@ -28,17 +28,17 @@ _WITH_SCREEN = ("win32", "darwin")  # platforms without a variable that names a 
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
-class Owner(Protocol):
+class WindowOwner(Protocol):
     """The engine that a window belongs to."""
 
     def stay_open_at_exit(self) -> None:
         """Keep the window open after the end of the program, if it shows something."""
 
 
-_owners: list[Owner] = []
+_owners: list[WindowOwner] = []
 
 
-def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
+def open_window(owner: WindowOwner, width: int, height: int, title: str) -> Any:
     """Open a window that can be resized, and return its surface.
 
     Raises:
@@ -115,7 +115,7 @@ def _stay_open_at_exit() -> None:
         _owners[-1].stay_open_at_exit()
 
 
-def close_window(owner: Owner) -> None:
+def close_window(owner: WindowOwner) -> None:
     """Close the window, unless another context still shows something in it."""
     if owner in _owners:
         _owners.remove(owner)
@@ -185,7 +185,7 @@ class FrameTiming:
         """Return whether the playback is paused."""
         return self.is_held or (self.is_paused and not self.is_stepping)
 
-    def faster(self, steps: int) -> None:
+    def change_speed(self, steps: int) -> None:
         """Show turns faster, or slower where `steps` is negative."""
         self._speed = min(max(self._speed + steps, 0), len(_SPEEDS) - 1)
 

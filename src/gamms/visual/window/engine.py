@@ -27,16 +27,16 @@ from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_input_overlay
 from gamms.visual.drawing import Drawing, image_path
 from gamms.visual.engine import PictureEngine
-from gamms.visual.files import size
+from gamms.visual.files import check_size
 from gamms.visual.fog import Fog
 from gamms.visual.labels import as_choice
-from gamms.visual.legend import blocks_of
+from gamms.visual.legend import list_blocks
 from gamms.visual.scene import FrameBudget, Scene
 from gamms.visual.shown_turn import as_turns
 from gamms.visual.themes import find_theme
 from gamms.visual.window.display import FrameTiming, close_window, get_window_surface, is_watched, open_window
 from gamms.visual.window.framing import Framing
-from gamms.visual.window.input import Handlers, Input, NodeChoice, Question, question
+from gamms.visual.window.input import Handlers, Input, NodeChoice, Question, make_question
 from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.panels import HudLines
 
@@ -110,7 +110,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self._theme = theme
         drawing = Drawing(ctx, theme_, _describe_image)
         super().__init__(ctx, simulation_time_constant=simulation_time_constant, drawing=drawing)
-        width, height = size(width, height)
+        width, height = check_size(width, height)
         self.camera = RenderManager(ctx, screen_width=width, screen_height=height)
         self.pace = FrameTiming(max_fps)
         self._background = theme_.background
@@ -128,7 +128,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
         self._stays_open = as_bool(stay_open, "stay_open")
         self._was_closed = False
-        self.hud: HudLines | None = self.overlay.turn_lines
+        self.hud: HudLines | None = self.overlay.write_turn_lines
         self.question: Question | None = None
         self.input = Input(self.camera, self._make_handlers())
         self._framing = Framing(ctx, self.camera, self.overlay, self.input)
@@ -160,8 +160,8 @@ class WindowEngine(WindowNames, PictureEngine):
             "back": self.step_back,
             "start": self._go_to_start,
             "end": self._go_to_end,
-            "slower": lambda: pace.faster(-1),
-            "faster": lambda: pace.faster(1),
+            "slower": lambda: pace.change_speed(-1),
+            "faster": lambda: pace.change_speed(1),
             "see everything": self.see_everything,
             "text": overlay.hud.toggle,
             "help": overlay.hud.toggle_help,
@@ -268,7 +268,7 @@ class WindowEngine(WindowNames, PictureEngine):
             overlay.turns = game.turn or overlay.turns
             overlay.is_over = game.over is not None
             overlay.timeline.turns = game.last_turn or 0
-            for event in self.drawing.events.of_turn():
+            for event in self.drawing.events.list_last():
                 overlay.timeline.add(overlay.turns, event)
             overlay.timeline.add(overlay.turns, {"scores": game.scores})
             overlay.timeline.add(overlay.turns, {"over": game.over})
@@ -284,7 +284,7 @@ class WindowEngine(WindowNames, PictureEngine):
         """
         if self.ctx.is_terminated() or self._will_quit:
             return super().human_input(agent_name, state)
-        asked = question(self.ctx, agent_name, state)
+        asked = make_question(self.ctx, agent_name, state)
         self.question = asked
         self._show_options(asked)
         self._begin_fog_of_question(self.ctx.agent.get_agent(agent_name), state)
@@ -369,7 +369,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _set_caption(self, *, after_jump: bool = False) -> None:
         side = None if self.artists.fog is None else self.artists.fog.team
-        self.overlay.caption(side, self.turn_seconds, after_jump=after_jump)
+        self.overlay.show_captions(side, self.turn_seconds, after_jump=after_jump)
 
     # -- turns of a recording --------------------------------------------------------------------------------
 
@@ -391,7 +391,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self.playback.close()
             self.playback = None
             self.overlay.is_replay = False
-            self.overlay.new_timeline()
+            self.overlay.clear_timeline()
 
     @refuse_while_deciding
     def seek(self, turn: int) -> None:
@@ -414,7 +414,7 @@ class WindowEngine(WindowNames, PictureEngine):
         turn = playback.turn
         first = max(turn - overlay.most_trails, 0)
         steps = [playback.steps(one) for one in range(first, turn + 1)] if turn else [{}]
-        moves = [motion.moves_between(_find_new_steps(before, after)) for before, after in pairwise(steps)]
+        moves = [motion.make_moves(_find_new_steps(before, after)) for before, after in pairwise(steps)]
         self.drawing.turns.jump(moves)
         motion.begin_turn()
         overlay.turns = turn
@@ -454,14 +454,14 @@ class WindowEngine(WindowNames, PictureEngine):
         if timeline.is_button(at):
             self.pace.pause()
             return True
-        is_there = timeline.place_at(at) is not None
+        is_there = timeline.find_place(at) is not None
         self.pace.is_held = is_there and timeline.can_seek
         self._drag_timeline(at)
         return is_there
 
     def _drag_timeline(self, at: tuple[float, float]) -> None:
         if self.pace.is_held:
-            self._wanted = round(self.overlay.timeline.share_at(at) * self.overlay.timeline.turns)
+            self._wanted = round(self.overlay.timeline.find_share(at) * self.overlay.timeline.turns)
 
     def _release_timeline(self) -> None:
         self.pace.is_held = False
@@ -510,11 +510,11 @@ class WindowEngine(WindowNames, PictureEngine):
         overlay.limit_sizes()
         if self._is_fresh or not overlay.shown:
             overlay.begin_turn()
-            overlay.hud.legend.explain(blocks_of(self.ctx, overlay.shown), *self.screen.get_size())
+            overlay.hud.legend.explain(list_blocks(self.ctx, overlay.shown), *self.screen.get_size())
         self._framing.fit()
         share = self.pace.share(self.turn_seconds)
         is_new_turn = self._is_fresh or self._has_painters
-        self._scene.draw(overlay.at(share), lambda group: self._draw(group, share), is_new_turn=is_new_turn)
+        self._scene.draw(overlay.list_artists(share), lambda group: self._draw(group, share), is_new_turn=is_new_turn)
         self._is_fresh = False
         if self.ctx.is_terminated():  # by a drawer
             return
@@ -529,7 +529,7 @@ class WindowEngine(WindowNames, PictureEngine):
             data = get_data(artist)
             if "agent_data" in data:
                 data["_waiting_simulation"] = self.pace.is_showing
-        commands = group.commands(share)
+        commands = group.draw_artists(share)
         self._scene.note_overlay(group.artists, self.drawer_surface)
         if self.drawer_surface is not None:
             kinds = {artist.get_artist_type() for artist in group.artists}

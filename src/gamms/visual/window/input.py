@@ -122,7 +122,7 @@ class FlightChoice:
 Question = NodeChoice | FlightChoice
 
 
-def question(ctx: IContext, name: str, state: dict[str, Any]) -> Question:
+def make_question(ctx: IContext, name: str, state: dict[str, Any]) -> Question:
     """Return the question about an agent.
 
     Raises:

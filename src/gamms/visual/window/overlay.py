@@ -12,7 +12,7 @@ from gamms.ir.graph import FloatArray
 from gamms.text import as_text
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, get_color_group, rgba
+from gamms.visual.appearance import AgentData, get_color_group, parse_color
 from gamms.visual.artist import collect_drawn_looks, list_looks
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
@@ -33,7 +33,7 @@ from gamms.visual.drawing import Drawing
 from gamms.visual.labels import AUTO, Choice, Labels, convert_dots, draw_names
 from gamms.visual.layout import Layout
 from gamms.visual.legend import LegendRows, Pen
-from gamms.visual.page import noted
+from gamms.visual.page import add_source
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import FrameTiming
 from gamms.visual.window.input import NodeChoice, Question
@@ -114,7 +114,7 @@ class Overlay(Guarded):
         self.hud.set_theme(theme)
         self.shown = {}
 
-    def new_timeline(self) -> None:
+    def clear_timeline(self) -> None:
         """Clear all events, because another game follows."""
         self.timeline = Timeline(self._find_team)
         self._charts = ChartHistory()
@@ -123,7 +123,7 @@ class Overlay(Guarded):
         agent = self._ctx.agent.agents.get(name)
         return None if agent is None else str(get_color_group(agent))
 
-    def caption(self, side: str | None, turn_seconds: float, *, after_jump: bool = False) -> None:
+    def show_captions(self, side: str | None, turn_seconds: float, *, after_jump: bool = False) -> None:
         """Show captions of the present turn, and for some seconds of earlier turns.
 
         Args:
@@ -137,7 +137,7 @@ class Overlay(Guarded):
             self._captions = Captions(self._ctx, self._drawing)
         shown_seconds = turn_seconds / self._pace.speed
         self._captions.turns = max(1, round(CAPTION_SECONDS / shown_seconds)) if shown_seconds else 1
-        self.captions = self._captions.now(side).lines if self.has_captions else ()
+        self.captions = self._captions.make_captions(side).lines if self.has_captions else ()
 
     def keep_trails(self, turns: int) -> None:
         """Set the number of turns of trails; 0 hides trails until they are switched on."""
@@ -148,7 +148,7 @@ class Overlay(Guarded):
 
     def begin_turn(self) -> None:
         """Update the artists of pictures, in the colors of the theme, and the trails."""
-        self.shown = self._artists.shown(self.trails, self._scene)
+        self.shown = self._artists.list_shown(self.trails, self._scene)
         self._hinted = None, {}
 
     def limit_sizes(self) -> None:
@@ -157,12 +157,12 @@ class Overlay(Guarded):
         if self._scene.limit_marks(_LARGEST_PX / step):
             self.shown = {}
 
-    def at(self, share: float) -> dict[str, IArtist]:
+    def list_artists(self, share: float) -> dict[str, IArtist]:
         """Return the artists of a frame, after a share of the agents' last moves."""
         self._share = share
-        return self.shown | self.hints()
+        return self.shown | self.list_hints()
 
-    def hints(self) -> dict[str, IArtist]:
+    def list_hints(self) -> dict[str, IArtist]:
         """Return artists of the view of the agent under the pointer, unless it is already shown."""
         name = self._find_pointed_name()
         if name != self._hinted[0]:
@@ -178,7 +178,7 @@ class Overlay(Guarded):
         else:
             sights = [one for one in fog.sights if one.carrier == name]
         unseen = [one for one in sights if one.view is not None and f"sensor_{one.sensor.sensor_id}" not in self.shown]
-        colored = {one.sensor.sensor_id: [(rgba(look.color)[:3], one.view)] for one in unseen}
+        colored = {one.sensor.sensor_id: [(parse_color(look.color)[:3], one.view)] for one in unseen}
         hints: dict[str, IArtist] = {**make_sight_artists(self._ctx, colored, look.size, self._artists.declared)}
         return {f"{key} of the hint" if key in ("rings", "sights") else key: artist for key, artist in hints.items()}
 
@@ -189,7 +189,7 @@ class Overlay(Guarded):
         """Pin the panel of the agent at a point of the screen; unpin it if there is no agent, or for None."""
         self._pinned = None if at is None else self._find_agent(at)
 
-    def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
+    def describe_pointed(self) -> tuple[list[str], tuple[float, float], float] | None:
         """Return text about the agent under the pointer, else about the clicked one.
 
         Also where it is on the screen, and how many pixels beside it words begin.
@@ -227,7 +227,7 @@ class Overlay(Guarded):
 
     # -- words -----------------------------------------------------------------------------------------------
 
-    def turn_lines(self, ctx: IContext) -> list[str]:
+    def write_turn_lines(self, ctx: IContext) -> list[str]:
         """Return the default lines of `hud`: the turn, the scores unless the legend has them, and who is left."""
         game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
@@ -256,7 +256,7 @@ class Overlay(Guarded):
                 left[str(teams[row])] += 1
         return ["left: " + score_line(left)] if left else []
 
-    def lines(self, write: HudLines | None) -> list[str]:
+    def write_lines(self, write: HudLines | None) -> list[str]:
         """Return the lines of a function of the context; an error is logged once."""
         if write is None:
             return []
@@ -276,19 +276,19 @@ class Overlay(Guarded):
     def paint(self, canvas: Canvas, write: HudLines | None, question: Question | None) -> None:
         """Paint names, the text that a function writes, the timeline, a person's choices, and how the game ended."""
         self._paint_names(canvas)
-        lines = self.lines(write) if self.hud.is_shown else []
+        lines = self.write_lines(write) if self.hud.is_shown else []
         if self._ctx.is_terminated():  # the function that makes the lines -> the lines
             return
         has_line = self.foot > 0
         foot = self.foot
-        credit = noted(self._ctx, "")
-        has_hint = write == self.turn_lines
+        credit = add_source(self._ctx, "")
+        has_hint = write == self.write_turn_lines
         prompt = self._prompt(question)
         self.hud.paint(canvas, lines, prompt, credit, foot, has_hint=has_hint)
         if self.hud.is_shown and self._artists.fog is None:  # a team does not know what the program collects
-            lines_of_charts = self._charts.lines(self.turns)
+            lines_of_charts = self._charts.list_lines(self.turns)
             self.hud.paint_charts(canvas, lines_of_charts, self._drawing.group_colors(), self._find_team)
-        card = self.card() if self.hud.is_shown else None
+        card = self.get_card() if self.hud.is_shown else None
         if self.captions and self.hud.is_shown and not self.hud.has_help and card is None:
             self.hud.paint_captions(canvas, self.captions)
         if has_line:
@@ -300,11 +300,11 @@ class Overlay(Guarded):
             self._paint_choices(canvas, question)
         if card is not None:
             self.hud.paint_card(canvas, card)
-        found = self.pointed_at()
+        found = self.describe_pointed()
         if found is not None:
             self.hud.paint_facts(canvas, *found)
         pointer = self.pointer()
-        if has_line and pointer is not None and (words := self.timeline.words_at(pointer)):
+        if has_line and pointer is not None and (words := self.timeline.describe_events(pointer)):
             self.hud.paint_facts(canvas, words, (pointer[0], canvas.height - EDGE_PX - foot), EDGE_PX)
 
     def _prompt(self, question: Question | None) -> list[str]:
@@ -313,7 +313,7 @@ class Overlay(Guarded):
         is_said = self._pace.is_paused and not self.timeline.can_seek
         return ["paused: space goes on, . shows one turn"] if is_said else []
 
-    def card(self) -> ResultCard | None:
+    def get_card(self) -> ResultCard | None:
         """Return the result of the game; None while the game runs, or after the card was dismissed."""
         if not self.is_over or self._share < 1.0 or self._dismissed == self.turns:
             return None
@@ -323,7 +323,7 @@ class Overlay(Guarded):
     @refuse_while_deciding
     def dismiss(self) -> bool:
         """Dismiss the result card; return False if there is none."""
-        is_shown = self.card() is not None
+        is_shown = self.get_card() is not None
         if is_shown:
             self._dismissed = self.turns
         return is_shown
@@ -332,7 +332,7 @@ class Overlay(Guarded):
         """Paint the number of each choice beyond it, seen from the one who is asked, where no other number is."""
         places = self._camera.camera().to_screen(question.places)
         for number, way in enumerate(_compute_directions(places)):
-            self.hud.paint_badge(canvas, str(number), places[number] + _directions(way))
+            self.hud.paint_badge(canvas, str(number), places[number] + _find_directions(way))
         half = BADGE_PX / 2
         self.hud.layout.cover(np.hstack([places - half, places + half]))
 
@@ -420,7 +420,7 @@ def _compute_directions(places: FloatArray) -> FloatArray:
     return ways
 
 
-def _directions(way: FloatArray) -> FloatArray:
+def _find_directions(way: FloatArray) -> FloatArray:
     """Return where a number may stand (places, 2), seen from its node, whose way out is a unit vector (2,)."""
     cos = np.cos(_TURNS)
     sin = np.sin(_TURNS)

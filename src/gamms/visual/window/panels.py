@@ -118,7 +118,7 @@ class Hud:
         """Return the upper left corner of a panel at the lowest place at the left edge that covers the least."""
         left, _, _, bottom = self.layout.page
         places = self.layout.list_above((left, bottom - height, left + width, bottom), EDGE_PX)
-        return _corner(places[self.layout.choose(places, EDGE_PX)])
+        return _find_corner(places[self.layout.choose(places, EDGE_PX)])
 
     def _write_foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Write small print in a lower corner."""
@@ -126,7 +126,7 @@ class Hud:
         y = canvas.height - 20
         edge = self.theme.background[:3]
         if words:
-            canvas.text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
+            canvas.draw_text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
 
     def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float) -> None:
         """Paint facts beside a point, where they cover no other panel; of a point outside below the lines."""
@@ -142,7 +142,7 @@ class Hud:
         places = self.layout.move_inside(places)
         half = beside_px / 2
         taken = Layout(self.layout.page, [*self.layout.areas, (x - half, y - half, x + half, y + half)])
-        self._paint_lines(canvas, lines, _corner(places[taken.choose(places)]))
+        self._paint_lines(canvas, lines, _find_corner(places[taken.choose(places)]))
 
     def paint_charts(
         self,
@@ -171,7 +171,7 @@ class Hud:
             count -= row is None
         if row is None:
             return
-        left, top = _corner(places[row])
+        left, top = _find_corner(places[row])
         self._paint_panel(canvas, (left, top), (width, height))
         pen = _make_screen_pen(canvas, self.theme)
         for row, (name, lines) in enumerate(list(charts.items())[:count]):
@@ -202,7 +202,7 @@ class Hud:
         left, top = corner
         self._paint_panel(canvas, corner, _measure_size(tuple(lines)))
         for row, line in enumerate(lines):
-            canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, FONT_PX, self.theme.ink)
+            canvas.draw_text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, FONT_PX, self.theme.ink)
 
     def _paint_panel(self, canvas: Canvas, corner: tuple[int, int], size: tuple[int, int]) -> None:
         """Paint an empty panel from its upper left corner, and cover its area."""
@@ -218,12 +218,12 @@ class Hud:
         half = np.array([width / 2, BADGE_PX / 2])
         places = np.hstack([middles - half, middles + half])
         place = places[self.layout.choose(places, 1.0)]
-        left, top = _corner(place)
+        left, top = _find_corner(place)
         badge = make_panel(width, BADGE_PX, self.theme.ink, self.theme.background, radius=BADGE_PX // 2)
         canvas.surface.blit(badge, (left, top))
         edge = self.theme.ink[:3]  # none, so that no halo of another color is around the words
         x = left + (width - measure_text_px(words, FONT_PX)) / 2
-        canvas.text(words, x, top + 6, FONT_PX, self.theme.background, edge=edge)
+        canvas.draw_text(words, x, top + 6, FONT_PX, self.theme.background, edge=edge)
         self.layout.cover(place)
 
 
@@ -235,7 +235,7 @@ def _make_help_lines() -> tuple[str, ...]:
     return tuple(" · ".join(each[i : i + 2]) for i in range(0, len(each), 2))
 
 
-def _corner(place: FloatArray) -> tuple[int, int]:
+def _find_corner(place: FloatArray) -> tuple[int, int]:
     """Return the upper left corner of a place (4,), in whole pixels."""
     return round(place[0]), round(place[1])
 

@@ -9,7 +9,7 @@ from gamms.text import as_text
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load
 from gamms.visual.camera import Point
-from gamms.visual.captions import UNMARKED, ending, list_rises, write_captions
+from gamms.visual.captions import UNMARKED, describe_ending, list_rises, write_captions
 from gamms.visual.themes import Theme
 from gamms.visual.window.panels import EDGE_PX, FONT_PX, make_panel, measure_text_px
 
@@ -71,7 +71,7 @@ class Timeline:
             winner = over.get("winner") if over else None
             if over:
                 self._marks.append(
-                    TimelineMark(turn, None if winner is None else as_text(winner), ending(over)[0], True)
+                    TimelineMark(turn, None if winner is None else as_text(winner), describe_ending(over)[0], True)
                 )
         elif highlight.get("kind") not in UNMARKED:
             for words, agent in write_captions([highlight]):
@@ -84,13 +84,13 @@ class Timeline:
         """Return whether the line is painted."""
         return self.turns > 0
 
-    def place_at(self, at: Point) -> float | None:
+    def find_place(self, at: Point) -> float | None:
         """Return which share of the turns a point of the screen lies on; None: beside the line."""
         left, top, width = self._bar
         is_on = self.is_shown and top <= at[1] <= top + HEIGHT_PX and left - _PAD_PX <= at[0] <= left + width + _PAD_PX
-        return self.share_at(at) if is_on else None
+        return self.find_share(at) if is_on else None
 
-    def share_at(self, at: Point) -> float:
+    def find_share(self, at: Point) -> float:
         """Return which share of the turns a point of the screen is above or below."""
         left, _, width = self._bar
         return min(max((at[0] - left) / width, 0.0), 1.0)
@@ -101,9 +101,9 @@ class Timeline:
         is_left = left - _PAD_PX - _BUTTON_PX <= at[0] < left - _PAD_PX
         return self.is_shown and self.can_seek and is_left and top <= at[1] <= top + HEIGHT_PX
 
-    def words_at(self, at: Point | None) -> list[str]:
+    def describe_events(self, at: Point | None) -> list[str]:
         """Return the text of the events in the turns at a point of the screen."""
-        share = None if at is None else self.place_at(at)
+        share = None if at is None else self.find_place(at)
         if share is None:
             return []
         turn = round(share * self.turns)
@@ -151,7 +151,9 @@ class Timeline:
             canvas.surface.blit(handle, (round(begin + long * share) - half, middle - half))
         if words:
             x = left + width - _PAD_PX
-            canvas.text(f"{turn} / {self.turns}", x, middle - FONT_PX // 3 + 1, FONT_PX, theme.ink, align_right=True)
+            canvas.draw_text(
+                f"{turn} / {self.turns}", x, middle - FONT_PX // 3 + 1, FONT_PX, theme.ink, align_right=True
+            )
 
 
 def _paint_button(canvas: Canvas, theme: Theme, x: int, middle: int, *, is_running: bool) -> None:

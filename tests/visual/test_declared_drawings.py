@@ -29,10 +29,10 @@ def colors_in(commands, layer):
         ("obstacles", lambda visual: visual.set_obstacle_visual()),
     ],
 )
-def test_what_is_declared_takes_the_place_of_its_own_part_of_the_default_look_only(ctx, name, declare):
-    before = ctx.visual.artists.shown()
+def test_a_declared_drawing_replaces_only_its_part_of_the_default_look(ctx, name, declare):
+    before = ctx.visual.artists.list_shown()
     artist = declare(ctx.visual)
-    shown = ctx.visual.artists.shown()
+    shown = ctx.visual.artists.list_shown()
     assert shown[name] is artist
     assert {one: shown[one] for one in before if one != name} == {one: before[one] for one in before if one != name}
     assert legend_rows(ctx.visual.picture(".svg").decode()) == ["red", "blue"]
@@ -49,12 +49,12 @@ def test_a_program_that_declares_the_graph_sees_its_declarations_as_in_1_0_0(ctx
     ctx.visual.draw_commands()
     ctx.visual.set_graph_visual()
     look = look or declare_others()
-    assert set(ctx.visual.artists.shown()) == {"graph", "red_0", "sensor_spy"}
+    assert set(ctx.visual.artists.list_shown()) == {"graph", "red_0", "sensor_spy"}
     assert (look.color, look.size) == ((0, 0, 0), 8.0)
     commands = ctx.visual.draw_commands()
     assert {8.0, 10.0} == set(commands.size[(commands.layer == 40) & (commands.width > 0.0)].tolist()) - {2.0}
     ctx.visual.remove_artist("graph")
-    assert set(ctx.visual.artists.shown()) == {"red_0", "sensor_spy"}
+    assert set(ctx.visual.artists.list_shown()) == {"red_0", "sensor_spy"}
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ def test_colors_of_teams_are_a_copy_that_cannot_be_written_to(game):
 def test_agents_without_a_team_go_by_their_names(ctx):
     ctx.agent.create_agent("lone", start_node_id=0)
     ctx.visual.artists.team_colors = {"lone": TEAL}
-    assert ctx.visual.artists.shown()["lone"].data["agent_data"].color == TEAL
+    assert ctx.visual.artists.list_shown()["lone"].data["agent_data"].color == TEAL
 
 
 def test_no_team_chooses_a_color_that_was_given_to_another(ctx):
