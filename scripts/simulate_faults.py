@@ -243,7 +243,7 @@ class Run:
     def fork(self) -> Iterator[Context]:
         """Fork the game, without its players."""
         with ExitStack() as stack:
-            for agent in self.ctx.game.agents:
+            for agent in self.ctx.agent.create_iter():  # eliminated ones, too
                 if isinstance(agent.strategy, (Person, Model)):
                     stack.enter_context(played_by(agent, agent.strategy.own))
             ctx = self.ctx.game.fork(1).ctx
