@@ -1,4 +1,4 @@
-"""The parts of events and states that a side knows; whatever declares no audience and no role, nobody knows."""
+"""The parts of events and states that a side knows; parts without an audience or a role are left out."""
 
 import numpy as np
 import pytest

@@ -620,17 +620,22 @@ def discs_of(data):
         return [event for *_, event in recording.reader.events(kinds={kinds.SENSED})], lambda: columns
 
 
+def add_hundred_walkers(ctx):
+    """Let agents with sensors walk at random on a grid, for which the core decides."""
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20, 10.0))
+    for number in range(100):
+        eyes = ctx.sensor.create_sensor(f"eyes {number}", "agent_range", sensor_range=60.0)
+        ctx.agent.create_agent(
+            f"a{number}", start_node_id=4 * number, sensors=[eyes], strategy=gamms.strategies.random_walk
+        )
+
+
 def test_a_recorded_turn_makes_no_states_of_agents_for_which_the_core_decides(monkeypatch):
     made = []
     read_states = TurnEngine._read_states
     monkeypatch.setattr(TurnEngine, "_read_states", lambda turns: made.append(turns) or read_states(turns))
     with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20, 10.0))
-        for number in range(100):
-            eyes = ctx.sensor.create_sensor(f"eyes {number}", "agent_range", sensor_range=60.0)
-            ctx.agent.create_agent(
-                f"a{number}", start_node_id=4 * number, sensors=[eyes], strategy=gamms.strategies.random_walk
-            )
+        add_hundred_walkers(ctx)
         ctx.record.start(io.BytesIO())
         ctx.game.run(9)
         assert made == []
@@ -641,12 +646,7 @@ def test_reports_of_a_hundred_agents_take_few_bytes():
     for sensed_too in (None, False):
         stream = io.BytesIO()
         with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
-            ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20, 10.0))
-            for number in range(100):
-                eyes = ctx.sensor.create_sensor(f"eyes {number}", "agent_range", sensor_range=60.0)
-                ctx.agent.create_agent(
-                    f"a{number}", start_node_id=4 * number, sensors=[eyes], strategy=gamms.strategies.random_walk
-                )
+            add_hundred_walkers(ctx)
             ctx.record.start(stream, sensed=sensed_too)
             ctx.game.run(20)
             ctx.record.stop()

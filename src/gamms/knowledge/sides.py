@@ -1,7 +1,7 @@
 """Sights, witnessed events and messages of the agents of a side in a turn, and the parts of recordings that it knows.
 
 A side is a team, or an agent without a team. Each column of agents, field of a game and field of an event declares its
-audience or role in `ir`; the functions here apply these declarations. Without a declaration, nobody knows it.
+audience or role in `ir`; the functions here apply these declarations. What has no declaration is left out.
 """
 
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
@@ -228,7 +228,7 @@ def find_sighted(reports: Iterable[Report], others: Container[str], nearest: Nea
 def find_known_flags(data: Mapping[Any, Any], is_in_view: Callable[[str], bool]) -> dict[Any, dict[str, Any]]:
     """Return the flags in the data of rules as a side knows them: their homes, and by which agent each is carried.
 
-    Everybody knows the homes, and which flags are not there. The name of a carrier that is not in view is "".
+    All sides know the homes, and which flags are not there. The name of a carrier that is not in view is "".
 
     Args:
         data: the data of the rules of a game, by key.
