@@ -10,7 +10,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import gamms
@@ -272,14 +272,42 @@ def test_decisions_are_awaited_by_the_clock_of_the_game(ctx):
     result = ctx.game.run(1)
     assert nodes(ctx) == {"a": 4, "b": 6}
     assert [error["agent"] for error in result.errors] == ["b"]
-    assert clock.now() == 3600.0
+    assert clock.now() == pytest.approx(3600.0)
     ctx.game.clock = SimulatedClock(-5.0)
     ctx.game.step()
-    assert (clock.now(), ctx.game.clock.now()) == (3600.0, 3595.0)
+    assert (clock.now(), ctx.game.clock.now()) == (pytest.approx(3600.0), pytest.approx(3595.0))
     ctx.game.clock = None
     ctx.game.deadline_s = 0.05
     ctx.game.step()
     assert time.perf_counter() - began < 60
+
+
+@given(
+    start=st.sampled_from([0.0, 0.1, 86400.7, 1.8e9]) | st.floats(0.0, 4e9),
+    delays=st.lists(st.floats(1e-9, 100.0), min_size=1, max_size=4),
+)
+@example(start=0.1, delays=[30.0 - 6.2e-13, 30.0])
+def test_decisions_that_wait_for_a_time_end_by_any_simulated_clock(start, delays):
+    clock = SimulatedClock(start)
+    waits = 0
+
+    def wait_until(end):
+        async def wait(state):
+            nonlocal waits
+            while (left := end - clock.now()) > 0.0:
+                waits += 1
+                assert waits < 1000
+                await asyncio.sleep(left)
+
+        return wait
+
+    ctx = gamms.create_context()
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+    ctx.game.clock = clock
+    for number, delay in enumerate(delays):
+        team(ctx, f"agent {number}", start=0, strategy=wait_until(start + delay))
+    ctx.game.step()
+    assert clock.now() >= start + max(delays)
 
 
 def test_a_simulated_clock_stands_while_threads_work_for_a_decision(ctx):

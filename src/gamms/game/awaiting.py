@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Awaitable, Callable, Coroutine, Iterable
 from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
-from contextvars import copy_context
+from contextvars import Context, copy_context
 from threading import Thread
 from typing import Any, NamedTuple, TypeVar, TypeVarTuple
 
@@ -19,6 +19,7 @@ T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
 
 _GRACE_S = 1.0  # the time for a cancelled coroutine to end
+_LATER_S = 1e-6  # the time after which timers of a `_ClockLoop` are called, longer than asyncio's resolution
 
 
 class Outcome(NamedTuple):
@@ -93,6 +94,16 @@ class _ClockLoop(asyncio.SelectorEventLoop):
         """Return the time by the clock, seconds."""
         return self._clock.now()
 
+    def call_at(
+        self, when: float, callback: Callable[[*Arguments], object], *args: *Arguments, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        """Call a function when the clock has passed a time.
+
+        asyncio calls functions up to its resolution too early. A task that then waits for the rest of the time would
+        wait for ever, because a simulated clock stands as long as tasks go on.
+        """
+        return super().call_at(when + _LATER_S, callback, *args, context=context)
+
     def run_in_executor(
         self, executor: Executor | None, func: Callable[[*Arguments], T], *args: *Arguments
     ) -> asyncio.Future[T]:
@@ -117,7 +128,7 @@ class _ClockSelector(selectors.DefaultSelector):
             return super().select(None)
         ready = super().select(0.0)
         if not ready and timeout > 0.0:
-            self._clock.sleep(timeout)
+            self._clock.sleep(timeout + 2.0 * math.ulp(self._clock.now()))  # past the timer, however the sum is rounded
         return ready
 
 
