@@ -65,6 +65,7 @@ class Person(Human):
         self.flaws = list[str]()
         self._action: Any = None
         self._newest = 0  # number of the last question that was read
+        self._open = set[int]()  # numbers of the questions on the page
         self._late = set[int]()  # numbers of questions that are answered too late
 
     async def __call__(self, state: Any) -> None:
@@ -88,7 +89,9 @@ class Person(Human):
 
     def _read_page(self) -> None:
         """Read the questions, and answer those that are new."""
-        for question in json.loads(json.dumps(self._page.list_questions(str(self.name)))):
+        questions = json.loads(json.dumps(self._page.list_questions(str(self.name))))
+        self._open = {question["question"] for question in questions}
+        for question in questions:
             number = question["question"]
             if number > self._newest:
                 self._newest = number
@@ -106,7 +109,7 @@ class Person(Human):
         try:
             self._page.choose(str(self.name), choice)
         except RefusedChoice as error:
-            if error.why != "late" or (number == self._newest and number not in self._late):
+            if error.why != "late" or (number in self._open and number not in self._late):
                 self.flaws.append(str(error))
         else:
             if number in self._late:

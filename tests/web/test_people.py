@@ -124,6 +124,24 @@ def test_a_choice_counts_once_when_its_turn_has_to_be_begun_again():
         assert ctx.game.observation("anna")["curr_pos"] == 1
 
 
+def test_a_question_vanishes_from_the_page_when_its_turn_is_interrupted():
+    async def press(state):
+        await asyncio.sleep(1.0)
+        raise KeyboardInterrupt
+
+    with context(web.human(seconds=60.0), press, clock=SimulatedClock()) as ctx:
+        people = People.open(ctx)
+        people.mark_present("anna")
+        asked = []
+        people.changed.append(lambda: asked.append([one["question"] for one in people.list_questions("anna")]))
+        with pytest.raises(KeyboardInterrupt):
+            ctx.game.step()
+        assert asked == [[1], []]
+        assert not people.is_waiting
+        with pytest.raises(RefusedChoice, match="Question 1 is not open"):
+            people.choose("anna", {"question": 1, "move": 1})
+
+
 @pytest.mark.parametrize(
     ("choice", "why"),
     [

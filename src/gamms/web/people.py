@@ -240,6 +240,9 @@ class People(PartOfServer):
                 woken.clear()
                 with suppress(TimeoutError):
                     await asyncio.wait_for(woken.wait(), left)
+        except BaseException:
+            self._take_back(question)
+            raise
         finally:
             with self._lock:
                 question.is_over = True
@@ -304,6 +307,12 @@ class People(PartOfServer):
             self._questions[question.number] = (person.name, question)
         self._notify()
         return question
+
+    def _take_back(self, question: Question) -> None:
+        """Remove a question whose turn was interrupted."""
+        with self._lock:
+            self._questions.pop(question.number, None)
+        self._notify()
 
     def _notify(self) -> None:
         for callback in tuple(self.changed):
