@@ -6,7 +6,6 @@ import re
 from math import isfinite
 
 import numpy as np
-import second_looks
 import second_reader
 
 import gamms
@@ -94,11 +93,16 @@ def read_recording(data):
         answer = {"header": reader.header, "turns": [_pair_moves(reader.log(turn)) for turn in range(reader.turns)]}
         states = filter(None, map(reader.keyframe, range(reader.turns + 1)))
         answer |= {"is_complete": reader.is_complete, "keyframes": dict(states)}
-        return answer | ({"looks": read_looks(reader)} if second_looks.has_looks(answer) else {})
+        return answer | ({"looks": read_looks(reader)} if has_looks(answer) else {})
+
+
+def has_looks(recording):
+    """Return whether a turn has sensed data."""
+    return any(kind == second_reader.SENSED for turn in recording["turns"] for kind, _ in turn)
 
 
 def read_looks(reader):
-    """Return the looks of each turn, as `second_looks.read_looks` does."""
+    """Return the looks of each turn, as `second_reader.read_looks` does."""
     fields = FieldTable()
     turns = []
     with report_damage("Its looks are damaged"), gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
@@ -110,12 +114,12 @@ def read_looks(reader):
         for turn in range(reader.turns):
             turns.append([])
             events = [entry for entry in reader.log(turn) if type(entry) is tuple]
-            refuse_many([data for kind, data in events if kind == second_looks.SENSED])
+            refuse_many([data for kind, data in events if kind == second_reader.SENSED])
             for kind, data in events:
-                if kind == second_looks.NEW_MAP:
-                    has_map = "world" in data
+                if kind == second_reader.NEW_MAP:
                     ctx.graph.storage.unpack(data["world"])
-                if kind == second_looks.SENSED:
+                    has_map = True
+                if kind == second_reader.SENSED:
                     looks = decode_looks(data, None, fields, get_map)
                     graph = ctx.graph.graph if has_map else None
                     turns[-1] += [(agent, *look[:-1], find_covered(look.field, graph)) for agent, look in looks]
@@ -138,30 +142,23 @@ def _pair_moves(log):
 
 
 def read_map(data):
-    """Return the contents of a .gamms file, as `second_reader.read_map` does."""
+    """Return the columns of a .gamms file, as `second_reader.read_map` does."""
     saved = map_file.decode(data)
     graph = saved.columns
-    nodes = graph.node_ids.tolist()
-    edges = graph.edge_ids.tolist()
-    bends = {row: points.tolist() for row, points in graph.polylines.items()}
-    ends = zip(edges, graph.sources.tolist(), graph.targets.tolist(), graph.lengths.tolist(), strict=True)
     is_named = not isinstance(saved.scenery, Scenery)
-    return {
-        "crs": graph.crs,
-        "attribution": saved.attribution,
-        "scenery": saved.scenery if is_named else None,
-        "nodes": [[id, *xy] for id, xy in zip(nodes, graph.xy.tolist(), strict=True)],
-        "edges": [[id, nodes[a], nodes[b], length, bends.get(row)] for row, (id, a, b, length) in enumerate(ends)],
-        "faces": [[face.id, face.type, *(part for corner in face[1:5] for part in corner)] for face in saved.faces],
-        "node_attributes": _name_rows(graph.node_attributes, nodes),
-        "edge_attributes": _name_rows(graph.edge_attributes, edges),
+    columns = {name: getattr(graph, name).tolist() for name in ("node_ids", "xy", "edge_ids", "sources", "targets")}
+    return columns | {
+        "texts": [graph.crs, saved.attribution, saved.scenery if is_named else None],
+        "lengths": graph.lengths.tolist(),
+        "bends": {row: points.tolist() for row, points in graph.polylines.items()},
+        "face_ids": [face.id for face in saved.faces],
+        "face_types": [face.type for face in saved.faces],
+        "face_corners": [[part for corner in face[1:5] for part in corner] for face in saved.faces],
+        "node_attributes": graph.node_attributes,
+        "edge_attributes": graph.edge_attributes,
         "closed": [edge | _list_points(edge) for edge in saved.closed.values()],
         "base_map": None if is_named else _list_shapes(saved.scenery),
     }
-
-
-def _name_rows(attributes, ids):
-    return {name: [[ids[row], value] for row, value in by_row.items()] for name, by_row in attributes.items()}
 
 
 def _list_points(edge):
@@ -170,11 +167,11 @@ def _list_points(edge):
 
 
 def _list_shapes(scenery):
-    parts = np.split(scenery.points, scenery.offsets[1:-1])
-    walls = zip(scenery.buildings.types.tolist(), scenery.buildings.corners.reshape(-1, 12).tolist(), strict=True)
     return {
-        "shapes": [[kind, part.tolist()] for kind, part in zip(scenery.kinds.tolist(), parts, strict=False)],
-        "walls": [[kind, *corners] for kind, corners in walls],
+        "kinds": scenery.kinds.tolist(),
+        "shapes": [part.tolist() for part in np.split(scenery.points, scenery.offsets[1:-1])],
+        "face_types": scenery.buildings.types.tolist(),
+        "face_corners": scenery.buildings.corners.reshape(-1, 12).tolist(),
     }
 
 
@@ -189,17 +186,46 @@ def read_sight(data):
     return answer | {"seen": [seen.rows[start:end].tolist() for start, end in parts]}
 
 
-GAMMS = {".ggr": read_recording, ".gamms": read_map, ".sight": read_sight}
+def name_rows(columns):
+    """Return the answer to a .gamms file: the columns of either reader, by ids."""
+    nodes, edges = columns["node_ids"], columns["edge_ids"]
+    ends = zip(edges, columns["sources"], columns["targets"], columns["lengths"], strict=True)
+    bends = columns["bends"]
+    base_map = columns["base_map"]
+    return dict(zip(("crs", "attribution", "scenery"), columns["texts"], strict=True)) | {
+        "nodes": [[id, *xy] for id, xy in zip(nodes, columns["xy"], strict=True)],
+        "edges": [[id, nodes[a], nodes[b], length, bends.get(row)] for row, (id, a, b, length) in enumerate(ends)],
+        "faces": _join(columns["face_ids"], columns["face_types"], columns["face_corners"]),
+        "node_attributes": _name_rows(columns["node_attributes"], nodes),
+        "edge_attributes": _name_rows(columns["edge_attributes"], edges),
+        "closed": columns["closed"],
+        "base_map": base_map
+        and {
+            "shapes": [list(shape) for shape in zip(base_map["kinds"], base_map["shapes"], strict=False)],
+            "walls": _join(base_map["face_types"], base_map["face_corners"]),
+        },
+    }
+
+
+def _join(*columns):
+    return [[*values, *corners] for *values, corners in zip(*columns, strict=True)]
+
+
+def _name_rows(attributes, ids):
+    return {name: [[ids[row], value] for row, value in by_row.items()] for name, by_row in attributes.items()}
+
+
+GAMMS = {".ggr": read_recording, ".gamms": lambda data: name_rows(read_map(data)), ".sight": read_sight}
 SECOND = {
     ".ggr": lambda data: add_looks(second_reader.read_recording(data)),
-    ".gamms": second_reader.read_map,
+    ".gamms": lambda data: name_rows(second_reader.read_map(data)),
     ".sight": second_reader.read_sight,
 }
 
 
 def add_looks(recording):
     """Add the looks of sensors to the second reader's answer, if there are any."""
-    return recording | ({"looks": second_looks.read_looks(recording)} if second_looks.has_looks(recording) else {})
+    return recording | ({"looks": second_reader.read_looks(recording)} if has_looks(recording) else {})
 
 
 def ask_gamms(suffix, data):
@@ -218,7 +244,8 @@ def ask_second(suffix, data):
     try:
         contents = SECOND[suffix](data)
     except second_reader.Refused as error:
-        return {"refused": error.limit, "byte": error.byte}
+        limit, byte = error.args
+        return {"refused": limit, "byte": byte}
     return _with_json(contents)
 
 
