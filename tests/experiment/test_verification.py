@@ -238,11 +238,38 @@ def test_games_of_functions_need_the_program_and_values_that_it_computes_are_nam
     folder = tmp_path / "sitting"
     vary = {"strategies.red": {"sitting": sit}}
     rows = experiment.run(HUNT, [1], vary, out=folder, collect={"length": lambda result: result.turns})
-    (fault,) = experiment.load(folder).verify(rows.root()).faults
-    assert "could not be played again: The plan does not say how to play row" in fault
+    found = experiment.load(folder).verify(rows.root())
+    assert (found.verdict, found.is_valid, found.played, found.faults) == ("unplayable", False, (), ())
+    assert "cannot be played again: The plan does not say how to play row" in found.unplayable[0]
+    assert found.unplayable[0].endswith("Give load(…, scenario=…, vary=…) with these functions.")
     found = experiment.load(folder, scenario=HUNT, vary=vary).verify(rows.root())
-    assert found.is_valid, found.faults
+    assert found.verdict == "yes", found.faults
     assert "A program computed collector.length" in found.notes[-1]
+
+
+def test_games_of_code_that_is_not_there_cannot_be_played_and_show_no_fault(studied, tmp_path):
+    folder, root, code = studied
+    found = experiment.load(folder).verify(root, sample=3)
+    assert (found.verdict, found.faults, len(found.unplayable)) == ("unplayable", (), 3)
+    assert "there is no module 'watching' installed. Give load(…, folder=…)" in found.unplayable[0]
+    (tmp_path / "watching.py").write_text(f"{(code / 'watching.py').read_text()}\n")
+    changed = experiment.load(folder, folder=tmp_path).verify(root, sample=1)
+    assert (changed.verdict, changed.unplayable) == ("no", ())
+    assert "The scenario or its code has changed" in changed.faults[0]
+
+
+def test_a_fault_is_found_beside_games_that_cannot_be_played(tmp_path):
+    folder = tmp_path / "mixed"
+    rows = experiment.run(HUNT, range(3), {"strategies.red": {"sitting": sit, "own": None}}, out=folder)
+    found = experiment.load(folder).verify(rows.root())
+    assert (found.verdict, len(found.played), len(found.unplayable)) == ("unplayable", 3, 3)
+    assert found.miss_probability(0.5) == 1.0
+    row = alter_row(folder, 5, turns=77)
+    found = experiment.load(folder).verify(sample=6)
+    assert (found.verdict, len(found.unplayable)) == ("no", 3)
+    assert found.faults[0].startswith(f"Row {row['id']} (seed 2): turns is 77, and played again ")
+    (folder / "rows.csv").write_bytes(b"")
+    assert [fault[:8] for fault in experiment.load(folder).verify(sample=1).faults] == ["rows.csv"]
 
 
 def sit(state):
@@ -372,3 +399,22 @@ def test_the_command_prints_the_root_and_verifies_the_folder_by_it(tmp_path, mon
     refused = run("verify", "hunts", "--root", root)
     assert (refused.exit_code, "hunts: no." in refused.output) == (1, True)
     assert "turns is 77, and played again" in run("verify", "hunts", "--sample", "3").output
+
+
+def test_the_command_says_that_games_of_functions_cannot_be_played_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    root = experiment.run(HUNT, range(4), {"strategies.red": [sit]}, out="sitting").root()
+
+    def verify(*words):
+        return CliRunner().invoke(cli.app, ["experiment", "verify", "sitting", *words], catch_exceptions=False)
+
+    unplayed = verify("--root", root, "--sample", "4")
+    assert unplayed.exit_code == 3
+    assert f"sitting: cannot be played again. {root} is the root; the files that follow" in unplayed.output
+    assert "a program passed functions for it" in unplayed.output
+    assert f"experiment.load('sitting', scenario=…, vary=…).verify('{root}')" in unplayed.output
+    assert verify("--root", root, "--sample", "0").exit_code == 0
+    table = tmp_path / "sitting" / "rows.csv"
+    table.write_bytes(table.read_bytes().replace(b",1,", b",2,", 1))
+    refused = verify("--root", root, "--sample", "4")
+    assert (refused.exit_code, "sitting: no." in refused.output) == (1, True)

@@ -16,11 +16,13 @@ from gamms.folders import make_folder, write_whole
 from gamms.text import make_printable_line
 
 if TYPE_CHECKING:
-    from gamms.experiment import Rows
+    from gamms.experiment import Rows, Verification
     from gamms.suite import Results
 
 _MOST_VARIANTS = 40  # that are shown one by one
 _MOST_FAULTS = 100  # that are printed
+_MOST_UNPLAYABLE = 3  # rows that are named
+_UNPLAYABLE = 3  # the exit code of verify if drawn rows cannot be played again
 _ALTERED = 0.1  # the share of altered rows for which verify prints the probability that it misses all of them
 _REQUIRED = ("scenario", "entries", "seeds")  # of a tournament
 _KEYS = (*_REQUIRED, "move_seconds", "memory_mb", "sides", "rounds", "record", "allow")
@@ -142,7 +144,10 @@ def verify(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    """Check a folder by its published root; exit code 1 if it was altered."""
+    """Check a folder by its published root; exit code 1 if it was altered.
+
+    The exit code is 3 if nothing differs, but drawn games cannot be played again with the code that is there.
+    """
     from gamms import experiment
 
     found = experiment.load(folder, folder=code, allow=allow or ()).verify(root, sample=sample, seed=seed)
@@ -150,18 +155,37 @@ def verify(
         echo(f"note: {note}")
     for fault in found.faults[:_MOST_FAULTS]:
         echo(fault, err=True)
-    if not found.is_valid:
+    if found.faults:
         more = len(found.faults) - _MOST_FAULTS
         echo(f"{folder}: no{f', and {more:,} faults more' if more > 0 else ''}.", err=True)
         raise typer.Exit(1)
+    answer = "yes" if found.is_valid else "cannot be played again"
     covered = "is the root" if root is not None else "is its root, which nothing was compared with"
-    echo(f"{folder}: yes. {found.root} {covered}; the files that follow from its {found.rows:,} rows are right.")
+    echo(f"{folder}: {answer}. {found.root} {covered}; the files that follow from its {found.rows:,} rows are right.")
+    if found.unplayable:
+        _print_unplayable(found, folder)
+        raise typer.Exit(_UNPLAYABLE)
     if found.played:
         chance = found.miss_probability(_ALTERED)
         echo(
             f"{len(found.played):,} games played again are equal. If a tenth of the rows were altered, they would miss "
             f"all of them with probability {chance:.2g}."
         )
+
+
+def _print_unplayable(found: "Verification", folder: Path) -> None:
+    """Print why games were not played again, and how they can be."""
+    for sentence in found.unplayable[:_MOST_UNPLAYABLE]:
+        echo(sentence, err=True)
+    played = len(found.played)
+    unplayable = len(found.unplayable)
+    echo(
+        f"Of {played + unplayable:,} drawn games, {played:,} are equal and {unplayable:,} were not played. For code "
+        "and maps of the scenario, give --code and --allow. For functions that a program passed, call in Python "
+        f"experiment.load({str(folder)!r}, scenario=…, vary=…).verify({found.root!r}). "
+        "--sample 0 checks only the files.",
+        err=True,
+    )
 
 
 def pack(

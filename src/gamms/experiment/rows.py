@@ -469,9 +469,9 @@ class Rows(Sequence[Row]):
         settings = {key: row[key] for key in self.keys}
         variant = next((one for one in self._variants if one.settings == settings), None)
         if self._scenario is None or variant is None:
-            raise BadValue(
-                f"The plan does not say how to play row {row['id']}: a program gave functions for it, or an older "
-                "GAMMS wrote the plan. Give load(…, scenario=…, vary=…)."
+            raise verification.Unplayable(
+                f"The plan does not say how to play row {row['id']}: a program passed functions for it, or an older "
+                "GAMMS wrote the plan. Give load(…, scenario=…, vary=…) with these functions."
             )
         try:
             scenario = variant.apply_to(self._scenario() if callable(self._scenario) else self._scenario)

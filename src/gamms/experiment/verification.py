@@ -15,7 +15,7 @@ from itertools import product, zip_longest
 from os import SEEK_END
 from os.path import commonprefix
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from gamms.arguments import as_float, as_text
 from gamms.errors import BadFile, BadValue, GammsError
@@ -24,6 +24,7 @@ from gamms.experiment.games import Row
 from gamms.experiment.variants import compute_row_id
 from gamms.folders import as_lines, open_regular_file, read_bytes, read_json_lines
 from gamms.limits import refuse_above
+from gamms.scenario import ScenarioError
 from gamms.text import make_printable_line, shown
 
 SAMPLE = 10  # rows that are played again if a root is given
@@ -60,6 +61,7 @@ class Verification(NamedTuple):
         played: the ids of the rows that were played again.
         faults: a sentence for each contradiction that was found.
         notes: sentences that say which files and values were not checked.
+        unplayable: a sentence for each drawn row whose game cannot be played again, with the reason and the way out.
     """
 
     root: str
@@ -67,16 +69,28 @@ class Verification(NamedTuple):
     played: tuple[str, ...]
     faults: tuple[str, ...]
     notes: tuple[str, ...]
+    unplayable: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Literal["yes", "no", "unplayable"]:
+        """The answer to the question whether the folder is right.
+
+        "no" if a fault was found; otherwise "unplayable" if a drawn row cannot be played again; otherwise "yes".
+        """
+        if self.faults:
+            return "no"
+        return "unplayable" if self.unplayable else "yes"
 
     @property
     def is_valid(self) -> bool:
-        """Whether no fault was found."""
-        return not self.faults
+        """Whether no fault was found, and all drawn rows could be played again."""
+        return self.verdict == "yes"
 
     def miss_probability(self, share: float) -> float:
         """Return the probability that none of the rows that were played again is among altered ones.
 
-        The rows are drawn without replacement, so the probability is hypergeometric; (1 - share) ** K bounds it.
+        The rows are drawn without replacement, so the probability is hypergeometric; (1 - share) ** K bounds it. If
+        drawn rows cannot be played again, it is 1, because all altered rows may be such rows.
 
         Args:
             share: the share of altered rows, 0 to 1; the number of rows is rounded down, but is at least one unless the
@@ -88,11 +102,15 @@ class Verification(NamedTuple):
         part = as_float(share, "share")
         if not 0.0 <= part <= 1.0:
             raise BadValue(f"share is a share of the rows, 0 to 1, not {part:g}.")
-        altered = 0 if part == 0.0 else max(int(part * self.rows), 1)
+        altered = 0 if part == 0.0 or self.unplayable else max(int(part * self.rows), 1)
         chance = 1.0
         for number in range(len(self.played)):
             chance *= max(self.rows - altered - number, 0) / (self.rows - number)
         return chance
+
+
+class Unplayable(BadValue):
+    """The plan of an experiment does not say how the game of a row is played."""
 
 
 # -- the root -----------------------------------------------------------------------------------------------------
@@ -156,7 +174,10 @@ def as_root(given: object) -> str:
 # -- the folder ---------------------------------------------------------------------------------------------------
 
 PlayRow = Callable[[str], tuple[Row, Iterable[folders.SeriesLine]]]
-"""Plays the game of an id; returns its row without the columns of the plan, and its collected values."""
+"""Plays the game of an id; returns its row without the columns of the plan, and its collected values.
+
+Raises `Unplayable` or `ScenarioError` if the game cannot be played with the plan, the code and the maps that there are.
+"""
 
 
 def verify(
@@ -179,7 +200,6 @@ def verify(
     plan = source.plan
     folder = source.folder or Path()
     lines = read_json_lines(folder / folders.JOURNAL, "a row")
-    played = [row for row in drawn if not _has_died(row)]
     misfit = _check_fit(folder, plan)
     found = [
         *faults,
@@ -187,11 +207,12 @@ def verify(
         *([*_check_ids(plan), *_check_rows(plan, rows)] if misfit is None else [misfit]),
         *_check_spelling(folder / folders.JOURNAL, lines),
         *_check_copies(folder, plan, rows),
-        *_check_games(plan, folder, played, play),
     ]
+    games = _check_games(plan, folder, [row for row in drawn if not _has_died(row)], play)
+    found += games.faults
     notes = [*_describe_unchecked_files(folder, plan, len(lines)), *_describe_unchecked_values(plan, drawn)]
-    ids = tuple(row["id"] for row in played)
-    return Verification(root, len({*plan["rows"]}), ids, tuple(found), tuple(notes))
+    unplayable = tuple(games.unplayable)
+    return Verification(root, len({*plan["rows"]}), tuple(games.played), tuple(found), tuple(notes), unplayable)
 
 
 def _check_copies(folder: Path, plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
@@ -391,21 +412,41 @@ def draw_rows(root: str, seed: int, rows: Sequence[Row], count: int) -> list[Row
     return [by_id[id] for id in nsmallest(count, keys, keys.__getitem__)]
 
 
-def _check_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row], play: PlayRow) -> Iterator[str]:
-    """Play the games of rows again, and yield a fault for each value that differs."""
+class _CheckedGames(NamedTuple):
+    """The result of playing games again.
+
+    Attributes:
+        played: the ids of the rows whose games were played.
+        faults: a sentence for each value that differs, and for each game that failed.
+        unplayable: a sentence for each game that cannot be played.
+    """
+
+    played: list[str]
+    faults: list[str]
+    unplayable: list[str]
+
+
+def _check_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row], play: PlayRow) -> _CheckedGames:
+    """Play the games of rows again, and compare their values."""
     given = {"id", "scenario", "seed", *_VERSIONS, *plan["keys"], *(f"collector.{name}" for name in plan["collect"])}
     collected: dict[str, list[folders.SeriesLine]] = {row["id"]: [] for row in rows}
     for line in folders.read_series(folder, collected):
         collected[line["id"]].append(line)
+    games = _CheckedGames([], [], [])
     for row in rows:
         try:
-            played, series = play(row["id"])
-        except (GammsError, OSError) as error:
-            yield make_printable_line(f"{_name_row(row)} could not be played again: {error}")
+            again, series = play(row["id"])
+        except (Unplayable, ScenarioError) as error:
+            games.unplayable.append(make_printable_line(f"{_name_row(row)} cannot be played again: {error}"))
             continue
-        columns = [name for name in dict.fromkeys([*row, *played]) if name not in given]
-        yield from _compare_row(row, played, columns, "and played again")
-        yield from _compare_series(row, collected[row["id"]], series)
+        except (GammsError, OSError) as error:
+            games.faults.append(make_printable_line(f"{_name_row(row)} could not be played again: {error}"))
+            continue
+        games.played.append(row["id"])
+        columns = [name for name in dict.fromkeys([*row, *again]) if name not in given]
+        games.faults.extend(_compare_row(row, again, columns, "and played again"))
+        games.faults.extend(_compare_series(row, collected[row["id"]], series))
+    return games
 
 
 def _compare_series(row: Row, found: Iterable[folders.SeriesLine], made: Iterable[folders.SeriesLine]) -> Iterator[str]:
