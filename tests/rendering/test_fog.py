@@ -10,6 +10,7 @@ import gamms
 from gamms import recorder, scenario
 from gamms.agent import AgentType
 from gamms.ir.packing import to_bytes
+from gamms.knowledge.sides import Side
 from gamms.rendering import Fog
 from gamms.rules import capture_flag, tag
 from gamms.sensor import SensorType
@@ -276,7 +277,7 @@ def test_fog_and_pages_know_that_a_side_knows_of_the_events_of_its_cut(raid):
 
     def list_known(ctx):
         events = ctx.visual.drawing.events
-        return [event for event in events.list_last() if "red" in events.find_witnesses(event)]
+        return [event for event in events.list_last() if Side("red", None) in events.find_witnesses(event)]
 
     in_fog = watch_recording(raid, "red", list_known)[1:]
     header = {**raid.header, "world": raid.graph.packed}

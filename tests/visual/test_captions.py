@@ -5,6 +5,7 @@ import re
 import pytest
 
 import gamms
+from gamms.knowledge.sides import Side
 from gamms.visual.captions import Captions, find_scores, write_captions
 
 
@@ -118,10 +119,11 @@ def test_a_side_gets_captions_of_its_agents_and_of_those_that_it_saw_in_the_turn
     duel.game.add(emits([("storm", {"agent": "red_0"}), ("tag", {"agent": "red_1", "other": "blue_1", "node": 0})]))
     duel.game.step()
     views = duel.visual.drawing.events.views
+    blue = Side("blue", None)
     told = []
     for turn in (0, 2, 1):
-        views.note(turn, "blue", ["red_0"])
-        told.append([line.words for line in Captions(duel, duel.visual.drawing).make_captions("blue").lines])
+        views.note(turn, blue, ["red_0"])
+        told.append([line.words for line in Captions(duel, duel.visual.drawing).make_captions(blue).lines])
     assert told == [["blue_1 is tagged by red_1"]] * 2 + [["red_0: storm", "blue_1 is tagged by red_1"]]
 
 

@@ -53,7 +53,8 @@ class ShownGame:
                 status = columns["status"][:, turn]
                 there = status & THERE != 0
                 nodes = self.world["node_ids"][columns["nodes"][there, turn]]
-                agents = {"name": names[there], "node": nodes, "alive": status[there] & ALIVE != 0}
+                sides = np.array(columns["sides"])[columns["side"][there, turn]]
+                agents = {"name": names[there], "node": nodes, "alive": status[there] & ALIVE != 0, "side": sides}
                 states[part["first"] + turn] = State(agents, slots)
         yield from states.values()
 

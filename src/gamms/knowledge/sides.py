@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.errors import BadValue, UnknownName
 from gamms.ir.events import DECISIONS, EVENTS, GAME_EVENT, MOVES, EventKind, Role
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
@@ -31,16 +32,115 @@ from gamms.knowledge.looks import (
     make_nearest,
 )
 from gamms.plain import Plain
-from gamms.text import as_text
+from gamms.text import as_text, shown
 from gamms.typing import IAgent, IGraph, IGraphEngine, ISensor
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 HIDDEN = ""  # in place of the name of an agent that is not in view
 
 
-def name_side(name: str, team: object) -> str:
-    """Return the name of the side of an agent: its team as text, or its own name if it has no team."""
-    return name if team is None else as_text(team)
+class Side(NamedTuple):
+    """A team, or an agent without a team: a team with the name of such an agent is another side.
+
+    Attributes:
+        team: the team; None: the side is an agent.
+        agent: the name of an agent without a team; None: the side is a team.
+    """
+
+    team: Any
+    agent: str | None
+
+    @property
+    def text(self) -> str:
+        """The team as text, or the name of the agent; several sides of a game may have the same text."""
+        return as_text(self.team) if self.agent is None else self.agent
+
+    @property
+    def kind(self) -> str:
+        """The word that tells the side from others with the same text."""
+        if self.agent is not None:
+            return "agent"
+        return "team" if isinstance(self.team, str) else type(self.team).__name__
+
+
+def find_side(name: str, team: object) -> Side:
+    """Return the side of an agent: its team, or the agent itself if it has no team."""
+    return Side(team, name if team is None else None)
+
+
+def find_side_of(agent: IAgent) -> Side:
+    """Return the side of an agent, also of one of another class that has no teams."""
+    return find_side(agent.name, getattr(agent, "team", None))
+
+
+def label_sides(sides: Iterable[Side], known: Container[str] = ()) -> dict[Side, str]:
+    """Return a text for each side that no other side has, in the order of the sides.
+
+    This is the text of the side. If several have the same text, it is that of the team that is a text, and the others
+    get a word before it: "agent red", "int 1".
+
+    Args:
+        sides: the sides; they may be repeated.
+        known: texts of sides that were assigned before, perhaps among more sides.
+    """
+    distinct = dict.fromkeys(sides)
+    found: dict[Side, str] = {}
+    taken: set[str] = set()
+    for side in sorted(distinct, key=lambda one: (one.agent is not None, one.kind != "team")):
+        text = side.text
+        while text in taken or (side.kind != "team" and f"{side.kind} {text}" in known):
+            text = f"{side.kind} {text}"
+        taken.add(text)
+        found[side] = text
+    return {side: found[side] for side in distinct}
+
+
+def list_assigned_labels(header: Mapping[str, Any]) -> list[str]:
+    """Return the texts of sides that the header of a recording has assigned, as `known` of `label_sides`.
+
+    In a cut, agents without a team that are not its own are not named, so these have no text that is named.
+    """
+    sides = [side for side in header.get("sides") or () if isinstance(side, str)]
+    if "audience" not in header:
+        return sides
+    agents = header.get("agents") or ()
+    own = [header["audience"], *agents, *(f"agent {name}" for name in agents)]
+    return [*sides, *(f"agent {side}" for side in sides if side not in own)]
+
+
+def find_named_side(given: object, sides: Iterable[Side]) -> Side:
+    """Return the side that a user names: by a team, by its text, or by the name of an agent without a team.
+
+    Args:
+        given: the team, the text or the name; "team red" and "agent red" name only a team, or only an agent.
+        sides: the sides of the game.
+
+    Raises:
+        UnknownName (KeyError): no side has this name.
+        BadValue: several sides have this name.
+    """
+    labels = label_sides(sides)
+    found = [side for side in labels if side.agent is None and _is_same_team(side.team, given)]
+    if isinstance(given, str):
+        found = found or [side for side in labels if side.agent is None and side.text == given]
+        found += [side for side in labels if side.agent == given]
+        found = found or [side for side, label in labels.items() if given in (label, f"{_get_genus(side)} {side.text}")]
+    if not found:
+        raise UnknownName("team", given, labels.values())
+    if len(found) > 1:
+        ways = " or ".join(shown(f"{_get_genus(side)} {side.text}") for side in found)
+        raise BadValue(f"Several sides of this game have the name {shown(given)}. Write {ways} in its place.")
+    return found[0]
+
+
+def _get_genus(side: Side) -> str:
+    return "team" if side.agent is None else "agent"
+
+
+def _is_same_team(team: object, given: object) -> bool:
+    """Return whether a caller gives this team; True and 1.0 are not the team 1."""
+    is_of_kind = not isinstance(given, bool | float) or type(given) is type(team)
+    return is_of_kind and bool(team == given)
 
 
 def list_sides(
@@ -48,24 +148,21 @@ def list_sides(
 ) -> list[str | None]:
     """Return the sides of a game in the order of their color assignment, which is the same in all cuts.
 
-    A side is the text of a team, or the name of an agent without a team; None for an unknown agent without a team.
+    A side is its text as by `label_sides`; None for an unknown agent without a team.
 
     Args:
         header: header of the whole recording.
         first: first keyframe of the game.
         is_own: function of the name and the team of an agent: whether it is known.
     """
-    sides: dict[str | int, str | None] = {}
-    for name, team in zip(first["names"], first["teams"], strict=True):
-        if team is None and not is_own(name, team):
-            sides[len(sides)] = None
-        else:
-            side = name_side(name, team)
-            sides[side] = side
     scenario = header.get("scenario")
     teams = scenario.get("teams") if isinstance(scenario, Mapping) else None
-    sides |= {team: team for team in teams or () if isinstance(team, str)}  # some may come later
-    return list(sides.values())
+    sides = [
+        *map(find_side, first["names"], first["teams"]),
+        *(Side(team, None) for team in teams or () if isinstance(team, str)),  # some may come later
+    ]
+    labels = label_sides(sides, list_assigned_labels(header))
+    return [label if side.agent is None or is_own(side.agent, None) else None for side, label in labels.items()]
 
 
 # -- seen -----------------------------------------------------------------------------------------------------------
@@ -75,7 +172,7 @@ class AgentPlaces(NamedTuple):
     """Where agents are, and on which side; one item for each agent."""
 
     names: Sequence[str]
-    sides: Sequence[str]
+    sides: Sequence[Side]
     rows: IntArray  # (agents,) of their nodes, or the nodes below them; -1: unknown
     is_alive: BoolArray  # (agents,)
     is_standing: BoolArray  # (agents,) on its node: neither on an edge nor in the air
@@ -169,8 +266,8 @@ class SideKnowledge(NamedTuple):
 
 
 def find_known(
-    sides: Iterable[str], looks: Iterable[SideLook], places: AgentPlaces, nodes: int
-) -> dict[str, SideKnowledge]:
+    sides: Iterable[Side], looks: Iterable[SideLook], places: AgentPlaces, nodes: int
+) -> dict[Side, SideKnowledge]:
     """Return what sides see: side -> its knowledge.
 
     A side sees the nodes of its living agents, and those that their sensors report or cover. It sees the agents that
@@ -186,7 +283,7 @@ def find_known(
     living = {name: row for row, name in enumerate(places.names) if places.is_alive[row]}
     clear = {side: np.zeros(nodes + 1, bool) for side in sides}  # the last item is for unknown nodes, row -1
     shaded = {side: np.zeros(nodes + 1, bool) for side in clear}
-    reported: dict[str, dict[str, None]] = {side: {} for side in clear}
+    reported: dict[Side, dict[str, None]] = {side: {} for side in clear}
     for row in living.values():
         if places.sides[row] in clear:
             clear[places.sides[row]][places.rows[row]] = True
@@ -343,9 +440,9 @@ class PastViews:
     """Which agents sides saw in the last turns, to tell which of them know of an event."""
 
     def __init__(self) -> None:
-        self._seen: dict[int, dict[str, frozenset[str]]] = {}  # turn -> side -> names of agents
+        self._seen: dict[int, dict[Side, frozenset[str]]] = {}  # turn -> side -> names of agents
 
-    def note(self, turn: int, side: str, names: Iterable[str], *, is_early: bool = False) -> None:
+    def note(self, turn: int, side: Side, names: Iterable[str], *, is_early: bool = False) -> None:
         """Note the agents of other sides that a side sees when a turn begins.
 
         Args:
@@ -360,7 +457,7 @@ class PastViews:
         for old in [one for one in self._seen if one <= turn - _TURNS]:
             del self._seen[old]
 
-    def find_witnesses(self, event: Mapping[str, Any], side_of: Mapping[str, str]) -> set[str]:
+    def find_witnesses(self, event: Mapping[str, Any], side_of: Mapping[str, Side]) -> set[Side]:
         """Return the sides that know of an event of the game.
 
         Args:
@@ -369,11 +466,11 @@ class PastViews:
         """
         return {side for side in set(side_of.values()) if self._is_witness(side, event, side_of)}
 
-    def _is_witness(self, side: str, event: Mapping[str, Any], side_of: Mapping[str, str]) -> bool:
+    def _is_witness(self, side: Side, event: Mapping[str, Any], side_of: Mapping[str, Side]) -> bool:
         seen = self._seen.get(event["turn"], {}).get(side, frozenset())
         deleted = {event[key] for key in ("agent", "other") if isinstance(event.get(key), str)}
 
-        own = {name: side for name, its_side in side_of.items() if its_side == side}
+        own = {name: its_side.team for name, its_side in side_of.items() if its_side == side}
         return is_witnessed(GAME_EVENT, event, KnownAgents(own, seen, deleted | side_of.keys(), {}))
 
 

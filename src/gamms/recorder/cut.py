@@ -7,12 +7,12 @@ Sensor data before a turn belong to the state before it, so that a state shows w
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
-from itertools import chain
+from itertools import chain, starmap
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, MOVES, Log, list_events, renumber_event
 from gamms.ir.game_state import FIELD_EVENTS, FIELDS, GameState
@@ -23,8 +23,13 @@ from gamms.knowledge.fields import FieldTable
 from gamms.knowledge.looks import Look, Nearest, Report, Sighting
 from gamms.knowledge.sides import (
     KnownAgents,
+    Side,
     find_known_flags,
+    find_named_side,
+    find_side,
     find_sighted,
+    label_sides,
+    list_assigned_labels,
     list_sides,
     names_only,
     select_by_name,
@@ -458,19 +463,18 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
         )
 
     def is_own(name: str, team: Any) -> bool:
-        return bool((name if team is None else team) == own)
+        return find_side(name, team) == own
 
-    with report_damage("It cannot be cut", DAMAGES):
-        teams = _list_teams(reader, first[1])
-        equal = [known for known in teams if known == team]
-        own = next(iter([*equal, *(known for known in teams if str(known) == team)]), None)
-    if own is None:
-        raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
+    with report_damage("It cannot be cut", DAMAGES, with_type=True):
+        sides = dict.fromkeys(_list_sides(reader, first[1]))
+    own = find_named_side(team, sides)
     with report_damage("It cannot be cut", DAMAGES):
         nearest = sensed.make_nearest(lambda: columns)
         cut = KnowledgeFilter(first[1], is_own, nearest, lambda: columns, reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
-        header |= {"seed": None, "audience": own, "sides": list_sides(reader.header, first[1], is_own)}
+        header |= {"seed": None, "audience": own.team, "sides": list_sides(reader.header, first[1], is_own)}
+        if own.agent is not None:
+            header |= {"audience": label_sides(sides, list_assigned_labels(reader.header))[own], "agents": [own.agent]}
     writer = Writer(out, header, seconds=None)
     for turn in range(reader.turns):
         with report_damage(f"Turn {turn + 1} cannot be cut", DAMAGES):
@@ -487,9 +491,9 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     writer.close()
 
 
-def _list_teams(reader: Reader, first: Keyframe) -> list[Any]:
-    """Return the teams of all agents, and the names of agents without a team."""
+def _list_sides(reader: Reader, first: Keyframe) -> list[Side]:
+    """Return the sides of all agents, also of those that come later or change their team."""
     come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
     come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
     there = zip(first["names"], first["teams"], strict=True)
-    return [name if own is None else own for name, own in (*there, *come)]
+    return list(starmap(find_side, (*there, *come)))

@@ -431,12 +431,13 @@ class Recording(Surface, StreamOwner):
 
         Args:
             path: destination, as for `ctx.record.start`; or a binary stream, which stays open.
-            team: the team, or its text; for an agent without a team its name.
+            team: the team, or its text; for an agent without a team its name. "team red" and "agent red" tell a team
+                and an agent with the same name apart.
             overwrite: whether to replace an existing file.
 
         Raises:
-            UnknownName (KeyError): the team does not exist.
-            BadValue: the recording has no sensor data.
+            UnknownName (KeyError): the team does not exist; True and 1.0 are not the team 1.
+            BadValue: the recording has no sensor data, or a team and an agent without a team have this name.
             FileExistsError, OSError: the file exists, or cannot be written.
             RecordingError (ValueError): the recording is damaged, or does not contain its map.
         """

@@ -28,6 +28,7 @@ from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.knowledge import looks as sensed
 from gamms.knowledge.fields import FieldTable, find_first_turn
 from gamms.knowledge.looks import Look, Report, Reports
+from gamms.knowledge.sides import list_assigned_labels
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps
 from gamms.recorder.errors import UNFIT, Damaged, RecordingError, report_damage
@@ -130,11 +131,12 @@ class LiveState(State):
         if artists is not None:
             self._shown = artists.add_specs(visuals, self._shown)
 
-    def order_sides(self, sides: Sequence[str | None]) -> None:
-        """Declare the order in which teams get their colors."""
+    def order_sides(self, sides: Sequence[str | None], labels: Sequence[str]) -> None:
+        """Declare the order in which teams get their colors, and the assigned texts of sides."""
         drawing = getattr(self._ctx.visual, "drawing", None)
         if drawing is not None:
             drawing.sides = sides
+            drawing.labels = labels
 
     def show_reports(self, read: Callable[[], Reports | None]) -> None:
         """Let pictures read the reports of sensors; the function returns None if no state of the recording is shown."""
@@ -508,7 +510,7 @@ class Replayer:
     def _declare(self, header: dict[str, Any]) -> None:
         maps.attach(self._ctx, header)
         self.show(header.get("visuals"), header.get("drawings", []))
-        self.state.order_sides(_read_sides(header))
+        self.state.order_sides(_read_sides(header), list_assigned_labels(header))
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Apply the turns of a recording from the present one on, and yield their records.

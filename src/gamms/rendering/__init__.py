@@ -2,9 +2,10 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
@@ -17,6 +18,7 @@ from gamms.errors import suggest_names as _suggest_names
 from gamms.folders import write_whole
 from gamms.ir.events import DECISIONS
 from gamms.ir.graph import FloatArray
+from gamms.knowledge.sides import Side, find_named_side, find_side
 from gamms.recorder import Recording
 from gamms.recorder.states import State
 from gamms.recordings.conversion import make_context_with_map, open_as_version_3, with_sensed
@@ -199,7 +201,9 @@ def _find_most_eventful(recording: Recording, options: RenderOptions) -> str:
     first = max((options.first or 1) - 1, 0)
     last = recording.turns if options.last is None else options.last
     states = recording[first], recording[last]
-    living = [_list_living(state, options.fog) for state in states]
+    sides = [list(map(find_side, state.agents["name"].tolist(), state.agents["team"].tolist())) for state in states]
+    wanted = None if options.fog is None else find_named_side(options.fog, chain(*sides))
+    living = [_list_living(state, own, wanted) for state, own in zip(states, sides, strict=True)]
     candidates = sorted(living[0] & living[1]) or sorted(living[0]) or sorted(living[1])
     if not candidates:
         raise BadValue(
@@ -217,11 +221,10 @@ def _find_most_eventful(recording: Recording, options: RenderOptions) -> str:
     return max(candidates, key=lambda name: (counts[name], moves[name]))
 
 
-def _list_living(state: State, team: str | None) -> set[str]:
-    """Return the names of the living agents; of a team, if one is given."""
-    agents = state.agents
-    pairs = zip(agents["name"].tolist(), agents["team"].tolist(), agents["alive"].tolist(), strict=True)
-    return {name for name, own, is_alive in pairs if is_alive and team in (None, as_text(name if own is None else own))}
+def _list_living(state: State, sides: Sequence[Side], wanted: Side | None) -> set[str]:
+    """Return the names of the living agents; of a side, if one is given."""
+    agents = zip(state.agents["name"].tolist(), sides, state.agents["alive"].tolist(), strict=True)
+    return {name for name, side, is_alive in agents if is_alive and wanted in (None, side)}
 
 
 def _list_carriers(state: State) -> list[str]:

@@ -13,7 +13,7 @@ from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
-from gamms.typing import ColorType, IAgent
+from gamms.typing import ColorType
 
 Rgb = tuple[int, int, int]
 Rgba = tuple[int, int, int, int]
@@ -195,12 +195,6 @@ def apply_colors(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], Int
     colors = list(dict.fromkeys(named))
     place_of = {color: place for place, color in enumerate(colors)}
     return colors, np.array([place_of[color] for color in named], np.int64)[places]
-
-
-def get_color_group(agent: IAgent) -> Any:
-    """Return the team of an agent, or its name without a team: agents of one group have the same color."""
-    team = getattr(agent, "team", None)
-    return agent.name if team is None else team
 
 
 @dataclass

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 from gamms.ir.events import DECISIONS
 from gamms.ir.game_state import ALL_PLAYED, describe_reason
+from gamms.knowledge.sides import Side, find_side_of
 from gamms.text import as_digits, as_text
 from gamms.typing import IContext
-from gamms.visual.appearance import Rgb, get_color_group
+from gamms.visual.appearance import Rgb
 from gamms.visual.drawing import Drawing, get_drawing
 from gamms.visual.font import measure_words, shorten_text
 from gamms.visual.legend import Pen
@@ -167,7 +168,7 @@ class Captions:
         self.turns = 1
         self._lines: list[CaptionLine] = []
 
-    def make_captions(self, side: str | None = None) -> CaptionBar:
+    def make_captions(self, side: Side | None = None) -> CaptionBar:
         """Return the captions of this turn; call it once per turn.
 
         Args:
@@ -183,7 +184,7 @@ class Captions:
         events = self._drawing.events
         known = (one for one in events.list_last() if side is None or side in events.find_witnesses(one))
         for words, name in write_captions(known):
-            color = colors.get(str(get_color_group(agents[name])) if name in agents else str(name))
+            color = colors.get(self._drawing.label_side(find_side_of(agents[name])) if name in agents else str(name))
             new.append(CaptionLine(words, color, self.turns))
         if len(new) > MOST_LINES:
             last = new[MOST_LINES - 1]

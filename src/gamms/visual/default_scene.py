@@ -13,8 +13,8 @@ import numpy as np
 
 from gamms.ir.graph import GraphColumns
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.sides import name_side
-from gamms.text import as_digits, as_text
+from gamms.knowledge.sides import Side, find_side
+from gamms.text import as_digits
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData, AgentLooks, GraphData, Rgb
@@ -161,6 +161,7 @@ class DefaultScene:
             return
         positions = self._ctx.agent.positions
         by_side = get_drawing(self._ctx).group_colors()
+        labels = get_drawing(self._ctx).label_sides()
         names = positions.names
         sides = zip(positions.names, positions.teams, strict=True)
         least_px = max(_LEAST_PX, min(_AGENT_PX, _AGENT_PX * (_MANY / max(len(names), 1)) ** 0.5))
@@ -168,7 +169,7 @@ class DefaultScene:
             least_px = max(_TINY_PX, least_px * min(1.0, (_DENSE / len(names)) ** 0.5))
         self._agents_key = key
         self._agents = {}
-        self._colors = {name: by_side[name_side(name, team)] for name, team in sides}
+        self._colors = {name: by_side[labels[find_side(name, team)]] for name, team in sides}
         if are_together:
             self._agents[TOGETHER] = self._make_agents_artist(least_px)
         above = set(positions.flyers.tolist()) if are_together else None
@@ -293,6 +294,7 @@ def make_sight_legend(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendR
 def make_team_rows(ctx: IContext) -> LegendRows | None:
     """Return the legend of the teams: color, name and score; None if there are fewer than two teams."""
     colors = get_drawing(ctx).group_colors()
+    labels = get_drawing(ctx).label_sides()
     teams = dict.fromkeys(ctx.agent.positions.teams)
     scores = {} if ctx.current_game is None else ctx.current_game.scores
     named = [team for team in teams if team is not None]
@@ -300,8 +302,8 @@ def make_team_rows(ctx: IContext) -> LegendRows | None:
         return None
     heading = "" if ctx.current_game is None else "score"
     rows = tuple(
-        LegendRow(colors[as_text(team)], as_text(team), _score(scores.get(team, 0)) if heading else "")
-        for team in named
+        LegendRow(colors[label], label, _score(scores.get(team, 0)) if heading else "")
+        for team, label in ((team, labels[Side(team, None)]) for team in named)
     )
     return LegendRows("", rows, heading)
 

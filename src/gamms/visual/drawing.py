@@ -14,7 +14,7 @@ from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace, Owner
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
-from gamms.knowledge.sides import name_side
+from gamms.knowledge.sides import Side, find_side, label_sides
 from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, assign_team_colors, parse_color, sort_sides
@@ -349,6 +349,7 @@ class Drawing:
         viewpoint: of pictures.
         team_colors: text of a team -> the color that was declared for it.
         sides: the order in which teams choose their colors, as a cut recording says; None: an agent of no team.
+        labels: the texts that the header of a recording has assigned to sides.
         has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
         has_stacks: whether so many agents are on one node that they are counted.
         spread: how agents on one node were moved before and after a turn.
@@ -368,11 +369,13 @@ class Drawing:
         self.viewpoint = Viewpoint(ctx, self.motion.find_position)
         self.team_colors: Mapping[str, Rgb] = {}
         self.sides: Sequence[str | None] = ()
+        self.labels: Sequence[str] = ()
         self.has_default_look = False
         self.has_stacks = False
         self.spread: DiscOffsets | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
+        self._labeled: tuple[object, dict[Side, str]] = None, {}  # their inputs, and the texts of sides
         self._colors: tuple[object, dict[str, Rgb]] = None, {}  # their inputs, and the colors of groups
 
     @contextmanager
@@ -587,8 +590,21 @@ class Drawing:
         known = self.group_colors()
         return known[name] if name in known else self.group_colors([team])[name]
 
+    def label_sides(self) -> dict[Side, str]:
+        """Return the side of each agent -> its text in pictures, by which it has its color."""
+        version = self._ctx.agent.structure_version
+        key = version, self.labels
+        if version is None or key != self._labeled[0]:
+            positions = self._ctx.agent.positions
+            self._labeled = key, label_sides(map(find_side, positions.names, positions.teams), self.labels)
+        return self._labeled[1]
+
+    def label_side(self, side: Side) -> str:
+        """Return the text of a side in pictures."""
+        return self.label_sides().get(side, side.text)
+
     def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
-        """Return group -> color for the groups of all agents and for further teams, as text; constant during a game."""
+        """Return text -> color for the sides of all agents and for further teams; constant during a game."""
         version = self._ctx.agent.structure_version
         key = version, self.team_colors, self.theme, self.sides, tuple(map(as_text, more))
         if version is None or key != self._colors[0]:
@@ -596,9 +612,7 @@ class Drawing:
         return self._colors[1]
 
     def _assign_colors(self, more: Iterable[str]) -> dict[str, Rgb]:
-        names = self._ctx.agent.positions.names
-        teams = self._ctx.agent.positions.teams
-        known = [*dict.fromkeys((*map(name_side, names, teams), *more))]
+        known = [*dict.fromkeys((*self.label_sides().values(), *more))]
         colors = assign_team_colors(sort_sides(self.sides, known), self.team_colors, self.theme.teams)
         return {side: colors[side] for side in known}
 

@@ -16,6 +16,7 @@ from gamms.arguments import as_float, as_int, as_path, as_target
 from gamms.errors import BadValue, Duplicate, MissingExtra, UnknownName
 from gamms.folders import add_path_to_errors, make_place_beside
 from gamms.ir.draw import DrawCommands
+from gamms.knowledge.sides import Side
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
 from gamms.visual.artist import ArtistGroup
@@ -201,9 +202,9 @@ class FrameSource(NamedTuple):
     artists: Artists
 
     @property
-    def side(self) -> str | None:
+    def side(self) -> Side | None:
         """The side whose knowledge is shown; None: everything is shown."""
-        return None if self.artists.fog is None else self.artists.fog.team
+        return None if self.artists.fog is None else self.artists.fog.side
 
     def list_drawn(self, style: PageStyle) -> tuple[dict[str, IArtist], DrawCommands, tuple[Block, ...]]:
         """Return the artists that a page shows, their drawings, and the blocks of its legend."""

@@ -11,20 +11,22 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.fields import find_field
 from gamms.knowledge.looks import Report, Sighting, make_nearest
 from gamms.knowledge.sides import (
     AgentPlaces,
+    Side,
     SideLook,
     as_side_look,
     find_known,
+    find_named_side,
     find_seen,
+    find_side_of,
     find_sighted,
     has_errors,
-    name_side,
 )
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, ISensor, SensorType
@@ -60,23 +62,24 @@ class Fog:
 
     Args:
         ctx: the context, whose `visual.artists` have this fog from now on.
-        team: its text; of an agent without a team its name.
+        team: the team, or its text; for an agent without a team its name. "team red" and "agent red" tell a team and an
+            agent with the same name apart.
 
     Raises:
         UnknownName (KeyError): no agent is of this team.
-        BadValue: none of its agents carries a sensor.
+        BadValue: none of its agents carries a sensor, or a team and an agent without a team have this name.
 
     Attributes:
+        side: the team, or the agent without a team.
         hidden: the names of the agents that it does not see.
         reported: agent -> its position, for agents that are shown where sensors report them.
         sights: the last views of the sensors of its living agents.
     """
 
-    def __init__(self, ctx: IContext, team: str) -> None:
+    def __init__(self, ctx: IContext, team: "str | Side") -> None:
         self._ctx = ctx
-        self.team = team
-        if not any(True for _ in self._list_own_agents()):
-            raise UnknownName("team", team, {_find_side(agent) for agent in ctx.agent.create_iter()})
+        sides = map(find_side_of, ctx.agent.create_iter())
+        self.side = team if isinstance(team, Side) else find_named_side(team, sides)
         if not any(_list_sensors(agent) for agent in self._list_own_agents()):
             raise BadValue(f"No agent of team {shown(team)} has a sensor in this recording, so it sees nothing.")
         self._seen: dict[int, int] = {}  # node -> since which turn
@@ -91,7 +94,7 @@ class Fog:
         self._tags = Artist(ctx, _TurnDrawer(self._draw_tags), Layer.TAGS)
 
     def _list_own_agents(self) -> Iterator[IAgent]:
-        return (agent for agent in self._ctx.agent.create_iter() if _find_side(agent) == self.team)
+        return (agent for agent in self._ctx.agent.create_iter() if find_side_of(agent) == self.side)
 
     def _list_own_names(self) -> set[str]:
         return {agent.name for agent in self._list_own_agents()}
@@ -99,7 +102,7 @@ class Fog:
     def is_own(self, name: str) -> bool:
         """Return whether an agent is of the team."""
         agent = self._ctx.agent.agents.get(name)
-        return agent is not None and _find_side(agent) == self.team
+        return agent is not None and find_side_of(agent) == self.side
 
     def filtered(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return the artists that the team may see, and artists of its knowledge instead of the others."""
@@ -145,11 +148,11 @@ class Fog:
         """Show what the team knows in the present state: the last reports of its sensors."""
         columns = self._ctx.graph.columns()
         places = self._find_places(columns)
-        others = {name for name, side in zip(places.names, places.sides, strict=True) if side != self.team}
+        others = {name for name, side in zip(places.names, places.sides, strict=True) if side != self.side}
         found = list(self._list_own_reports())
         at = dict(zip(places.names, places.rows.tolist(), strict=True))
         looks = [self._as_look(agent, sensor, report, at) for agent, sensor, report in found]
-        known = find_known([self.team], looks, places, len(columns.node_ids))[self.team]
+        known = find_known([self.side], looks, places, len(columns.node_ids))[self.side]
         self._note_views([report for _, _, report in found], others)
         rough = [report for _, sensor, report in found if report.is_early or has_errors(sensor)]
         sighted = find_sighted(rough, others.difference(known.agents), make_nearest(self._ctx.graph.columns))
@@ -195,7 +198,7 @@ class Fog:
         is_early = any(report.is_early for report in reports)
         turn = self._get_turn() + (not is_early)
         seen = find_sighted(reports, others, make_nearest(self._ctx.graph.columns))
-        get_drawing(self._ctx).events.views.note(turn, self.team, seen, is_early=is_early)
+        get_drawing(self._ctx).events.views.note(turn, self.side, seen, is_early=is_early)
 
     def _locate(self, sighted: Mapping[str, Sighting]) -> Iterator[tuple[str, tuple[float, float]]]:
         """Yield agents with their reported positions, without those on nodes that are gone."""
@@ -218,7 +221,7 @@ class Fog:
         is_standing = [agent.type != AgentType.AERIAL and agent.name not in on_edges for agent in agents]
         return AgentPlaces(
             [agent.name for agent in agents],
-            [_find_side(agent) for agent in agents],
+            [find_side_of(agent) for agent in agents],
             kernels.find_rows(columns.node_ids, nodes, columns.node_order),
             np.array([agent.alive for agent in agents], bool),
             np.array(is_standing, bool),
@@ -226,7 +229,7 @@ class Fog:
 
     def _show_sights(self, sights: list[ShownView]) -> None:
         """Draw the views of the team's sensors, if they are few, and no others."""
-        color = get_drawing(self._ctx).color_of(self.team)
+        color = get_drawing(self._ctx).color_of(get_drawing(self._ctx).label_side(self.side))
         found = dict[str, list[Any]]()
         for sight in sights if len(sights) <= MOST_SENSORS else ():
             found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))
@@ -264,7 +267,7 @@ class Fog:
         render_messages(ctx, data | {"of": self._list_own_names(), "hidden": self.hidden})
 
     def _draw_tags(self, ctx: IContext, data: dict[str, Any]) -> None:
-        data.update(side=self.team, hidden=self.hidden)
+        data.update(side=self.side, hidden=self.hidden)
         render_tags(ctx, data)
 
 
@@ -284,10 +287,6 @@ class _TurnDrawer:
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
         self._draw(ctx, data)
-
-
-def _find_side(agent: IAgent) -> str:
-    return name_side(agent.name, getattr(agent, "team", None))
 
 
 def _list_sensors(agent: IAgent) -> list[Any]:

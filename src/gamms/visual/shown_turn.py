@@ -17,7 +17,7 @@ from gamms.ir.progress import Progress, find_steps_along
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.fields import find_pose
 from gamms.knowledge.looks import LiveReports, Report, Reports, restore_data
-from gamms.knowledge.sides import PastViews, name_side
+from gamms.knowledge.sides import PastViews, Side, find_side
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType
@@ -399,7 +399,7 @@ class TurnEvents:
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
         self.views = PastViews()
-        self._sides: tuple[int, dict[str, str]] = (-1, {})  # structure version, and the side of each agent
+        self._sides: tuple[int, dict[str, Side]] = (-1, {})  # structure version, and the side of each agent
         self._key: tuple[int, int] | None = None  # the turn and the number of events of the following
         self._eliminated = frozenset[str]()
         self._ends: dict[str, bool] | None = None  # of all agents that went out, once they are asked for
@@ -418,11 +418,11 @@ class TurnEvents:
             first = game.turn - turns
             yield from takewhile(lambda event: event["turn"] > first, reversed(game.events))
 
-    def find_witnesses(self, event: Mapping[str, Any]) -> set[str]:
+    def find_witnesses(self, event: Mapping[str, Any]) -> set[Side]:
         """Return the sides that know of an event, as far as their views are noted: others know of their own agents."""
         positions = self._ctx.agent.positions
         if self._sides[0] != positions.structure_version:
-            sides = map(name_side, positions.names, positions.teams)
+            sides = map(find_side, positions.names, positions.teams)
             self._sides = positions.structure_version, dict(zip(positions.names, sides, strict=True))
         return self.views.find_witnesses(event, self._sides[1])
 

@@ -22,12 +22,14 @@ from gamms.knowledge.looks import Look, Report, decode_looks, refuse_many
 from gamms.knowledge.sides import (
     AgentPlaces,
     SeenParts,
+    Side,
     SideKnowledge,
     SideLook,
     as_side_look,
     find_known,
     find_seen,
-    name_side,
+    find_side,
+    label_sides,
 )
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import report_damage
@@ -116,10 +118,12 @@ class KnowledgeTracker:
     Args:
         ctx: the context, with the first map of the recording.
         step: returns the unit of the corners of outlines, map units.
+        labels: texts of sides in the header; see `label_sides`.
     """
 
-    def __init__(self, ctx: HostContext, step: Callable[[], float]) -> None:
+    def __init__(self, ctx: HostContext, step: Callable[[], float], labels: Sequence[str] = ()) -> None:
         self._ctx = ctx
+        self._labels = labels
         self._step = step
         self._fields = FieldTable()
         self._first_map = ctx.graph.columns()
@@ -209,9 +213,9 @@ class KnowledgeTracker:
     def _list_sides(self, looks: Sequence[SideLook], state: DetachedState) -> dict[str, SideKnowledge]:
         """Return side -> its knowledge; empty if there are more than `MOST_SIDES` sides."""
         columns = state.agents.columns
-        all_sides = list_side_names(columns)
-        sides = dict.fromkeys(all_sides)
-        if len(sides) > MOST_SIDES:
+        all_sides = list_sides_of_agents(columns)
+        labels = label_sides(all_sides, self._labels)
+        if len(labels) > MOST_SIDES:
             return {}
         places = AgentPlaces(
             columns["names"],
@@ -220,12 +224,13 @@ class KnowledgeTracker:
             np.asarray(columns["alive"]) != 0,
             (np.asarray(columns["kind"]) == 0) & (np.asarray(columns["edge_share"]) == 0),
         )
-        return find_known(sides, looks, places, len(self._ctx.graph.columns().node_ids))
+        known = find_known(labels, looks, places, len(self._ctx.graph.columns().node_ids))
+        return {labels[side]: one for side, one in known.items()}
 
 
-def list_side_names(columns: Mapping[str, Any]) -> list[str]:
-    """Return the name of the side of each agent."""
-    return list(map(name_side, columns["names"], columns["teams"]))
+def list_sides_of_agents(columns: Mapping[str, Any]) -> list[Side]:
+    """Return the side of each agent."""
+    return list(map(find_side, columns["names"], columns["teams"]))
 
 
 # -- facts in words -----------------------------------------------------------------------------------------------

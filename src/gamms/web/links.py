@@ -5,13 +5,14 @@ import hmac
 import secrets
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Hashable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Self
 
 from gamms.errors import GammsError
-from gamms.knowledge.sides import name_side
 from gamms.readonly import NotPickled
+from gamms.text import as_text
 from gamms.workers import SIGNALS_S
 
 
@@ -51,11 +52,11 @@ class Audience:
     """The knowledge that a client receives: that of a team, that of some agents, or everything.
 
     Attributes:
-        team: the team as text; an agent without a team counts as a team with its name.
+        team: the team; None: not that of a team.
         agents: names of agents; the client receives only what the sensors of these agents report.
     """
 
-    team: str | None = None
+    team: Hashable = None
     agents: frozenset[str] = frozenset()
 
     @property
@@ -67,11 +68,11 @@ class Audience:
         """Return whether an agent belongs to the audience."""
         if self.agents:
             return name in self.agents
-        return name_side(name, team) == self.team
+        return team is not None and team == self.team
 
     def __str__(self) -> str:
         """Return a name for display: the team, the agents, or "everything"."""
-        return ", ".join(sorted(self.agents)) or self.team or "everything"
+        return ", ".join(sorted(self.agents)) or ("everything" if self.team is None else as_text(self.team))
 
 
 @dataclass(frozen=True)

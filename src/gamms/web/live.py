@@ -24,9 +24,10 @@ from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.game.result import Result
 from gamms.ir.events import Log
 from gamms.ir.graph import GraphColumns
+from gamms.knowledge.sides import Side, label_sides
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
-from gamms.text import as_text, reason, shown
+from gamms.text import reason, shown
 from gamms.web.links import Audience, Handle, LinkPermissions, Links, PartOfServer, Refused
 from gamms.web.pages import make_live_page
 from gamms.web.people import People
@@ -282,7 +283,8 @@ class Live(Handle):
     def links(self) -> dict[str, str]:
         """The addresses by name: "admin" may pause and change the game; "everything" sees all; teams see their part."""
         grants = [LinkPermissions("admin", may_control=True), LinkPermissions("everything")]
-        grants += [LinkPermissions(team, Audience(team)) for team in self._list_teams()]
+        labels = label_sides(Side(team, None) for team in self._list_teams())
+        grants += [LinkPermissions(label, Audience(side.team)) for side, label in labels.items()]
         by_name = {grant.name: grant for grant in reversed(grants)}
         return {name: self.link(by_name[name]) for name in dict.fromkeys(grant.name for grant in grants)}
 
@@ -291,11 +293,11 @@ class Live(Handle):
         """The addresses by name of the people whose agents have the strategy `gamms.web.human()`."""
         return self._players.links()
 
-    def _list_teams(self) -> list[str]:
+    def _list_teams(self) -> list[Any]:
         if self.scenario is not None:
             return list(self.scenario.spec.teams)
         block = self._context.agent.block
-        return list(dict.fromkeys(as_text(team) for team in block.teams if team is not None))
+        return list(dict.fromkeys(team for team in block.teams if team is not None))
 
     # -- the handle -----------------------------------------------------------------------------------------------
 

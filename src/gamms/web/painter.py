@@ -19,6 +19,7 @@ from gamms.ir.game_state import as_named_edges
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.packing import to_bytes
 from gamms.knowledge.fields import find_edge_rows, find_node_rows
+from gamms.knowledge.sides import Side, label_sides
 from gamms.plain import Plain, is_same
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.replaying import Replayer
@@ -48,7 +49,7 @@ from gamms.web.columns import (
     frame,
     make_part,
 )
-from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, list_side_names
+from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, list_sides_of_agents
 
 _STEPS = 1 << 15  # parts of the larger side of the map, some centimetres for a city
 _PIXEL_STEP = 2.0**-4
@@ -133,7 +134,7 @@ class Painter:
         self._slots: dict[str, bytes] = {}  # slot -> its current value, encoded
         self._values: dict[str, Plain] = {}  # slot -> its current value, for slots that are compared
         self._facts = AgentFacts(self._state)
-        self._sights = KnowledgeTracker(self._ctx, self._step)
+        self._sights = KnowledgeTracker(self._ctx, self._step, self._ctx.visual.drawing.labels)
         self._looked: list[Mapping[str, Any]] = []  # the data of the last `SENSED` events
         self._following: Sequence[Mapping[str, Any]] = ()  # the data of those that follow the last turn, if known
         self._turns: list[Turn] = []  # turns for the next part
@@ -218,8 +219,8 @@ class Painter:
     def _note_views(self, sensed: SensedTurn) -> None:
         """Note which agents each side saw when the turn began, to tell which sides know of its events."""
         columns = self._state.agents.columns
-        side_of = dict(zip(columns["names"], list_side_names(columns), strict=True))
-        seen: dict[str, set[str]] = {}
+        side_of = dict(zip(columns["names"], list_sides_of_agents(columns), strict=True))
+        seen: dict[Side, set[str]] = {}
         for look in sensed.looks:
             if look.agent in side_of:
                 seen.setdefault(side_of[look.agent], set()).update(name for name, _ in look.seen.agents)
@@ -258,7 +259,9 @@ class Painter:
         air = FlyingAgents(in_air, columns["position"][in_air], headings)
         version = self._state.agents, self._state.agents.version
         if version != self._listed[0]:
-            self._listed = version, list(columns["names"]), list_side_names(columns)
+            found = list_sides_of_agents(columns)
+            labels = label_sides(found, self._ctx.visual.drawing.labels)
+            self._listed = version, list(columns["names"]), [labels[side] for side in found]
         _, names, sides = self._listed
         messages = self._facts.messages
         return Turn(names, status, nodes, sides, on_edges, air, ways, named, messages, changes, facts, captions, sensed)

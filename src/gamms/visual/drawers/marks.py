@@ -13,8 +13,9 @@ import numpy as np
 
 from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
+from gamms.knowledge.sides import Side, find_side_of
 from gamms.typing import IArtist, IContext
-from gamms.visual.appearance import AgentData, AnyColor, Rgba, get_color_group, parse_color
+from gamms.visual.appearance import AgentData, AnyColor, Rgba, parse_color
 from gamms.visual.constants import Layer
 from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
@@ -55,29 +56,32 @@ class _AgentMark(NamedTuple):
 def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     """Mark the nodes of the `tag` events of the last turns, as `gamms.rules.tag` emits them.
 
-    `data` may have `colors` by team; the `size` of agents; a `side`, so that only the tags are marked of which it
-    knows; names of agents as `hidden`, and those that `render_eliminated` marks as `out`: for these no tag is marked.
+    `data` may have `colors` by team; the `size` of agents; a `side` (`knowledge.sides.Side`), so that only the tags are
+    marked of which it knows; names of agents as `hidden`, and those that `render_eliminated` marks as `out`: for these
+    no tag is marked.
     """
     visual = get_drawing(ctx)
     marks = list[_AgentMark]()
     out = data.get("out", {})
     colors = visual.group_colors() | data.get("colors", {})
+    labels = visual.label_sides()
     new = visual.events.list_recent("tag", 1)
     taken = Counter(visual.position_of(name) for name in out)
     left_out = {*out, *data.get("hidden", ())}
     for node, tags in _find_latest_tags(ctx, data.get("side"), left_out).items():
         at = ctx.graph.graph.get_node(node)
         for number, (name, tag) in enumerate(sorted(tags.items()), taken[at.x, at.y]):
-            side = get_color_group(ctx.agent.agents[name])
-            color = _fade_color(colors.get(side, colors[str(side)]), is_new=tag in new)
-            owner = Owner(sides=tuple(sorted(visual.events.find_witnesses(tag))))
+            agent = ctx.agent.agents[name]
+            color = colors.get(getattr(agent, "team", None), colors[visual.label_side(find_side_of(agent))])
+            color = _fade_color(color, is_new=tag in new)
+            owner = Owner(sides=tuple(sorted(labels[side] for side in visual.events.find_witnesses(tag))))
             signs = _RING, 0.6 * _CROSS
             marks.append(_AgentMark(name, color, (at.x, at.y), number, signs, owner, int(tag.get("turn", 0))))
     _draw(ctx, marks, data)
 
 
 def _find_latest_tags(
-    ctx: IContext, side: str | None, left_out: Collection[str]
+    ctx: IContext, side: Side | None, left_out: Collection[str]
 ) -> dict[int, dict[str, dict[str, Any]]]:
     """Return node -> agent -> its latest tag there, for marked tags."""
     graph = ctx.graph.graph

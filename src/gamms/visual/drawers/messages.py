@@ -9,10 +9,10 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray
 from gamms.ir.messages import ARRIVALS
-from gamms.knowledge.sides import find_receivers
+from gamms.knowledge.sides import find_receivers, find_side_of
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import Rgba, get_color_group
+from gamms.visual.appearance import Rgba
 from gamms.visual.drawers.agents import RING, RING_PX, draw_rings
 from gamms.visual.drawing import get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
@@ -58,7 +58,7 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
     for sender, receiver, is_overheard in islice(_list_arriving_messages(ctx, data.get("of")), _MOST):
         if sender not in agents or receiver not in agents or receiver in hidden:
             continue
-        color = (*visual.color_of(get_color_group(agents[sender])), _FAINT if is_overheard else _INK)
+        color = (*visual.color_of(visual.label_side(find_side_of(agents[sender]))), _FAINT if is_overheard else _INK)
         end = visual.position_of(receiver, alpha)
         if sender in hidden:
             _draw_ring(ctx, data, receiver, color)
@@ -67,7 +67,10 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
             visual.render_lines(arc, [0, len(arc)], color, _LINE_PX)
     for sender in islice(_list_unheard_senders(ctx, data.get("of")), _MOST):
         if sender in agents and sender not in hidden:
-            color = (*visual.color_of(get_color_group(agents[sender])), round(_UNHEARD_INK - _FADED * alpha))
+            color = (
+                *visual.color_of(visual.label_side(find_side_of(agents[sender]))),
+                round(_UNHEARD_INK - _FADED * alpha),
+            )
             _draw_ring(ctx, data, sender, color, alpha)
 
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
+from gamms.knowledge.sides import find_side_of
 from gamms.text import as_text as text_of
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import get_color_group
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.rules import find_ids_in_text, find_team_colors, get_game_data
-from gamms.visual.drawing import get_drawing
+from gamms.visual.drawing import Drawing, get_drawing
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 # in `ctx.game.data`
@@ -121,11 +121,11 @@ def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
             left = -_BAR_PX / 2
             down = _BELOW_PX + number * _APART_PX
             part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
-            own = visual.color_of(get_color_group(agent))
+            own = visual.color_of(visual.label_side(find_side_of(agent)))
             ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, own, 0.0))
             for length, color, more_px in ends:
                 line = [(left, down), (left + length * _BAR_PX, down)]
-                with visual.owned(*_find_owner(agent)):
+                with visual.owned(*_find_owner(visual, agent)):
                     visual.render_symbols([place] if length > 0.0 else [], line, color, _THICK_PX + more_px)
 
 
@@ -135,7 +135,7 @@ def render_cooldowns(ctx: IContext, data: dict[str, Any]) -> None:
     for number, state in enumerate(find_counts(ctx, COOLDOWNS).values()):
         for agent, place, turns in _list_marked_agents(ctx, state["left"], data):
             share = min(1.0, max(0.0, turns / (state["of"] or 1)))
-            with visual.owned(*_find_owner(agent)):
+            with visual.owned(*_find_owner(visual, agent)):
                 visual.render_symbols([place], _compute_arc(share, _AROUND_PX + number * _NEXT_PX), SIGN, _LINE_PX)
 
 
@@ -149,16 +149,16 @@ def render_doing(ctx: IContext, data: dict[str, Any]) -> None:
     for state in find_counts(ctx, DOING).values():
         for agent, place, turns in _list_marked_agents(ctx, state["left"], data):
             share = min(1.0, max(0.0, 1.0 - turns / (state["of"] or 1)))
-            with visual.owned(*_find_owner(agent)):
+            with visual.owned(*_find_owner(visual, agent)):
                 visual.render_symbols([place], _compute_arc(1.0, radius), SIGN, 1.0)
                 if share > 0.0:
-                    color = visual.color_of(get_color_group(agent))
+                    color = visual.color_of(visual.label_side(find_side_of(agent)))
                     visual.render_symbols([place], _compute_arc(share, radius), color, _LINE_PX)
 
 
-def _find_owner(agent: IAgent) -> Owner:
+def _find_owner(visual: Drawing, agent: IAgent) -> Owner:
     """Return the owner of a sign that goes with an agent and that its own team alone knows of."""
-    return Owner(agent.name, (str(get_color_group(agent)),))
+    return Owner(agent.name, (visual.label_side(find_side_of(agent)),))
 
 
 def _describe_amounts(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:

@@ -14,11 +14,12 @@ from gamms.arguments import as_bool, as_declared, as_text, explain_misspelled
 from gamms.deciding import lift_decide_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
+from gamms.knowledge.sides import Side, find_named_side, find_side_of
 from gamms.text import shown
 from gamms.typing import ArtistType, IAgent, IContext, ISensor
 from gamms.typing.recorder import IPlayback, Step
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, IVisualizationEngine, SensorVisual
-from gamms.visual.appearance import Color, GraphData, get_color_group
+from gamms.visual.appearance import Color, GraphData
 from gamms.visual.artist import Artist, ArtistGroup, get_data
 from gamms.visual.backends.pygame_backend import Canvas, hold_image, load
 from gamms.visual.camera import Camera, is_near
@@ -123,8 +124,9 @@ class WindowEngine(WindowNames, PictureEngine):
         if not isinstance(fog, (bool, str)):
             raise BadType(f"fog is True, False or the name of a team, not {shown(fog)}.")
         self._fog = fog
-        self._fogs = dict[str, Fog]()
-        self._is_fog_known = False
+        self._fogs = dict[Side, Fog]()
+        self._fog_side: Side | None = None
+        self._is_fog_missed = False
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
         self._stays_open = as_bool(stay_open, "stay_open")
         self._was_closed = False
@@ -340,35 +342,45 @@ class WindowEngine(WindowNames, PictureEngine):
         if self._fog and "sensor" in state:
             self.drawing.carriers.follow().note([agent], [state])
         if self._fog is True:
-            self._see_as(str(get_color_group(agent)))
+            self._see_as(find_side_of(agent))
         elif self._fog:
             self._renew_fog()
 
-    def _see_as(self, team: str) -> None:
-        """Restrict the display to the knowledge of a team, unless the graph was declared, or the team has no sensor."""
-        fog = self._fogs.get(team)
+    def _see_as(self, side: Side) -> None:
+        """Restrict the display to the knowledge of a side, unless the graph was declared, or the side has no sensor."""
+        fog = self._fogs.get(side)
         if fog is None and not self.artists.is_graph_declared:
-            with suppress(BadValue, UnknownName):  # the team has no sensor
-                fog = Fog(self.ctx, team)
-                self._fogs[team] = fog
+            with suppress(BadValue):  # the side has no sensor
+                fog = Fog(self.ctx, side)
+                self._fogs[side] = fog
         if fog is not None:
             fog.look()
 
     def _renew_fog(self) -> None:
         """Update the fog; show everything at the end of a game in which a person was asked."""
         if isinstance(self._fog, str):
-            self._see_as(self._fog)
-            teams = {str(get_color_group(agent)) for agent in self.ctx.agent.create_iter()}
-            if teams and self._fog not in teams and not self._is_fog_known:
-                self._is_fog_known = True
-                self.ctx.logger.warning(f"fog=: {UnknownName('team', self._fog, teams)} Everything is shown.")
+            side = self._find_fog_side(self._fog)
+            if side is not None:
+                self._see_as(side)
         elif self.overlay.is_over:
             self.artists.fog = None
         elif self.artists.fog is not None:
             self.artists.fog.look()
 
+    def _find_fog_side(self, name: str) -> Side | None:
+        """Return the side that `fog=` names, from its first agent on; log a warning if there are only others."""
+        if self._fog_side is None:
+            sides = list(map(find_side_of, self.ctx.agent.create_iter()))
+            try:
+                self._fog_side = find_named_side(name, sides)
+            except UnknownName as error:
+                if sides and not self._is_fog_missed:
+                    self._is_fog_missed = True
+                    self.ctx.logger.warning(f"fog=: {error} Everything is shown.")
+        return self._fog_side
+
     def _set_caption(self, *, after_jump: bool = False) -> None:
-        side = None if self.artists.fog is None else self.artists.fog.team
+        side = None if self.artists.fog is None else self.artists.fog.side
         self.overlay.show_captions(side, self.turn_seconds, after_jump=after_jump)
 
     # -- turns of a recording --------------------------------------------------------------------------------

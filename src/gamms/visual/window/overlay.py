@@ -9,10 +9,11 @@ import numpy as np
 from gamms.deciding import Guarded, get_phase, refuse_while_deciding
 from gamms.ir.game_state import ALL_PLAYED
 from gamms.ir.graph import FloatArray
+from gamms.knowledge.sides import Side, find_side_of
 from gamms.text import as_text
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, get_color_group, parse_color
+from gamms.visual.appearance import AgentData, parse_color
 from gamms.visual.artist import collect_drawn_looks, list_looks
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
@@ -121,9 +122,9 @@ class Overlay(Guarded):
 
     def _find_team(self, name: str) -> str | None:
         agent = self._ctx.agent.agents.get(name)
-        return None if agent is None else str(get_color_group(agent))
+        return None if agent is None else self._drawing.label_side(find_side_of(agent))
 
-    def show_captions(self, side: str | None, turn_seconds: float, *, after_jump: bool = False) -> None:
+    def show_captions(self, side: Side | None, turn_seconds: float, *, after_jump: bool = False) -> None:
         """Show captions of the present turn, and for some seconds of earlier turns.
 
         Args:
