@@ -318,7 +318,8 @@ def test_the_end_of_the_game_counts_a_point(tag):
     assert play(tag, look, 1) == [1.0]
 
 
-def test_closeness_counts_the_way_by_road():
+@pytest.mark.parametrize("teams", [("red", "blue"), (None, None)])
+def test_closeness_counts_the_way_by_road(teams):
     """Across the block bob is ten metres away, and each step along the street leads away from him first."""
     found = []
     places = [(0, 0), (0, 10), (0, 20), (10, 20), (10, 10), (10, 0)]
@@ -336,7 +337,8 @@ def test_closeness_counts_the_way_by_road():
 
     with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
         ctx.graph.attach_networkx_graph(street)
-        for name, team, node, strategy in (("ann", "red", 0, look), ("bob", "blue", 5, gamms.strategies.stay)):
+        agents = ("ann", teams[0], 0, look), ("bob", teams[1], 5, gamms.strategies.stay)
+        for name, team, node, strategy in agents:
             eyes = {"eyes": ctx.sensor.create_sensor(f"eyes of {name}", "agent")}
             ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=eyes, strategy=strategy)
         ctx.game.step()

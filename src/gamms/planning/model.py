@@ -13,6 +13,7 @@ from gamms.core.copies import copy_deep
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
+from gamms.ir.agents import are_mates
 from gamms.planning.hidden import HiddenPositions
 from gamms.scenario.code import find_offered_function
 from gamms.strategies import random_walk
@@ -259,8 +260,8 @@ def closeness(model: Model) -> float:
     agents = model.ctx.agent
     graph = model.ctx.graph
     living = [one for one in agents.create_iter() if one.alive]
-    own = [one for one in living if one.team == model.team]
-    others = [one for one in living if one.team != model.team]
+    own = [one for one in living if one.name in model.names or are_mates(one.team, model.team)]
+    others = [one for one in living if one not in own]
     carried = chain.from_iterable(one.sensors.values() for one in own)
     sensors = [sensor for sensor in carried if sensor.type in IN_AIR | ON_GROUND]
     seen = set(chain.from_iterable(sensor.data for sensor in sensors)) if sensors else {one.name for one in others}
