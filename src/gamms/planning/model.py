@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from inspect import iscoroutinefunction
-from itertools import chain
+from itertools import chain, compress
 from math import hypot
 from typing import Any, Literal, TypedDict, Unpack, cast
 
@@ -260,8 +260,9 @@ def closeness(model: Model) -> float:
     agents = model.ctx.agent
     graph = model.ctx.graph
     living = [one for one in agents.create_iter() if one.alive]
-    own = [one for one in living if one.name in model.names or are_mates(one.team, model.team)]
-    others = [one for one in living if one not in own]
+    is_own = [one.name in model.names or are_mates(one.team, model.team) for one in living]
+    own = [*compress(living, is_own)]
+    others = [one for one, is_mate in zip(living, is_own, strict=True) if not is_mate]
     carried = chain.from_iterable(one.sensors.values() for one in own)
     sensors = [sensor for sensor in carried if sensor.type in IN_AIR | ON_GROUND]
     seen = set(chain.from_iterable(sensor.data for sensor in sensors)) if sensors else {one.name for one in others}
