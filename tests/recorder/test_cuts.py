@@ -69,6 +69,38 @@ def test_a_teammate_that_comes_before_the_agents_look_is_in_the_cut():
     assert [sorted(names) for names in names_in(data)[2:]] == [["blue_0", "red_0"], *[["blue_0", "red_0", "red_1"]] * 2]
 
 
+def change_team(ctx):
+    ctx.agent.get_agent("red_1").team = "blue"
+
+
+def create_again(ctx):
+    ctx.agent.delete_agent("red_1")
+    ctx.agent.create_agent("red_1", start_node_id=2, team="blue", strategy=stay)
+
+
+@pytest.mark.parametrize("leave", [change_team, create_again])
+def test_a_teammate_that_leaves_before_the_agents_look_is_seen_as_another(leave):
+    ctx = pair_on_a_grid()
+    ctx.agent.create_agent("red_1", start_node_id=1, team="red", strategy=stay)
+    ctx.game.add(lambda ctx: ctx.game.turn == 3 and leave(ctx), phase="before")
+    data = cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "red")
+    with opened(io.BytesIO(data)) as recording:
+        agents = [recording[turn].agents for turn in range(5)]
+    teams = [dict(zip(each["name"].tolist(), each["team"].tolist(), strict=True)) for each in agents]
+    mates = {"red_0": "red", "red_1": "red"}
+    assert teams[2] == mates
+    assert teams[3] == mates | {"blue_0": "blue"}
+    assert teams[4] == {"red_0": "red", "red_1": "blue", "blue_0": "blue"}
+
+
+def test_a_cut_of_a_recording_that_was_not_finished_is_not_finished():
+    data = recorded(lambda ctx: ctx.game.run(4), pair_on_a_grid(), sensed=True)
+    for whole in (data, data[:-30]):
+        with opened(io.BytesIO(whole)) as recording, opened(io.BytesIO(cut_of(whole, "red"))) as cut:
+            assert (cut.is_complete, cut.turns) == (recording.is_complete, 4)
+            assert recording.is_complete == (whole is data)
+
+
 def test_one_that_is_seen_and_deleted_in_the_same_turn_is_gone():
     ctx = pair_on_a_grid()
     ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.agent.delete_agent("blue_0"))

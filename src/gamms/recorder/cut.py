@@ -50,6 +50,7 @@ from gamms.recorder.keyframes import Keyframe
 
 _Event = tuple[int, Any]
 _KEYFRAME_TURNS = 64
+_NAMES = {kinds.AGENT_CREATE: "name", kinds.AGENT_ALIVE: "agent_name"}
 _VALUES = {event.code: (name, event.key) for name, event in FIELD_EVENTS.items() if FIELDS[name].axis == "agent"}
 
 
@@ -96,6 +97,7 @@ class KnowledgeFilter:
         self._own_fields = FieldTable()  # of this knowledge, with numbers of its own
         self._waiting: list[_Event] | None = None  # the previous turn, until it is returned
         self._happened: list[_Event] = []  # events of the present turn
+        self._deleted: set[str] = set()  # agents that the events of the present turn delete
         self._sighted: dict[str, Sighting] | None = None  # other agents seen in the present turn; None: no sensor data
         self.is_shown = False
         self.looked: list[dict[str, Any]] = []
@@ -143,11 +145,16 @@ class KnowledgeFilter:
             kinds.SENSED,
             sensed.renumber_looks(sensed.make_columns(looks, self._own_fields, self._turn), self._get_id, int),
         )
+        later = shown  # agents of a later part of the turn
         if looks and not self.is_shown:
-            yield from self._give(shown, [report])
-        else:  # agents of a later part of the turn
-            self._happened.extend(shown)
+            later = [event for event in shown if self._is_renewal(*event)]
+            yield from self._give([event for event in shown if not self._is_renewal(*event)], [report])
+        self._happened.extend(later)
         self._happened.append(report)
+
+    def _is_renewal(self, kind: int, data: Plain) -> bool:
+        """Return whether an event creates an agent that this turn has deleted before, perhaps from the team only."""
+        return kind in (kinds.AGENT_CREATE, kinds.AGENT_ALIVE) and data[_NAMES[kind]] in self._deleted
 
     def _give(self, shown: list[_Event], reports: Iterable[_Event] = ()) -> Iterator[Log]:
         """Yield the previous turn with events for the agents seen after it; note the reports that show them."""
@@ -170,6 +177,7 @@ class KnowledgeFilter:
         self._waiting = own
         self._turn = self._turn + 1
         self._happened = []
+        self._deleted = set()
         self._sighted = None
         self.is_shown = False
 
@@ -296,9 +304,12 @@ class KnowledgeFilter:
             before = self._own
             self._update_agents()
             there = self._all.agents.columns["names"]
-            yield from self._hide([name for name in self._seen if name in self._own or name not in there])
-            for name in [name for name in before if name not in self._own]:
+            hidden = [name for name in self._seen if name in self._own or name not in there]
+            yield from self._hide(hidden)
+            left = [name for name in before if name not in self._own]
+            for name in left:
                 yield kinds.AGENT_DELETE, {"name": name}
+            self._deleted.update(hidden, left)
             for name in [name for name in self._own if name not in before]:
                 is_new = kind == kinds.AGENT_CREATE and data["name"] == name
                 yield kinds.AGENT_CREATE, {**data, "strategy": None} if is_new else self._make_creation(name)
@@ -488,7 +499,7 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
         rest = list(cut.take_rest())
     for given in rest:
         writer.add_turn(given)
-    writer.close()
+    writer.end(is_finished=reader.is_complete)
 
 
 def _list_sides(reader: Reader, first: Keyframe) -> list[Side]:

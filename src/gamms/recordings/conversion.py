@@ -402,5 +402,5 @@ def with_sensed(recording: Recording) -> Recording:
             writer.add_turn([(kinds.SENSED, looked), *reader.log(turn)])
             for _ in replayer.play_turn(reader):
                 pass
-    writer.close()
+    writer.end(is_finished=reader.is_complete)
     return opened(BytesIO(stream.getvalue()))
