@@ -69,7 +69,7 @@ def refuse_unknown_look(look: object, of: str) -> None:
         raise BadValue(
             f"The batch of this game has not kept what {of} has sensed before this turn. It keeps it if the code of a "
             "plain function reads agent.state, or sensor.data of agent.sensors, by these names; after the next turn, "
-            "it is known in any case."
+            "it is known in any case. games.record(…) writes a recording that has it for all turns."
         )
 
 

@@ -1,5 +1,6 @@
 """Fog shows what the sensors of a team reported: in a live game, in its recording, and as in the team's cut."""
 
+import copy
 import io
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms import recorder, scenario
 from gamms.agent import AgentType
+from gamms.errors import BadValue
 from gamms.ir.packing import to_bytes
 from gamms.knowledge.sides import Side
 from gamms.rendering import Fog
@@ -48,7 +50,7 @@ def watch_live(ctx, team, turns):
     for _ in range(turns):
         ctx.game.step()
     fog.look()
-    return [*(pictures[turn] for turn in range(turns)), draw(ctx)]
+    return [*pictures.values(), draw(ctx)]
 
 
 def watch_recording(recording, team, show=draw):
@@ -269,6 +271,23 @@ def test_in_fog_a_flag_is_at_home_if_it_is(raid):
     homes = watch_recording(raid, "red", lambda ctx: draw_artists(ctx, "flags beneath"))
     assert homes == watch_recording(raid, "red", draw_whole)
     assert len({len(kinds) for kinds, _ in homes}) > 1
+
+
+def test_fog_of_a_copy_of_a_game_of_a_batch_begins_with_its_next_turn(tmp_path):
+    hunt = scenario.from_gallery("hunt_in_fog")
+    with hunt.batch(seeds=[4, 5]) as games:
+        games.step()
+        games.record(1, tmp_path / "game.ggr")
+        with games.context(1) as ctx:
+            fog = Fog(ctx, "hunters")
+            with pytest.raises(BadValue, match=r"has not kept what agent 'hunters_0' has sensed.* games.record\(…\)"):
+                fog.look()
+            assert ctx.visual.artists.fog is None
+            assert len(watch_live(copy.deepcopy(ctx), "hunters", 1)) == 2
+    with hunt.build(seed=5) as ctx:
+        alone = watch_live(ctx, "hunters", 1)
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        assert watch_recording(recording, "hunters") == alone
 
 
 def test_fog_and_pages_know_that_a_side_knows_of_the_events_of_its_cut(raid):

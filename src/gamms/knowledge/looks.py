@@ -8,7 +8,8 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core.sight import compute_scale
-from gamms.deciding import get_phase
+from gamms.deciding import UNKNOWN_LOOK, get_phase, refuse_unknown_look
+from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
@@ -595,7 +596,7 @@ class LiveReports:
         moment = self._find_moment()
         reports = self._take(agents, states)
         for agent, state, own in zip(agents, states, reports, strict=True):
-            self._observed[agent.name] = _Observation(own, moment, (state, agent.state))
+            self._observed[agent.name] = _Observation(own, moment, (state, _get_last_state(agent)))
 
     def read(self) -> Reports:
         """Return the last report of each sensor of living agents."""
@@ -610,11 +611,12 @@ class LiveReports:
 
     def _list_last(self, agent: IAgent, now: _Moment) -> Sequence[Report]:
         """Return the last reports of the sensors of an agent."""
-        state: Any = agent.state
+        state = _get_last_state(agent)
         known = self._observed.get(agent.name)
         if known is not None and known.is_last(state):
             is_early = known.moment != now
             return [report._replace(is_early=is_early) for report in known.reports]
+        refuse_unknown_look(state, f"agent {agent.name!r}")
         if "sensor" not in state:  # it has not observed yet
             return []
         (reports,) = self._take([agent], [state], is_early=True)
@@ -634,6 +636,14 @@ class LiveReports:
         game = self._ctx.current_game
         names, places = self._ctx.agent.positions.get_noted()
         return 0 if game is None else game.turn, (list(names), list(places))
+
+
+def _get_last_state(agent: IAgent) -> Any:
+    """Return the last state of an agent; `UNKNOWN_LOOK` if the batch of its game has not kept it."""
+    try:
+        return agent.state
+    except BadValue:
+        return UNKNOWN_LOOK
 
 
 def list_seen(look: Look) -> tuple[list[int], list[int]]:

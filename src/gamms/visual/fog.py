@@ -145,7 +145,11 @@ class Fog:
     # -- knowledge ---------------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Show what the team knows in the present state: the last reports of its sensors."""
+        """Show what the team knows in the present state: the last reports of its sensors.
+
+        Raises:
+            BadValue: the batch of this game has not kept these reports; nothing has changed.
+        """
         columns = self._ctx.graph.columns()
         places = self._find_places(columns)
         others = {name for name, side in zip(places.names, places.sides, strict=True) if side != self.side}
