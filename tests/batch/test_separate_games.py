@@ -89,6 +89,14 @@ def test_a_game_goes_on_as_it_does_alone_and_the_others_are_not_affected(act, ph
         assert plain(games.result(0)) == plain(games.result(2))
 
 
+def test_scores_in_the_core_are_kept_while_a_game_that_has_left_has_one_that_is_no_number():
+    with open_with("boolean") as ctx, ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+        while not games.is_over.all():
+            games.step()
+        assert {*games.detached} == {0, 3}
+        assert_as_alone(games, alone)
+
+
 @pytest.mark.parametrize("act", ["speed", "teams", "legal", "edge", "conflicts", "rule"])
 def test_games_are_stepped_observed_and_shown_with_those_in_the_core(act):
     with open_with(act) as ctx, ctx.game.batch(seeds=range(6)) as games:

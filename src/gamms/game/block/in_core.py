@@ -671,10 +671,11 @@ def _make_sort_key(pair: tuple[Failure, int]) -> tuple[int, int]:
 
 
 def put_scores(state: GameArrays, score: FloatArray) -> None:
-    """Write the scores of all games to the columns of the core, (games, teams)."""
+    """Write the scores of all games to the columns of the core, (games, teams); 0 for one that the core cannot hold."""
     for number, team in enumerate(state.roster.teams):
-        column = state.scores.get(team)
-        score[:, number] = 0.0 if column is None or column.dtype == object else column
+        column: Any = state.scores.get(team, 0.0)
+        are_exact = np.asarray(column).dtype != object
+        score[:, number] = column if are_exact else [one if is_exact_float(one) else 0.0 for one in column]
 
 
 def make_near_nodes(arcs: kernels.Arcs, limit: float) -> contacts.NearNodes:

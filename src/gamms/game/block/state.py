@@ -122,7 +122,7 @@ class Scores(dict[Hashable, FloatArray]):
         self._last_rank += len(of)
 
     def take(self, keys: Sequence[Hashable], sums: FloatArray, first: IntArray, are_floats: BoolArray) -> None:
-        """Set the scores of all games to the values that the core computed, (games, keys) each.
+        """Set the scores to which points were added to the values that the core computed, (games, keys) each.
 
         Args:
             keys: the keys of the scores.
@@ -137,7 +137,7 @@ class Scores(dict[Hashable, FloatArray]):
                 continue
             if key not in self:
                 self._add_columns(key)
-            self[key][:] = sums[:, number]
+            self[key][is_set] = sums[is_set, number]
             self.are_floats[key] |= are_floats[:, number]
             ranks = self.ranks[key]
             is_new = is_set & (ranks == 0)

@@ -1145,11 +1145,10 @@ class ShownGame(GamesInContext):
         known = self._scores_before
         if scores == known and [*map(type, scores.values())] == [*map(type, known.values())]:
             return
-        columns = self._state.scores
-        are_exact = {key for key, column in columns.items() if column.dtype == object}
-        if not all(key in are_exact or is_exact_float(points) for key, points in scores.items()):
+        are_held = {key for key, points in known.items() if not is_exact_float(points)}  # the core adds to no scores
+        if not all(key in are_held or is_exact_float(points) for key, points in scores.items()):
             self.go_alone("sets scores that are no numbers")
-        columns.put(self._pointed.number, scores)
+        self._state.scores.put(self._pointed.number, scores)
 
     def _take_agents(self, journal: Journal) -> AgentBlock:
         """Store the changes of agents; return their block."""
