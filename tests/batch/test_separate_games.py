@@ -97,6 +97,35 @@ def test_scores_in_the_core_are_kept_while_a_game_that_has_left_has_one_that_is_
         assert_as_alone(games, alone)
 
 
+@pytest.mark.parametrize("phase", ["before", "deeds"])
+def test_a_turn_in_whose_middle_a_game_leaves_and_then_raises_is_taken_back(phase):
+    raises = [True]
+
+    def fail(state):
+        if len(state["legal"]) > 5 and next(iter(raises), False):  # in the game that has left
+            raise ZeroDivisionError
+        gamms.strategies.random_walk(state)
+
+    def change_rules(ctx):
+        ctx.game.scores["calls"] += 1
+        if ctx.game.turn == 3 and ctx.seed == 1 and ctx.game.legal == "edges":
+            ctx.game.legal = "any"
+
+    with scene([TAG], settings={"order": [["blue"], ["red"]]}).build(seed=1) as ctx:
+        ctx.game.add(change_rules, phase=phase)
+        ctx.agent.get_agent("red_0").register_strategy(fail)
+        with ctx.game.batch(seeds=range(3)) as games, ctx.game.fork(0).ctx as alone:
+            games.run(3)
+            for _ in range(2):
+                with pytest.raises(ZeroDivisionError):
+                    games.run()
+                assert games.turn.tolist() == [3, 3, 3]
+            raises.clear()
+            games.run()
+            assert {*games.detached} == {1}
+            assert_as_alone(games, alone)
+
+
 @pytest.mark.parametrize("act", ["speed", "teams", "legal", "edge", "conflicts", "rule"])
 def test_games_are_stepped_observed_and_shown_with_those_in_the_core(act):
     with open_with(act) as ctx, ctx.game.batch(seeds=range(6)) as games:

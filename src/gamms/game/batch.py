@@ -366,17 +366,16 @@ class Batch(Surface, Immutable, NotPickled):
         engine = self._engine
         separate = self._separate
         self._let_given_leave(given)
-        going = separate.going if separate and self._ran_from is None else []
+        going = separate.going if separate and self._ran_from is None else []  # a run plays them later
         separate.check(given if going else {})
 
         def play_others(leaving: dict[int, LeavingGame]) -> None:
             for number, one in leaving.items():
                 separate.add(number, one.why, one.game, int(turns[number]))
-            if self._ran_from is None:
-                separate.step([*going, *leaving], given)
+            separate.step([*going, *leaving], given)
 
         is_single = np.count_nonzero(~engine.is_over) == 1
-        with separate.undo_after_error(is_single=is_single):
+        with separate.undo_after_error(going, is_single=is_single):
             engine.step(given, threads, play_others=play_others)
 
     def _let_given_leave(self, given: Mapping[Hashable, OutsideActions]) -> None:

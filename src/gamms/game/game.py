@@ -405,8 +405,6 @@ class Game(Surface, RuleVerbs):
                 warn_at = None
                 warn_of_no_end(self.ctx.logger)
 
-        if self._turns.begun is not None and not self._take_turn():
-            return
         ahead = self._step_turns(last, after_turns)
         while (last is None or self._state.turn < last) and self._begin_turn() and next(ahead):
             if not self._take_turn():

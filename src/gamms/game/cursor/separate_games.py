@@ -190,16 +190,17 @@ class SeparateGames:
                 actor.end()
 
     @contextmanager
-    def undo_after_error(self, *, is_single: bool) -> Iterator[None]:
+    def undo_after_error(self, played: Sequence[int], *, is_single: bool) -> Iterator[None]:
         """Restore all games, and the engines that play them, if the block raises.
 
         Args:
+            played: the games that the block plays, besides those that leave the batch in it.
             is_single: whether one game plays: it takes its turn back itself, unless the turn is counted.
         """
         known = {*self.reasons}
         had_contexts = {*self._games}
-        going = [] if is_single else self.going
-        snapshots = {number: self._games[number].snapshot() for number in going if number in self._games}
+        taken_back = [] if is_single else played
+        snapshots = {number: self._games[number].snapshot() for number in taken_back if number in self._games}
         turns = self._engine.count_turns()
         try:
             yield
@@ -223,8 +224,7 @@ class SeparateGames:
         """
         for number in self.going:
             game = self.get_game(number)
-            if _is_in_turn(game):  # it has left in this run
-                game.internals.run_began = int(began[number])
+            game.internals.run_began = int(began[number])  # if it has left in this run, before the present turn
             last = self._engine.find_last_turn(number)
             with self._record_changes(number, game):
                 game.run(None if last is None else max(0, last - game.turn))
@@ -286,11 +286,6 @@ class SeparateGames:
                 "added it to the map of this game, and arrays have the nodes that are there at the start. Have it "
                 "there."
             )
-
-
-def _is_in_turn(game: PlayedGame) -> bool:
-    """Return whether a game has left the batch in the middle of a turn, whose rest it has not played yet."""
-    return game.internals.parts.turns.begun is not None
 
 
 def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
