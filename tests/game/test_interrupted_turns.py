@@ -62,7 +62,7 @@ def wander(state):
     lot = state["draw"].below(1000) + sum(seen) + len(state.get("inbox", ()))
     lot += int(state["rng"].integers(9))
     node = state["legal"][lot % len(state["legal"])]
-    state["action"] = {"node_id": node, "do": {"mark": None}}
+    state["action"] = {"node_id": node, "do": {"mark": None, "dig": None} if lot % 2 else {"mark": None}}
     if "outbox" in state:
         state["outbox"].append({"channel": "radio", "to": None, "body": lot % 9})
     call()
@@ -114,7 +114,7 @@ def build(parts, seed):
         teams={"red": team, "blue": team},
         sensors={"eyes": parts["eyes"]} if parts["eyes"] else {},
         channels=CHANNELS if parts["talks"] else {},
-        settings={"deeds": {"mark": {}}, **parts["settings"]},
+        settings={"deeds": {"mark": {}, "dig": {"fields": {}, "turns": 1.5}}, **parts["settings"]},
         max_turns=TURNS,
     )
     ctx = game.build(seed=seed, strategies={"red": wander, "blue": wander})
@@ -182,6 +182,13 @@ def test_a_late_sensor_looks_as_often_as_in_a_game_without_the_interrupted_turn(
     parts = {"eyes": EYES[1], "settings": {}, "speed": 1.0, "order": False, "talks": False, "acts": False}
     parts["conflicts"] = False
     assert play(parts, 3, error, 7) == play(parts, 3)
+
+
+def test_a_deed_that_lasts_goes_on_as_in_a_game_without_the_interrupted_turn():
+    parts = {"eyes": None, "settings": {}, "speed": 1.0, "order": True, "talks": False, "acts": False}
+    parts["conflicts"] = False
+    assert play(parts, 3, ZeroDivisionError, 7) == play(parts, 3)
+    assert play_batch(parts, [3, 4], ZeroDivisionError, 7) == play_batch(parts, [3, 4])
 
 
 def test_reports_are_recorded_as_if_an_interrupted_turn_with_another_map_had_not_been():

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_float
+from gamms.core.copies import copy_deep
 from gamms.game.deeds import Duration, list_lasting
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import Rank, RuleSpec, Settings, declared
@@ -261,6 +262,19 @@ def end_deeds(ctx: HostContext) -> None:
         rows.append((state.row, number, AFTER_OTHERS + number, name, kind, state.turn, node, fields))
     if rows:
         state.deed_log.add(state.row, rows)
+
+
+def copy_doing(data: dict[Any, Any]) -> Any:
+    """Return what agents are doing, for `put_doing`; None: no deed has begun. Any: it is a value of `ctx.game.data`."""
+    return copy_deep(dict.get(data, DOING))
+
+
+def put_doing(data: dict[Any, Any], doing: Any) -> None:
+    """Let agents do what `copy_doing` has returned, in a turn that is taken back."""
+    if doing is None:
+        dict.pop(data, DOING, None)
+    else:
+        dict.__setitem__(data, DOING, copy_deep(doing))
 
 
 def drop_deed(ctx: HostContext, name: str) -> None:

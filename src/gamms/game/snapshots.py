@@ -12,7 +12,7 @@ from gamms.deciding import ContextPart, DecidePhase, add_copies, copy_part, refu
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, get_facts
-from gamms.game.lasting import drop_deed
+from gamms.game.lasting import copy_doing, drop_deed, put_doing
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import CollectorMark, Collectors, warn_of_idle
 from gamms.game.settings import MapNodeIds, NamedRule, Plan, RuleSet, RuleTable, Settings, refuse_misfits
@@ -221,6 +221,7 @@ class SnapshotTaker(NamedTuple):
         leave_unread = _keep_unread(self.turns)
         with self.turns.phase.suspend(changes_world=False):
             snapshot = self.take(GameState.turn_copies, dict, has_counts=False)
+        doing = copy_doing(self.state.data)
         adding = [order.slots.keep_counts() for order in self.turns.orders]
         undoing = [checkpoint() for checkpoint in self.ctx.game.internals.checkpoints]
 
@@ -230,6 +231,7 @@ class SnapshotTaker(NamedTuple):
             with delay_interrupts():
                 self.restore_streams(snapshot)
                 self.restore(snapshot, keeps_written=True)
+                put_doing(self.state.data, doing)
                 leave_unread()
                 for add_counts in adding:
                     add_counts()

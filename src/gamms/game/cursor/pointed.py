@@ -18,6 +18,7 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
 from gamms.game.cursor.own_functions import FirstValues, FunctionsPerGame
+from gamms.game.lasting import copy_doing, put_doing
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Collectors
 from gamms.game.snapshots import Snapshot
@@ -475,6 +476,7 @@ class PointedContext:
         self._own = own
         values = game.internals.state
         self.at_start = RowValues(values, {})
+        self._first_doing = copy_doing(values.data)
         self._start = values.start
         self.rows: list[RowValues | None] = [None] * len(state)
         self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
@@ -523,11 +525,15 @@ class PointedContext:
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes later changes; what functions have written themselves stays."""
         kept = [None if row is None else row.copy_turn_values() for row in self.rows]
+        first = self._first_doing
+        doings = [first if row is None or row.data is None else copy_doing(row.data) for row in self.rows]
 
         def take_back() -> None:
-            for row, values in zip(self.rows, kept, strict=True):
+            for row, values, doing in zip(self.rows, kept, doings, strict=True):
                 if row is not None:
                     row.take_back(values or RowValues(self.at_start, self.at_start.undone).copy_turn_values())
+                    if row.data is not None:
+                        put_doing(row.data, doing)
 
         return take_back
 
