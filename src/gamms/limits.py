@@ -12,8 +12,6 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from marshal import dumps
-from typing import Any
 
 from gamms.errors import BadFile, BadType, BadValue, TooLarge
 from gamms.text import shown
@@ -154,36 +152,38 @@ class KeyBudget:
 
     Python compares a key with all others of the same hash, so a file could make reading take quadratic time. Texts and
     bytes have secret hashes, and few numbers of 64 bits share one; but a file can hold any number of tuples, frozen
-    sets and longer integers with one hash, so these are counted.
+    sets and longer integers with one hash, so these are counted. Keys are different if their bytes in the file are.
     """
 
     __slots__ = ("_marks_of",)
 
     def __init__(self) -> None:
-        self._marks_of: dict[int, set[int]] = {}  # hash -> secret hashes of the keys that have it
+        self._marks_of: dict[int, set[int]] = {}  # hash -> secret hashes of the bytes of the keys that have it
 
-    def check(self, key: Any) -> Any:
-        """Return a key, or a value that may become one, before it is put into a dict or a set.
+    def check(self, key: object, data: bytes) -> None:
+        """Check a value that may become a key, before it is put into a dict or a set.
+
+        Args:
+            key: the value.
+            data: its bytes in the file.
 
         Raises:
             BadFile: too many different ones have its hash.
         """
-        kind = type(key)
-        if kind is int:
+        if isinstance(key, int):
             if -_WORD < key < _WORD:
-                return key
-        elif kind is not tuple and kind is not frozenset:
-            return key
+                return
+        elif not isinstance(key, (tuple, frozenset)):
+            return
         try:
             marks = self._marks_of.setdefault(hash(key), set())
-            marks.add(hash(dumps(key)))
-        except (TypeError, ValueError):  # there is a list in it, for example
-            return key
+        except TypeError:  # there is a list in it, for example
+            return
+        marks.add(hash(data))
         if len(marks) > _MOST_ALIKE:
             raise BadFile(f"it holds more than {_MOST_ALIKE} different keys that were made to have one hash")
         if len(self._marks_of) > _MOST_HASHES:
             self._marks_of.clear()
-        return key
 
 
 def _format_size(size: float) -> str:

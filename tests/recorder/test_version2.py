@@ -271,6 +271,13 @@ def test_large_numbers_and_sets_survive_version_2():
     assert read(written([record, END]))[0] == record
 
 
+def test_sets_nested_in_sets_take_no_time():
+    value = read(file_of(creating(b"\xa1\x61m" + b"\xd9\x01\x02\x81" * 28 + b"\x01"), END))[0]["data"]["kwargs"]["m"]
+    for _ in range(28):
+        (value,) = value
+    assert value == 1
+
+
 @pytest.mark.parametrize("data", ["m", [], 0, False])
 def test_a_closing_record_whose_data_are_no_map_is_damaged(data):
     with pytest.raises(RecordingError, match="at byte 8 is damaged: it has parts other than"):

@@ -233,9 +233,12 @@ def _write_text(value: str) -> Item:
 
 
 def _write_set(value: set[Plain] | frozenset[Plain], depth: int) -> Item:
+    if depth < 1:
+        raise RecursionError
     encode = _make_encoder().encode
-    items = sorted(value, key=lambda one: encode([_write_value(one, depth - 1)]))  # sorted, because sets have no order
-    return _write_container(_FROZENSET if isinstance(value, frozenset) else _SET, items, depth)
+    items = [_write_value(one, depth - 1) for one in value]
+    items.sort(key=lambda item: encode([item]))  # because sets have no order
+    return _import_extension()(_FROZENSET if isinstance(value, frozenset) else _SET, encode(items))
 
 
 def _write_array(value: Array, depth: int) -> Item:
@@ -355,7 +358,9 @@ class Decoder:
         if code == _TEXT:
             return data.decode("utf-8", "surrogatepass")
         if code == _INT:
-            return self.keys.check(int.from_bytes(data, "big", signed=True))
+            number = int.from_bytes(data, "big", signed=True)
+            self.keys.check(number, data)
+            return number
         if depth < 1:
             raise BadFile(f"containers are nested more than {MOST_DEPTH} levels deep")
         make = _MAKERS[code]
@@ -365,7 +370,9 @@ class Decoder:
             for place, one in enumerate(items):
                 if type(one) not in _SCALARS:
                     items[place] = self._open_item(one, depth - 1, charge)
-        return make(items, self.keys)
+        value = make(items)
+        self.keys.check(value, data)
+        return value
 
 
 @cache
@@ -383,15 +390,15 @@ def _read_count(data: bytes) -> int:
     return min(count, len(data))
 
 
-def _make_dict(items: list[Plain], keys: KeyBudget) -> dict[Plain, Plain]:
+def _make_dict(items: list[Plain]) -> dict[Plain, Plain]:
     names = items[::2]
-    found = dict(zip(names if {str}.issuperset(map(type, names)) else map(keys.check, names), items[1::2], strict=True))
+    found = dict(zip(names, items[1::2], strict=True))
     if len(found) != len(names):
         raise BadFile("a dict has the same key twice")
     return found
 
 
-def _make_array(items: list[Plain], _: KeyBudget) -> Array:
+def _make_array(items: list[Plain]) -> Array:
     name, data, *shape = items
     if len(shape) > MOST_DIMENSIONS or not all(type(length) is int and 0 <= length < 1 << 40 for length in shape):
         raise BadFile(f"an array has the invalid shape {shown(shape)}")
@@ -403,11 +410,11 @@ def _make_array(items: list[Plain], _: KeyBudget) -> Array:
     return flat.reshape(shape)
 
 
-_MAKERS: dict[int, Callable[[list[Plain], KeyBudget], Plain]] = {
-    _TUPLE: lambda items, keys: keys.check(tuple(items)),
-    _LIST: lambda items, _: items,
+_MAKERS: dict[int, Callable[[list[Plain]], Plain]] = {
+    _TUPLE: tuple,
+    _LIST: list,
     _DICT: _make_dict,
-    _SET: lambda items, keys: set(map(keys.check, items)),
-    _FROZENSET: lambda items, keys: keys.check(frozenset(map(keys.check, items))),
+    _SET: set,
+    _FROZENSET: frozenset,
     _ARRAY: _make_array,
 }

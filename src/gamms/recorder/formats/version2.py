@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 
 from gamms.errors import BadFile, BadType
 from gamms.ir.events import EVENTS
+from gamms.ir.packing import to_bytes
 from gamms.limits import KeyBudget
 from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
@@ -178,10 +179,14 @@ class CborReader:
         return Tagged(number, value)
 
     def _make_key(self, value: Plain) -> Plain:
+        key = _make_hashable(value)
+        if type(key) is str:
+            return key
         try:
-            return self._keys.check(_make_hashable(value))
+            self._keys.check(key, to_bytes(key, "A key", MOST_DEPTH))
         except BadFile as error:
             raise BadCbor(str(error)) from error
+        return key
 
 
 _READERS: tuple[Callable[[CborReader, int, int], Plain], ...] = (  # by the upper three bits of the first byte
