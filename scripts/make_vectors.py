@@ -68,7 +68,7 @@ def find_answer(suffix: str, data: bytes, stated: dict[str, Any]) -> tuple[dict[
     if "refused" in first:
         first["refused"] = second.get("refused")
     problem = ""
-    if first != second:
+    if answers.as_text(first) != answers.as_text(second):
         problem = f"the readers differ ({message}; {str(second)[:300]})"
     if any(
         second.get(key) != (value if key in ("refused", "byte") else answers.as_json(value))
@@ -81,8 +81,9 @@ def find_answer(suffix: str, data: bytes, stated: dict[str, Any]) -> tuple[dict[
 def make_all() -> Iterator[Vector]:
     """Yield all vectors."""
     for suffix, makers in (
-        (".ggr", (make_values, make_bad_values, make_columns, make_blocks, make_looks, make_limits, make_games)),
-        (".gamms", (make_maps, make_bad_maps)),
+        (".ggr", (make_values, make_bad_values, make_forms, make_keys, make_hashes)),
+        (".ggr", (make_columns, make_packed, make_sums, make_blocks, make_looks, make_limits, make_games)),
+        (".gamms", (make_maps, make_ranges, make_bad_maps, make_bad_ranges)),
         (".sight", (make_sights,)),
     ):
         for make in makers:
@@ -130,6 +131,13 @@ def array(*items: object) -> bytes:
 def extension(code: int, *items: object) -> msgpack.Ext:
     """Return a container."""
     return msgpack.Ext(code, array(*items))
+
+
+def nested(item: object, code: int, depth: int) -> object:
+    """Return an item in so many containers of a type."""
+    for _ in range(depth):
+        item = extension(code, item)
+    return item
 
 
 def plain(value: object) -> object:
@@ -247,11 +255,8 @@ def make_values() -> Iterator[Vector]:
     yield "value_set_in_another_order", holding(extension(3, 2, 1, 2)), {"header": {"value": {1, 2}}}
     many = {str(i): i for i in range(20)}
     yield "value_array16", headed(value_of(many)), {"header": many}
-    deep: object = extension(1)
-    for _ in range(30):
-        deep = extension(1, deep)
-    yield "value_depth_32", holding(deep), {}
-    yield "value_depth_33", holding(extension(1, deep)), refused("depth")
+    yield "value_depth_32", holding(nested(extension(1), 1, 30)), {}
+    yield "value_depth_33", holding(nested(extension(1), 1, 31)), refused("depth")
     yield "zeros_after_a_header", headed(value_of({}), after=bytes(9)), {"header": {}}
     yield "hashes_64", headed(value_of({"value": [5 + k * PRIME for k in range(16, 80)]})), {}
     for dtype in answers.second_reader.DTYPES:
@@ -327,6 +332,97 @@ def make_bad_values() -> Iterator[Vector]:
     yield "refused_bytes_behind_a_header", headed(value_of({}), after=b"\0\1"), refused("superfluous bytes")
 
 
+def make_forms() -> Iterator[Vector]:
+    """Yield recordings with every form of MessagePack, and forms of integers and arrays that readers take or refuse."""
+    five = [b"\5", b"\xcc\5", b"\xcd\0\5", b"\xce\0\0\0\5", b"\xcf" + bytes(7) + b"\5"]
+    five += [b"\xd0\5", b"\xd1\0\5", b"\xd2\0\0\0\5", b"\xd3" + bytes(7) + b"\5"]
+    texts = [b"\xa1a", b"\xd9\1a", b"\xda\0\1a", b"\xdb\0\0\0\1a"]
+    extensions = [b"\xd4\5z", b"\xc7\1\5z", b"\xc8\0\1\5z", b"\xc9\0\0\0\1\5z"]
+    for name, forms, value in (("integer", five, 5), ("text", texts, "a"), ("extension", extensions, b"z")):
+        items = msgpack.Ext(1, bytes([0x90 + len(forms)]) + b"".join(forms))
+        yield f"value_forms_of_{name}", holding(items), {"header": {"value": [value] * len(forms)}}
+    tuples = [msgpack.Ext(0, form) for form in (b"\x91\1", b"\xdc\0\1\1", b"\xdd\0\0\0\1\1")]
+    yield "value_forms_of_array", holding(extension(1, *tuples)), {"header": {"value": [(1,)] * 3}}
+    for name, item, value in (
+        ("long_integer_of_no_bytes", msgpack.Ext(6, b""), 0),
+        ("long_integer_with_zeros", msgpack.Ext(6, bytes(20) + b"\5"), 5),
+        ("text_in_type_7", msgpack.Ext(7, "a\u00e9".encode()), "a\u00e9"),
+        ("frozen_set_in_another_order", extension(4, 3, 1, 3, 2), frozenset({1, 2, 3})),
+        ("set_of_equal_items", extension(3, 1, 1.0, True), {1}),
+        ("keys_of_nan", extension(2, float("nan"), 1, float("nan"), 2), {float("nan"): 1, float("-nan"): 2}),
+        ("keys_text_and_bytes", extension(2, "a", 1, msgpack.Ext(5, b"a"), 2), {"a": 1, b"a": 2}),
+    ):
+        yield f"value_{name}", holding(item), {"header": {"value": value}}
+    one_array = extension(8, "int8", msgpack.Ext(5, b"\0"), 1)
+    yield "value_depth_32_bytes", holding(nested(msgpack.Ext(5, b"x"), 0, 31)), {}
+    yield "value_depth_32_array", holding(nested(one_array, 1, 30)), {}
+    yield "value_depth_33_array", holding(nested(one_array, 1, 31)), refused("depth")
+    yield "value_depth_32_frozen_sets", holding(nested(extension(4), 4, 30)), {}
+    for name, shape in {"most": (0, 1 << 39, 1 << 23), "largest": ((1 << 40) - 1, 0)}.items():
+        yield f"array_dimensions_{name}", holding(extension(8, "int8", msgpack.Ext(5, b""), *shape)), {}
+    for name, limit, item in (
+        ("byte_c1", "value", msgpack.Ext(1, b"\x91\xc1")),
+        ("container_of_bytes", "value", msgpack.Ext(1, b"\xc4\1a")),
+        ("container_of_map", "value", msgpack.Ext(2, b"\x80")),
+        ("utf8_overlong", "value", msgpack.Ext(7, b"\xc0\x80")),
+        ("utf8_of_a_surrogate", "value", msgpack.Ext(1, b"\x91\xa3\xed\xa0\x80")),
+        ("array_dimension_float", "array", extension(8, "int8", msgpack.Ext(5, b"\0"), 1.0)),
+        ("array_dimension_product_2_to_63", "array", extension(8, "int8", msgpack.Ext(5, b""), 0, 1 << 39, 1 << 24)),
+        ("array_dimension_product_of_items", "array", extension(8, "int16", msgpack.Ext(5, b""), 0, 1 << 39, 1 << 23)),
+        ("array_too_many_bytes_for_none", "array", extension(8, "int8", msgpack.Ext(5, b"\0"), 0, 3)),
+        ("array_too_few_bytes_for_one", "array", extension(8, "int8", msgpack.Ext(5, b""))),
+        ("array_unknown_dtype_big_endian", "array", extension(8, ">i4", msgpack.Ext(5, bytes(4)), 1)),
+    ):
+        yield f"refused_{name}", holding(item), refused(limit)
+
+
+def make_keys() -> Iterator[Vector]:
+    """Yield recordings with keys, and items of sets, that readers refuse."""
+    no_keys = {"list": extension(1), "dict": extension(2), "set": extension(3)}
+    no_keys["array"] = extension(8, "int8", msgpack.Ext(5, b""), 0)
+    for name in ("dict", "set", "array"):
+        inside = extension(0, extension(0, no_keys[name]))
+        yield f"refused_key_{name}_in_tuple", holding(extension(2, inside, 1)), refused("key")
+    yield "refused_key_dict", holding(extension(2, extension(2), 1)), refused("key")
+    for name, first, second in (
+        ("tuple_twice", extension(0, 1), extension(0, 1.0)),
+        ("frozen_set_twice", extension(4, 1, 2), extension(4, 2, 1)),
+        ("text_of_both_types", "a", msgpack.Ext(7, b"a")),
+        ("zero_and_minus_zero", 0.0, -0.0),
+    ):
+        yield f"refused_key_{name}", holding(extension(2, first, 1, second, 2)), refused("key")
+    for name in ("dict", "array"):
+        yield f"refused_set_of_{name}s", holding(extension(3, no_keys[name])), refused("key")
+    yield "refused_set_of_tuples_of_lists", holding(extension(3, extension(0, extension(1)))), refused("key")
+    yield "refused_frozen_set_of_sets", holding(extension(4, extension(3))), refused("key")
+
+
+def make_hashes() -> Iterator[Vector]:
+    """Yield recordings with many values of one hash."""
+    alike = [5 + k * PRIME for k in range(9)]
+    tuples = [*product(alike, alike)]
+    for name, values in {
+        "64_tuples": tuples[:64],
+        "64_frozen_sets": [*map(frozenset, combinations(alike, 3))][:64],
+        "of_equal_tuples": tuples[:1] * 100,
+        "of_tuples_with_lists": [(1, [k]) for k in range(100)],
+    }.items():
+        yield f"hashes_{name}", holding(plain(values)), {"header": {"value": values}}
+    padded = [msgpack.Ext(6, bytes(size) + b"\1" + bytes(9)) for size in range(65)]
+    yield "refused_hashes_of_other_bytes", holding(extension(1, *padded)), refused("hashes")
+    long = [5 + k * PRIME for k in range(16, 96)]
+    head = packed(value_of({"value": long[:40]}))
+    state = packed(value_of({"value": long[40:]}))
+    value = value_of(long[40:])
+    key = zlib.crc32(head)
+    start = MAGIC + block("H", head)
+    keyframe_too = start + block("K", state, key) + block("E", b"", key)
+    yield "refused_hashes_in_a_keyframe", keyframe_too, refused("hashes", len(start))
+    columns = [column(0), column(1), *[b"\0"] * 3, column(0), column(1), column(len(value))]
+    event_too = start + block("T", turns_body(columns, value), key, 0, 1, 0, 1) + block("E", b"", key, 1)
+    yield "refused_hashes_in_an_event", event_too, refused("hashes", len(start))
+
+
 # -- columns ----------------------------------------------------------------------------------------------------
 
 
@@ -352,6 +448,7 @@ def make_columns() -> Iterator[Vector]:
             nodes.append((nodes[-1] + step + 2**63) % 2**64 - 2**63)
         yield f"column_width_{width}", *moves_of(nodes, column(*steps))
     yield "column_wider_than_needed", *moves_of([0, 1, 0], column(1, -1, width=5))
+    yield "column_table_with_a_rest", *moves_of([0, 1], table_column([0, 1], 8, b"\xff"))
     wraps = [2**63 - 1, -(2**63), 2**63 - 1]
     yield "column_wraps_around", *moves_of(wraps, column(1, -1))
     for per_byte, size in {1: 256, 2: 16, 3: 6, 4: 4, 5: 3, 6: 2, 7: 2, 8: 2}.items():
@@ -370,9 +467,12 @@ def make_columns() -> Iterator[Vector]:
         "table_of_9_in_a_byte": table_column([0], 9, bytes(1)),
         "table_beyond_a_byte": table_column([0, 1, 2], 6, bytes(1)),
         "table_number_outside": table_column([0, 1], 7, b"\x80"),
+        "table_in_a_table": bytes([9, 1]) + table_column([3, 4], 1, b"\0\1") + b"\1\0\1\1",
     }
     for name, encoded in bad.items():
         yield f"refused_column_{name}", moves_of([0] * 4, encoded)[0], refused("column", len(HEADER))
+    cut = moves_of([0] * 4, bytes([9, 1]) + column(0, 1) + b"\1")[0]
+    yield "refused_column_table_cut", cut, refused("missing bytes", len(HEADER))
     first = [column(1), column(0), column(0), column(5)]
     at = len(HEADER)
     yield "refused_column_without_numbers", played([*first, b"\1", *[b"\0"] * 3], (1, 1, 0)), refused("column", at)
@@ -380,6 +480,85 @@ def make_columns() -> Iterator[Vector]:
     yield "refused_table_without_numbers", played([*first, empty_table, *[b"\0"] * 3], (1, 1, 0)), refused("column", at)
     yield "refused_column_cut", played([*first, b"\0", b"\0", b"\0"], (1, 1, 0)), refused("missing bytes", at)
     yield "refused_column_too_many", played([*first, *[b"\0"] * 5], (1, 1, 0)), refused("superfluous bytes", at)
+
+
+def make_packed() -> Iterator[Vector]:
+    """Yield recordings with packed bytes of each form, and with some that readers refuse."""
+    content = value_of({"a": 1})
+    size = len(content)
+
+    def deflated(level: int = 9, strategy: int = zlib.Z_DEFAULT_STRATEGY) -> bytes:
+        deflater = zlib.compressobj(level, zlib.DEFLATED, -15, 8, strategy)
+        return deflater.compress(content) + deflater.flush()
+
+    deflater = zlib.compressobj(9, zlib.DEFLATED, -15)
+    in_parts = deflater.compress(content[:4]) + deflater.flush(zlib.Z_FULL_FLUSH)
+    in_parts += deflater.compress(content[4:]) + deflater.flush()
+    for name, body in {
+        "stored": varint(size) + deflated(0),
+        "by_fixed_codes": varint(size) + deflated(9, zlib.Z_FIXED),
+        "in_two_parts": varint(size) + in_parts,
+        "with_a_size_of_3_bytes": bytes([size | 128, 128, 0]) + deflated(),
+        "with_a_size_of_9_bytes": bytes([size | 128, *[128] * 7, 0]) + deflated(),
+    }.items():
+        whole = MAGIC + block("H", body) + block("E", b"", zlib.crc32(body))
+        yield f"packed_{name}", whole, {"header": {"a": 1}, "is_complete": True}
+    for name, body in {
+        "of_10_bytes": bytes([size | 128, *[128] * 8, 0]) + deflated(),
+        "with_a_frame_of_zlib": varint(size) + zlib.compress(content),
+    }.items():
+        yield f"refused_size_{name}", MAGIC + block("H", body), refused("size")
+
+
+def make_sums() -> Iterator[Vector]:
+    """Yield recordings whose numbers go beyond 64 bits, and whose events have no place or value."""
+    nothing = [b"\0"] * 3
+    rows = [column(2), column(0), column(2**63 - 1, 1), column(4, 1), b"\0", *nothing]
+    yield "rows_wrap_around", played(rows, (1, 2, 0)), {"turns": [[(2**63 - 1, 5), (-(2**63), 4)]]}
+    nodes = [column(2), column(0), column(1, 1), column(2**63 - 1, 1), b"\0", *nothing]
+    yield "first_nodes_wrap_around", played(nodes, (1, 2, 0)), {"turns": [[(1, 2**63 - 1), (2, -(2**63))]]}
+    large = [2**62] * 4
+    one = [column(0), column(1), column(2)]
+    for name, limit, columns, counts in (
+        (
+            "moves_of_turns_beyond_64_bits",
+            "counts",
+            [column(*large[1:], 2**62 + 2), column(*[0] * 4), column(0, 0), column(1), column(1), *nothing],
+            (4, 2, 0),
+        ),
+        (
+            "events_of_turns_beyond_64_bits",
+            "counts",
+            [column(*[0] * 4), column(*large[1:], 2**62 + 1), *nothing, *one],
+            (4, 0, 1),
+        ),
+        (
+            "sizes_beyond_64_bits",
+            "counts",
+            [column(0), column(5), *nothing, column(*[0] * 5), column(*[1] * 5), column(*large, 2)],
+            (1, 0, 5),
+        ),
+        (
+            "event_at_a_negative_place",
+            "events",
+            [column(1), column(1), column(0), column(1), b"\0", column(-1), *one[1:]],
+            (1, 1, 1),
+        ),
+        (
+            "event_without_a_value",
+            "value",
+            [column(0), column(2), *nothing, column(0, 0), column(1, 1), column(0, 2)],
+            (1, 0, 2),
+        ),
+        (
+            "flight_without_columns",
+            "missing bytes",
+            [column(0), column(1), *nothing, column(0), column(FLIGHT), column(0)],
+            (1, 0, 1),
+        ),
+    ):
+        values = b"" if name.startswith(("moves", "flight")) else array(1)
+        yield f"refused_{name}", played(columns, counts, values), refused(limit, len(HEADER))
 
 
 # -- blocks -----------------------------------------------------------------------------------------------------
@@ -457,6 +636,16 @@ def make_blocks() -> Iterator[Vector]:
     several = HEADER + keyframe(0) + walk(0, 2) + later + keyframe(2) + walk(2, 3) + keyframe(5) + end(5)
     whole = {"turns": walked(5), "is_complete": True}
     yield "keyframes_and_blocks", several, whole | {"keyframes": {turn: state_of(turn) for turn in (0, 2, 5)}}
+    again = HEADER + block("H", HEADER_BODY, KEY) + walk(0, 2) + end(2)
+    yield "header_again", again, {"turns": walked(2), "is_complete": True}
+    spoiled = HEADER + walk(0, 2) + block("Z", b"of a later version", KEY, crc=4) + walk(2, 1) + end(3)
+    yield "later_block_damaged", spoiled, {"turns": walked(3), "is_complete": True}
+    yield "end_with_a_body", HEADER + walk(0, 2) + block("E", b"more", KEY, 2), {"turns": walked(2)}
+    zeros = HEADER + block("K", keyframe(0)[36:] + bytes(4), KEY) + end()
+    yield "zeros_after_a_keyframe", zeros, {"keyframes": {0: state_of(0)}}
+    other_steps = [column(1, 1), column(0, 0), column(0, 0), column(5), column(4), *[b"\0"] * 3]
+    as_long = HEADER + walk(0, 2) + block("T", turns_body(other_steps), KEY, 0, 2, 2) + end(2)
+    yield "block_of_as_many_turns_replaces", as_long, {"turns": [[(0, 5)], [(0, 9)]], "is_complete": True}
     two = HEADER + block("K", packed(value_of({"turn": 9})), KEY, 0) + keyframe(0) + walk(0, 1) + end(1)
     yield "two_keyframes_of_one_turn", two, {"keyframes": {0: state_of(0)}}
     replaced = {
@@ -488,6 +677,7 @@ def _make_unfinished() -> Iterator[Vector]:
     two = start + walk(0, 2)
     other = block("T", walk(2, 3)[36:], KEY ^ 1, 2, 3, 3)
     torn = walk(2, 3)[:-1] + b"\xff"
+    torn_keyframe = keyframe(2)[:-1] + b"\xff"
     cases = {
         "no_end": (two, 2),
         "header_alone": (HEADER, 0),
@@ -517,6 +707,16 @@ def _make_unfinished() -> Iterator[Vector]:
         "copy_of_another_turn": (two + b"junk" + walk(3, 1), 2),
         "copy_behind_8_damaged_ones": (two + b"junk" + torn * 8 + walk(2, 1), 2),
         "copy_behind_7_damaged_ones": (two + b"junk" + torn * 7 + walk(2, 1), 3),
+        "copy_behind_a_keyframe": (two + keyframe(2) + b"junk" + walk(2, 1), 3),
+        "copy_behind_a_damaged_keyframe": (two + torn_keyframe + b"junk" + walk(2, 1), 3),
+        "copy_behind_the_header": (HEADER + b"junk" + walk(0, 2), 2),
+        "copy_cut": (two + b"junk" + walk(2, 3)[:-1], 2),
+        "copy_of_fewer_turns": (two + walk(2, 3) + b"junk" + walk(2, 1), 5),
+        "copy_in_a_damaged_body": (two + block("T", b"\xd3GBT" + walk(2, 1), KEY, 2, 3, 3, crc=7), 3),
+        "keyframe_of_another_turn": (two + keyframe(1) + end(2), 2),
+        "keyframe_damaged": (two + torn_keyframe, 2),
+        "only_block_damaged": (HEADER + walk(0, 1)[:-1] + b"\xff", 0),
+        "longer_block_behind_a_keyframe": (two + keyframe(2) + walk(0, 3) + end(3), 2),
     }
     for name, (data, turns) in cases.items():
         yield f"unfinished_{name}", data, {"turns": walked(turns), "is_complete": False}
@@ -546,6 +746,9 @@ def _make_damaged() -> Iterator[Vector]:
     yield "refused_header_crc", MAGIC + block("H", HEADER_BODY, crc=crc) + end(), refused("crc")
     torn = block("T", walk(0, 1)[36:], KEY, 0, 1, 1, crc=5)
     yield "refused_turns_crc", HEADER + torn + walk(1, 1) + end(2), refused("crc", at)
+    yield "refused_turns_crc_without_end", HEADER + torn + walk(1, 1), refused("crc", at)
+    more = HEADER + block("K", keyframe(0)[36:] + b"\1", KEY) + end()
+    yield "refused_bytes_behind_a_keyframe", more, refused("superfluous bytes", at)
     yield "refused_last_turns_crc", HEADER + torn + end(1), refused("crc", at)
     yield "refused_keyframe_crc", HEADER + block("K", keyframe(0)[36:], KEY, crc=5) + end(), refused("crc", at)
     yield "refused_keyframe_list", HEADER + block("K", packed(value_of([])), KEY) + end(), refused("dict", at)
@@ -948,6 +1151,95 @@ def make_maps() -> Iterator[Vector]:
         yield "saved_by_gamms", ctx.graph.storage.pack(), {}
 
 
+def make_ranges() -> Iterator[Vector]:
+    """Yield maps whose values are as large, as small or as few as allowed."""
+    yield "scenery_none", saved(scenery=None), ANSWER
+    ids = saved(node_ids=numbers([2**63 - 1, -(2**63), 9]), node_attributes=extension(2))
+    yield "ids_of_64_bits", ids, {"nodes": [[2**63 - 1, 0.0, 0.0], [-(2**63), 10.0, 0.0], [9, 10.0, -0.5]]}
+    yield "loops_and_parallel_edges", saved(sources=numbers([1, 1]), targets=numbers([1, 1])), {}
+    yield "lengths_of_0", saved(lengths=floats([0.0, -0.0])), {}
+    bend = saved(bend_sizes=numbers([2]), bend_points=floats([10.0, -0.5, 0.0, 0.0], 2))
+    yield "bend_of_two_points", bend, {"edges": [ANSWER["edges"][0], [10, 9, 7, 12.5, [[10.0, -0.5], [0.0, 0.0]]]]}
+    for name, values in {"unused": [1, "other"], "of_each_type": [[None, {"a": (1.5, b"b")}]], "twice": [1, 1]}.items():
+        held = extension(2, "a", attribute([1], [0], values))
+        yield f"attribute_value_{name}", saved(node_attributes=held), {"node_attributes": {"a": [[-2, values[0]]]}}
+    yield "closed_without_edges", saved(closed=plain([])), ANSWER
+    for name, changes in {
+        "ids_of_64_bits": {"id": -(2**63), "source": 2**63 - 1},
+        "length_integer": {"length": 5},
+        "length_of_100_bits": {"length": 2**100},
+        "polyline_none": {"linestring": None},
+    }.items():
+        edge = CLOSED | changes
+        yield f"closed_{name}", saved(closed=plain([edge])), ANSWER | {"closed": [edge]}
+    for dtype in ("int8", "uint64", "float16", "float32"):
+        bent = _close_along(numbers([0, 0, 3, 4], 2, dtype))
+        yield f"closed_polyline_of_{dtype}", bent, ANSWER | {"closed": [CLOSED | {"linestring": [[0, 0], [3, 4]]}]}
+    none = {"kinds": numbers([]), "sizes": numbers([]), "face_types": numbers([])}
+    none |= {"points": _no_rows(2), "face_corners": _no_rows(12)}
+    yield "base_map_without_shapes", _draw(none), ANSWER | {"base_map": {"shapes": [], "walls": []}}
+    yield "base_map_of_other_kinds", _draw({"kinds": numbers([15, 16, 1 << 40])}), {}
+    yield "base_map_farthest", _draw({"points": floats([*range(12), 1e12, -1e12], 2)}), {}
+
+
+def _close_along(line: object) -> bytes:
+    """Return the map with a closed edge that has a polyline."""
+    edge = [
+        plain(part) if part is not line else part for pair in (CLOSED | {"linestring": line}).items() for part in pair
+    ]
+    return saved(closed=extension(1, extension(2, *edge)))
+
+
+def _draw(changes: dict[str, object]) -> bytes:
+    """Return the map with a base map."""
+    return saved(base_map=extension(2, *(part for pair in (BASE_MAP | changes).items() for part in pair)))
+
+
+def make_bad_ranges() -> Iterator[Vector]:
+    """Yield maps with values beyond what is allowed."""
+    body = dict_body(GRAPH)
+    yield "refused_size_too_large", framed(body, more=1), refused("missing bytes", None)
+    yield "refused_size_too_small", framed(body, more=-1), refused("superfluous bytes", None)
+    large = numbers([2**62] * 4 + [7])
+    lines = numbers([16] * 5)
+    yield "refused_base_map_sizes_beyond_64_bits", _draw({"kinds": lines, "sizes": large}), refused("sizes", None)
+    negative = _draw({"kinds": numbers([16] * 3), "sizes": numbers([8, -3, 2])})
+    yield "refused_base_map_size_negative", negative, refused("sizes", None)
+    area = _draw({"kinds": numbers([1, 16, -5])})
+    yield "refused_base_map_area_of_a_negative_kind", area, refused("sizes", None)
+    for key in ("sizes", "points", "face_types", "face_corners"):
+        yield f"refused_base_map_without_{key}", _draw({key: None}), refused("array", None)
+    for name, line in {
+        "booleans": extension(8, "bool", msgpack.Ext(5, bytes(4)), 2, 2),
+        "one_dimension": floats([0, 0, 3, 4]),
+    }.items():
+        yield f"refused_closed_polyline_of_{name}", _close_along(line), refused("closed", None)
+    yield "refused_closed_none", saved(closed=None), refused("closed", None)
+    for name, key, value in (
+        ("id_boolean", "id", True),
+        ("id_float", "id", 30.0),
+        ("length_boolean", "length", True),
+        ("length_beyond_floats", "length", 10**400),
+    ):
+        yield f"refused_closed_{name}", saved(closed=plain([CLOSED | {key: value}])), refused("closed", None)
+    rows = {"edge_ids": numbers(range(5)), "sources": numbers([0] * 5), "targets": numbers([1] * 5)}
+    rows |= {"lengths": floats([1.0] * 5), "bend_rows": numbers(range(5)), "edge_attributes": extension(2)}
+    beyond = saved(**rows, bend_sizes=numbers([2**62] * 4 + [3]))
+    yield "refused_bend_sizes_beyond_64_bits", beyond, refused("sizes", None)
+    yield "refused_bend_row_negative", saved(bend_rows=numbers([-1])), refused("rows", None)
+    for name, limit, column in (
+        ("row_negative", "rows", attribute([-1], [0], [1])),
+        ("too_few_rows", "attribute", attribute([0], [0, 0], [1])),
+        ("without_values", "attribute", attribute([0], [0], [])),
+        ("four_items", "attribute", extension(1, numbers([0]), numbers([0]), plain([1]), 1)),
+    ):
+        held = saved(node_attributes=extension(2, "a", column))
+        yield f"refused_attribute_{name}", held, refused(limit, None)
+    surrogate = msgpack.Ext(7, b"a\xed\xa0\x80")
+    yield "refused_scenery_surrogate", saved(scenery=surrogate), refused("text", None)
+    yield "refused_attribution_surrogate", saved(attribution=surrogate), refused("text", None)
+
+
 def _no_rows(width: int) -> msgpack.Ext:
     return extension(8, "float64", msgpack.Ext(5, b""), 0, width)
 
@@ -1095,6 +1387,13 @@ def make_sights() -> Iterator[Vector]:
     yield "sight", seal(dict_body(state)), answer
     seen = VisibilityRows(np.array([1, 1], np.int32), np.array([0, 1], np.int32))
     yield "saved_by_gamms", encode_sight(seen, b"key", 5.0, 0.0), {"seen": [[0], [1]]}
+    none = numbers([], 0, "int32")
+    yield "sight_of_no_node", seal(dict_body(state | {"counts": none, "rows": none})), answer | {"seen": []}
+    yield "sight_with_an_unknown_key", seal(dict_body(state | {"future": 1})), answer
+    for key in state:
+        without = seal(dict_body({name: value for name, value in state.items() if name != key}))
+        limit = "array" if key in ("counts", "rows") else "dict"
+        yield f"refused_without_{key}", without, refused(limit, None)
     yield "refused_magic", framed(dict_body(state), version=3), refused("magic", None)
     yield "refused_version", seal(dict_body(state), version=2), refused("version", None)
     yield "refused_crc", seal(dict_body(state), crc=1), refused("crc", None)
@@ -1103,6 +1402,8 @@ def make_sights() -> Iterator[Vector]:
     for name, limit, changes in (
         ("counts_of_64_bits", "array", {"counts": numbers([2, 1, 3])}),
         ("counts", "sizes", {"counts": numbers([2, 1, 2], 0, "int32")}),
+        ("counts_negative", "sizes", {"counts": numbers([-1, 4, 3], 0, "int32")}),
+        ("counts_of_two_dimensions", "array", {"counts": numbers([2, 1, 3], 1, "int32")}),
         ("count_0", "sizes", {"counts": numbers([0, 3, 3], 0, "int32")}),
         ("row_beyond", "rows", {"rows": numbers([0, 1, 1, 0, 1, 3], 0, "int32")}),
         ("row_negative", "rows", {"rows": numbers([-1, 1, 1, 0, 1, 2], 0, "int32")}),
@@ -1213,6 +1514,24 @@ def make_looks() -> Iterator[Vector]:
     at_two_nodes = one_look(1, 0, (7, 0.0, b"\x80"))
     changed = sensed([one_look(1, 0, (7, 0.0, b""))], [(NEW_MAP, {"world": moved}), at_two_nodes])
     yield "looks_after_a_new_map", changed, {"looks": [covering([7]), covering([9])]}
+    one = {name: value for name, value in LOOKS.items() if name not in ("seen", "seen_at")}
+    five_forms = one | {"forms": small([0, 1, 2, 3, 4, 0])}
+    unlisted = [*without[:-1], (0, "eyes", "AGENT_RANGE", 0, [1, 0], [], None, None)]
+    yield "looks_without_listed_agents", sensed([(SENSED, five_forms)]), {"looks": [unlisted]}
+    for name, field, nodes in (
+        ("of_radius_minus_zero", (7, -0.0, b""), [7]),
+        ("at_minus_zero", ((-0.0, 0.0), 0.0, b""), [7]),
+        ("of_no_node", ((50.0, 50.0), 1.0, b""), []),
+    ):
+        yield f"looks_with_a_field_{name}", sensed([one_look(1, 0, field)]), {"looks": [covering(nodes)]}
+    unused = sensed([one_look(1, 0, (7, 0.0, b""), (8, 1.0, b""))])
+    yield "looks_with_an_unused_field_at_no_node", unused, {"looks": [covering([7])]}
+    for name, limit, data in (
+        ("without_world", "dict", {}),
+        ("of_a_text", "dict", {"world": "map"}),
+        ("cut", "missing bytes", {"world": saved()[:-1]}),
+    ):
+        yield f"refused_looks_after_a_map_{name}", sensed([(NEW_MAP, data), (SENSED, LOOKS)]), refused(limit, None)
     yield from _make_bad_looks()
     yield from _make_discs()
 
@@ -1237,7 +1556,13 @@ def _make_bad_looks() -> Iterator[Vector]:
         "looks_sensor_of_three": ("looks", {"sensors": [("eyes", "AGENT_RANGE", 1)] * 4}),
         "looks_sensor_number": ("looks", {"sensors": [(1, "AGENT_RANGE")] * 4}),
         "looks_sensors_tuple": ("looks", {"sensors": (("eyes", "AGENT_RANGE"),) * 4}),
+        "looks_sensor_list": ("looks", {"sensors": [["eyes", "AGENT_RANGE"]] * 4}),
         "looks_forms": ("looks", {"forms": small([0, 1, 2, 3, 4])}),
+        "looks_form_4_without_nodes": ("looks", {"sizes": small([2, 0, 1, 2, 1, 1, 0, 0, 2, 0, 2, 0], 2)}),
+        "looks_seen_with_a_second_part": ("looks", {"sizes": small([2, 0, 1, 2, 1, 1, 0, 0, 1, 1, 1, 1], 2)}),
+        "looks_other_data_with_a_second_part": ("looks", {"sizes": small([2, 0, 1, 2, 1, 1, 0, 1, 1, 1, 1, 0], 2)}),
+        "looks_sizes_beyond_64_bits": ("sizes", {"sizes": numbers([*[2**62, 0, 2**62] * 2, 0, 0, 1, 1, 9, 0], 2)}),
+        "looks_ids_beyond_64_bits": ("looks", {"ids": numbers([1 << 63, *range(10)], 0, "uint64")}),
         "looks_form_7": ("looks", {"forms": small([7, 1, 2, 3, 4, 5])}),
         "looks_form_negative": ("looks", {"forms": numbers([-1, 1, 2, 3, 4, 5])}),
         "looks_sizes": ("sizes", {"sizes": small([1, 0, 1, 2, 1, 1, 0, 0, 1, 1, 2, 0], 2)}),
@@ -1265,6 +1590,9 @@ def _make_bad_looks() -> Iterator[Vector]:
     for name, field in {
         "list": [7, 10.0, b""],
         "of_two": (7, 10.0),
+        "of_four": (7, 10.0, b"", 1),
+        "at_a_boolean": (True, 10.0, b""),
+        "radius_boolean": (7, True, b""),
         "at_a_text": ("7", 10.0, b""),
         "at_three_numbers": ((1.0, 2.0, 3.0), 10.0, b""),
         "at_integers": ((1, 2), 10.0, b""),
@@ -1325,6 +1653,9 @@ def _make_discs() -> Iterator[Vector]:
     }
     at_half = [(2, "all", "AGENT", 2, [4], [9], None, [-2, 9]), (*around_4[:4], [], [], None, [-2, 9]), late]
     yield "looks_in_discs_to_the_circle", sensed([(SENSED, on_the_circle)]), {"looks": [at_half]}
+    of_other_bytes = DISCS | {"shown": flags([2, 1, 0, 0, 255, 1, 1, 0, 0, 0, 0, 0], 3, 4)}
+    same = {"looks": [[around_0, (*around_4, [-2, 9]), late]]}
+    yield "looks_in_discs_shown_by_other_bytes", sensed([(SENSED, of_other_bytes)]), same
     for name in ("radii", "shown", "seen", "seen_at"):
         without = {key: value for key, value in DISCS.items() if key != name}
         yield f"refused_looks_in_discs_without_{name}", sensed([(SENSED, without)]), refused("looks", None)
@@ -1339,6 +1670,8 @@ def _make_discs() -> Iterator[Vector]:
         "radii_of_two": ("looks", {"radii": floats([1.0, 10.0])}),
         "radius_negative": ("looks", {"radii": floats([1.0, -10.0, 0.0])}),
         "radius_nan": ("looks", {"radii": floats([1.0, float("nan"), 0.0])}),
+        "radius_unused_negative": ("looks", {"radii": floats([1.0, 10.0, -1.0])}),
+        "sensor_beyond": ("looks", {"which": small([0, 3, 2])}),
         "shown_bytes": ("looks", {"shown": extension(8, "uint8", msgpack.Ext(5, bytes(zeros)), 3, 4)}),
         "shown_of_two_sensors": ("looks", {"shown": flags([0] * 8, 2, 4)}),
         "shown_of_three_agents": ("looks", {"shown": flags([0] * 9, 3, 3)}),

@@ -32,8 +32,8 @@ MESSAGES = {
     "depth": "more than 32 levels",
     "key": "same key twice|unhashable",
     "array": "an array has|a value is damaged|array of the right type|a column is cut off|damaged$|has shape"
-    "|scenery is damaged|columns of a scenery|has no attribute",
-    "dict": "its key is damaged|not a keyframe|no header|contents are damaged",
+    "|scenery is damaged|columns of a scenery|has no attribute|contents are damaged",
+    "dict": "its key is damaged|not a keyframe|no header|contents are damaged|'world'|graph is bytes",
     "column": "cannot have|does not fit its table",
     "counts": "damaged|add up to",
     "events": "out of place|not numbers",
@@ -198,13 +198,17 @@ def name_rows(columns):
         "faces": _join(columns["face_ids"], columns["face_types"], columns["face_corners"]),
         "node_attributes": _name_rows(columns["node_attributes"], nodes),
         "edge_attributes": _name_rows(columns["edge_attributes"], edges),
-        "closed": columns["closed"],
+        "closed": [edge | _convert_line(edge.get("linestring")) for edge in columns["closed"]],
         "base_map": base_map
         and {
             "shapes": [list(shape) for shape in zip(base_map["kinds"], base_map["shapes"], strict=False)],
             "walls": _join(base_map["face_types"], base_map["face_corners"]),
         },
     }
+
+
+def _convert_line(points):
+    return {} if points is None else {"linestring": [[float(x), float(y)] for x, y in points]}
 
 
 def _join(*columns):

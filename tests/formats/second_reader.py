@@ -52,16 +52,16 @@ class Cursor(io.BytesIO):
         self.seek(-len(inflater.unused_data), io.SEEK_CUR)
         return content
 
-    def column(self, count):
+    def column(self, count, *, may_have_table=True):
         """Return the next column, of so many integers."""
         width = self.take(1)[0]
-        if width != 9 or count == 0:
+        if width != 9 or count == 0 or not may_have_table:
             expect(width <= 8 and (width == 0) == (count == 0), "column")
             planes = [self.take(count) for _ in range(width)]
             mapped = [int.from_bytes(parts, "little") for parts in zip(*planes, strict=True)]
             return [(number >> 1) ^ -(number & 1) for number in mapped]
         size = self.take(1)[0] + 1
-        table = sums(self.column(size))
+        table = sums(self.column(size, may_have_table=False))
         per_byte = self.take(1)[0]
         expect(1 <= per_byte <= 8 and size**per_byte <= 256, "column")
         data = self.take(-(-count // per_byte))
@@ -291,6 +291,7 @@ GRAPH |= {"bend_sizes": "int64 bends", "bend_points": "float64 points 2"}
 GRAPH |= {"face_ids": "int64 faces", "face_types": "int64 faces", "face_corners": "float64 faces 12"}
 BASE_MAP = {"kinds": "int64 shapes", "sizes": "int64 shapes", "points": "float64 points 2"}
 BASE_MAP |= {"face_types": "int64 walls", "face_corners": "float64 walls 12"}
+FLOATS_END = (1 << 1024) - (1 << 970)  # integers from this one on are not finite as float64
 ATTRIBUTE = {"rows": "int64 rows", "numbers": "int64 rows"}
 LOOKS = {"agents": "*int* agents", "counts": "*int* agents", "which": "*int* looks", "forms": "*int* looks"}
 LOOKS |= {"sizes": "*int* looks 2", "ids": "*int* ids", "seen": "*int* seen", "seen_at": "*int* seen"}
@@ -375,7 +376,7 @@ def _read_closed(edges):
         expect(isinstance(edge, dict) and all(isinstance(key, str) for key in edge), "closed")
         ids = [edge.get(key) for key in ("id", "source", "target")]
         expect(all(type(id) is int and -(1 << 63) <= id < 1 << 63 for id in ids), "closed")
-        expect(type(edge.get("length")) in (int, float) and 0 <= edge["length"] < inf, "closed")
+        expect(type(edge.get("length")) in (int, float) and 0 <= edge["length"] < FLOATS_END, "closed")
         if edge.get("linestring") is not None:
             [points] = read_arrays(edge, {"linestring": "*[0-9] points 2"}, "closed").values()
             expect(len(points) >= 2 and all(isfinite(number) for point in points for number in point), "closed")
