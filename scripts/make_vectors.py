@@ -357,7 +357,10 @@ def make_forms() -> Iterator[Vector]:
     yield "value_depth_32_bytes", holding(nested(msgpack.Ext(5, b"x"), 0, 31)), {}
     yield "value_depth_32_array", holding(nested(one_array, 1, 30)), {}
     yield "value_depth_33_array", holding(nested(one_array, 1, 31)), refused("depth")
-    yield "value_depth_32_frozen_sets", holding(nested(extension(4), 4, 30)), {}
+    yield "value_depth_of_5_frozen_sets", holding(nested(extension(4), 4, 4)), {}
+    yield "value_depth_33_of_frozen_sets", holding(nested(extension(4), 4, 5)), refused("depth")
+    tuple_in_sets = extension(3, nested(extension(0), 4, 4))
+    yield "value_depth_33_of_a_tuple_in_sets", holding(extension(1, tuple_in_sets)), refused("depth")
     for name, shape in {"most": (0, 1 << 39, 1 << 23), "largest": ((1 << 40) - 1, 0)}.items():
         yield f"array_dimensions_{name}", holding(extension(8, "int8", msgpack.Ext(5, b""), *shape)), {}
     for name, limit, item in (

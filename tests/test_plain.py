@@ -71,6 +71,16 @@ def test_a_value_that_is_nested_too_deep_becomes_a_text_there(part):
     assert depth <= MOST_DEPTH + 1
 
 
+def test_sets_are_plain_up_to_three_in_each_other():
+    pairs = frozenset({frozenset({(1, 2)})})
+    for value in ({pairs}, {pairs: pairs}, [{pairs}] * 9, frozenset({pairs}), {"a": {(1, pairs)}}):
+        assert is_plain(value)
+        assert to_plain(value) == value
+    for value in ({frozenset({pairs})}, [{"a": {(1, frozenset({pairs}))}}]):
+        assert not is_plain(value)
+        assert is_plain(to_plain(value))
+
+
 def test_a_value_that_is_not_plain_becomes_a_text_without_its_address():
     assert to_plain({"a": object()}) == {"a": "<object object>"}
 

@@ -1,9 +1,9 @@
 """The definition of plain values, which recordings, saved graphs and the data of rules consist of, and their shapes.
 
 Plain are None, bool, int, float, str and bytes; arrays of at most eight dimensions of bools, integers and floats of at
-most 64 bits; and lists, tuples, sets and dicts of plain values, at most `MOST_DEPTH` in each other. Keys of dicts and
-items of sets are scalars, and tuples and frozen sets of such. Subclasses count (an enum, a NamedTuple), and so do
-scalars of NumPy: `to_plain` gives Python's own.
+most 64 bits; and lists, tuples, sets and dicts of plain values, at most `MOST_DEPTH` in each other, where a set counts
+as `LEVELS_OF_SET`. Keys of dicts and items of sets are scalars, and tuples and frozen sets of such. Subclasses count
+(an enum, a NamedTuple), and so do scalars of NumPy: `to_plain` gives Python's own.
 
 A shape says which plain values a rule or a strategy can go on from. Rules and strategies declare the shapes of what
 they store, because stored values may come from any recording.
@@ -23,6 +23,7 @@ Plain: TypeAlias = Any
 """A plain value; type checkers know no type of lists and dicts, which are invariant, that holds all of them."""
 
 MOST_DEPTH = 24
+LEVELS_OF_SET = 7  # because `marshal`, by which changes are found, writes the items of each set twice
 MOST_DIMENSIONS = 8
 MOST_WHOLE = 1 << 53  # the largest stored count or turn: it is exact as a float, too
 _MOST_ID = (1 << 63) - 1
@@ -127,7 +128,7 @@ def _find_flaw(value: Plain, depth: int) -> str:
         return "" if _SCALARS.issuperset(map(type, value)) else _find_first_flaw(enumerate(value), depth)
     if not _SCALARS.issuperset(map(type, value)):
         for key in value:
-            if not _is_key(key):
+            if not _is_key(key, depth + _count_levels(value)):
                 return f" has the key {shown(key)}, which cannot be written"
     return _find_first_flaw(value.items(), depth) if isinstance(value, dict) else ""
 
@@ -139,10 +140,15 @@ def _find_first_flaw(items: Iterable[tuple[Plain, Plain]], depth: int) -> str:
     return ""
 
 
-def _is_key(key: Plain) -> bool:
+def _is_key(key: Plain, depth: int) -> bool:
     if isinstance(key, tuple | frozenset):
-        return all(map(_is_key, key))
+        return depth < MOST_DEPTH and all(_is_key(one, depth + _count_levels(key)) for one in key)
     return type(key) in _SCALARS or (not describe_flaw(key) and not isinstance(key, np.ndarray))
+
+
+def _count_levels(container: Plain) -> int:
+    """Return how many levels of nesting a container counts as."""
+    return LEVELS_OF_SET if isinstance(container, set | frozenset) else 1
 
 
 # -- make it plain ----------------------------------------------------------------------------------------------
@@ -165,7 +171,7 @@ def _convert(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Plain
 
 
 def _convert_dict(value: Mapping[Plain, Plain], depth: int, other: Callable[[Plain], Plain]) -> dict[Plain, Plain]:
-    converted = {_convert_key(key): _convert(one, depth + 1, other) for key, one in value.items()}
+    converted = {_convert_key(key, depth + 1): _convert(one, depth + 1, other) for key, one in value.items()}
     return {key: one for key, one in converted.items() if one is not ...}
 
 
@@ -173,7 +179,7 @@ def _convert_list(value: Plain, depth: int) -> Plain:
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return np.array(value)
     if isinstance(value, set | frozenset):
-        keys = map(_convert_key, value)
+        keys = [_convert_key(key, depth + LEVELS_OF_SET) for key in value]
         return frozenset(keys) if isinstance(value, frozenset) else set(keys)
     # NOTE: scalars take a twentieth of the time (benchmarks: teams).
     are_scalars = _SCALARS.issuperset(map(type, value))
@@ -181,16 +187,18 @@ def _convert_list(value: Plain, depth: int) -> Plain:
     return tuple(items) if isinstance(value, tuple) else items
 
 
-def _convert_key(key: Plain) -> Plain:
-    if _is_exact_key(key):
+def _convert_key(key: Plain, depth: int) -> Plain:
+    if _is_exact_key(key, depth):
         return key
     key = _convert(key, MOST_DEPTH - 1, _describe)
-    return key if _is_exact_key(key) else _describe(key)
+    return key if _is_exact_key(key, depth) else _describe(key)
 
 
-def _is_exact_key(key: Plain) -> bool:
+def _is_exact_key(key: Plain, depth: int) -> bool:
     kind = type(key)
-    return kind in _SCALARS or (kind in (tuple, frozenset) and all(map(_is_exact_key, key)))
+    if kind not in (tuple, frozenset):
+        return kind in _SCALARS
+    return depth < MOST_DEPTH and all(_is_exact_key(one, depth + _count_levels(key)) for one in key)
 
 
 def _describe(value: Plain) -> str:

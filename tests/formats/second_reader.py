@@ -154,7 +154,7 @@ class Values:
             expect(depth <= 32, "depth")
             items = ITEMS.decode(data)
             self.charge(160 + len(data) + 48 * len(items))
-            value = FROM_ITEMS[item.code]([self._open(item, depth + 1) for item in items])
+            value = FROM_ITEMS[item.code]([self._open(one, depth + (7 if item.code in (3, 4) else 1)) for one in items])
             expect(item.code != 2 or 2 * len(value) == len(items), "key")
         if item.code in (0, 4) or (item.code == 6 and abs(value) >= 1 << 64):
             with suppress(TypeError):  # of a tuple with a list in it

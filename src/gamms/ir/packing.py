@@ -17,7 +17,7 @@ import numpy.typing as npt
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.packed_bytes import BEST, compute_differences, pack_bytes, unpack_bytes
 from gamms.limits import PER_BYTE, KeyBudget, MemoryBudget
-from gamms.plain import MOST_DIMENSIONS, Plain
+from gamms.plain import LEVELS_OF_SET, MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ Array = npt.NDArray[Any]
 Item: TypeAlias = "bool | int | float | str | Ext | None"
 """MessagePack's form of a value: a scalar, or an unopened extension."""
 
-MOST_DEPTH = 32  # nested containers
+MOST_DEPTH = 32  # nested containers; a set counts as `LEVELS_OF_SET`
 DTYPES = {
     name: np.dtype(name)
     for name in (
@@ -236,7 +236,7 @@ def _write_set(value: set[Plain] | frozenset[Plain], depth: int) -> Item:
     if depth < 1:
         raise RecursionError
     encode = _make_encoder().encode
-    items = [_write_value(one, depth - 1) for one in value]
+    items = [_write_value(one, depth - LEVELS_OF_SET) for one in value]
     items.sort(key=lambda item: encode([item]))  # because sets have no order
     return _import_extension()(_FROZENSET if isinstance(value, frozenset) else _SET, encode(items))
 
@@ -364,12 +364,13 @@ class Decoder:
         if depth < 1:
             raise BadFile(f"containers are nested more than {MOST_DEPTH} levels deep")
         make = _MAKERS[code]
+        inner = LEVELS_OF_SET if code in (_SET, _FROZENSET) else 1
         charge(_find_cost_of_container(data))
         items: list[Plain] = [*_make_flat_decoder().decode(data)]
         if not _SCALARS.issuperset(map(type, items)):
             for place, one in enumerate(items):
                 if type(one) not in _SCALARS:
-                    items[place] = self._open_item(one, depth - 1, charge)
+                    items[place] = self._open_item(one, depth - inner, charge)
         value = make(items)
         self.keys.check(value, data)
         return value

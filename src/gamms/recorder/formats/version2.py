@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Any, BinaryIO
 
-from gamms.errors import BadFile, BadType
+from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.events import EVENTS
 from gamms.ir.packing import to_bytes
 from gamms.limits import KeyBudget
@@ -184,7 +184,7 @@ class CborReader:
             return key
         try:
             self._keys.check(key, to_bytes(key, "A key", MOST_DEPTH))
-        except BadFile as error:
+        except (BadFile, BadValue) as error:  # also of sets nested too deeply
             raise BadCbor(str(error)) from error
         return key
 
