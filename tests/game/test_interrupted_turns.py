@@ -5,6 +5,7 @@ import signal
 import sys
 from contextlib import contextmanager, nullcontext, suppress
 from copy import deepcopy
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -12,14 +13,19 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.game.messages import MessageTraffic
+from gamms.game.turn import TurnEngine
 from gamms.ir.deeds import DeedLog, PlainDeeds
 from gamms.recorder.detached import DetachedState
 from gamms.rules import Conflicts
 from gamms.scenario import Scenario
 from gamms.strategies import random_walk
+from gamms.typing.sensor_engine import find_owner
+from gamms.visual.engine import PictureEngine
 from gamms.visual.shown_turn import PastTurns
 
 TURNS = 5
+PACKAGE = str(Path(gamms.__file__).parent)
+STRIDE = 11  # lines between those at which Ctrl-C is pressed
 ERRORS = (ZeroDivisionError, KeyboardInterrupt)
 EYES = [
     {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.7},
@@ -33,6 +39,11 @@ SETTINGS = [
     {"speed_unit": "metres"},
     {"speed_unit": "metres", "decide": "arrival"},
 ]
+GUARDS = {
+    "map": {"grid": {"rows": 3, "columns": 3}},
+    "sensors": {"eyes": EYES[3]},
+    "teams": {"red": {"count": 2, "sensors": ["eyes"]}},
+}
 WALKERS = {"map": {"grid": {"rows": 6, "columns": 6}}, "teams": {"red": {"count": 30}}}
 CHANNELS = {"radio": {"range_m": 30.0, "delay_turns": 1}}
 
@@ -313,7 +324,9 @@ def pressing_ctrl_c(function):
         sys.settrace(before)
 
 
-@pytest.mark.parametrize("function", [MessageTraffic.begin_turn, PastTurns.end_turn])
+@pytest.mark.parametrize(
+    "function", [MessageTraffic.begin_turn, PastTurns.end_turn, TurnEngine._show, PictureEngine.simulate]
+)
 def test_ctrl_c_between_the_moves_and_the_end_of_a_turn_changes_no_recording(function):
     def record(interrupting):
         file = io.BytesIO()
@@ -330,6 +343,97 @@ def test_ctrl_c_between_the_moves_and_the_end_of_a_turn_changes_no_recording(fun
     parts["conflicts"] = False
     BELL.send((None, 0))
     assert record(pressing_ctrl_c(function)) == record(nullcontext())
+
+
+def test_a_turn_whose_listener_raises_is_recorded():
+    def record(is_failing):
+        def fail():
+            if is_failing and ctx.game.turn == 2:
+                raise ZeroDivisionError
+
+        file = io.BytesIO()
+        with Scenario(**WALKERS).build(seed=1, strategies={"red": random_walk}) as ctx:
+            ctx.visual.after_turn.append(fail)
+            ctx.record.start(file)
+            while ctx.game.turn < TURNS:
+                with suppress(ZeroDivisionError):
+                    ctx.game.step()
+            ctx.record.stop()
+        return file.getvalue()
+
+    assert record(is_failing=True) == record(is_failing=False)
+
+
+@contextmanager
+def pressing_ctrl_c_at(line):
+    """Press Ctrl-C at a line of GAMMS, by its number in the order in which the block executes lines.
+
+    Yields a list; it is empty if the block has fewer lines.
+    """
+    lines = 0
+    pressed = []
+
+    def enter(frame, *_):
+        is_ours = PACKAGE in frame.f_code.co_filename and "progress" not in frame.f_code.co_filename
+        return count if is_ours and not pressed else None
+
+    def count(_, event, __):
+        nonlocal lines
+        lines += event == "line"
+        if lines == line:
+            sys.settrace(before)
+            pressed.append(line)
+            signal.raise_signal(signal.SIGINT)
+        return count
+
+    before = sys.gettrace()
+    sys.settrace(enter)
+    try:
+        yield pressed
+    finally:
+        sys.settrace(before)
+
+
+def create(ctx):
+    eye = {"type": "agent_range", "sensor_range": 9.0}
+    ctx.agent.create_agent("newcomer", team="blue", start_node_id=7, strategy=random_walk, sensors={"eye": eye})
+
+
+def create_several(ctx):
+    ctx.agent.create_team("newcomer", [7, 8], strategy=random_walk)
+
+
+def delete(ctx):
+    ctx.agent.delete_agent("red_1")
+
+
+@pytest.mark.parametrize("change", [create, create_several, delete])
+def test_ctrl_c_leaves_agents_as_before_or_after_they_are_created_or_deleted(change):
+    def play_on(line):
+        """Change a game, again if Ctrl-C came before; return the agents and the recording, and whether it came."""
+        file = io.BytesIO()
+        with Scenario(**GUARDS).build(seed=1, strategies={"red": random_walk}) as ctx:
+            ctx.record.start(file)
+            count = len(ctx.agent.agents)
+            with suppress(KeyboardInterrupt), pressing_ctrl_c_at(line) as pressed:
+                change(ctx)
+            if len(ctx.agent.agents) == count:
+                change(ctx)
+            ctx.game.step()
+            agents = [(one.name, one.current_node_id, one.team) for one in ctx.agent.create_iter()]
+            owners = {name: find_owner(sensor) for name, sensor in ctx.sensor.sensors.items()}
+            ctx.record.stop()
+        return (agents, owners, file.getvalue()), bool(pressed)
+
+    after, _ = play_on(0)
+    line = 1
+    while True:
+        found, was_pressed = play_on(line)
+        assert found == after, line
+        if not was_pressed:
+            break
+        line += STRIDE
+    assert line > 10 * STRIDE
 
 
 @pytest.mark.parametrize(("phase", "is_needed"), [("before", True), ("deeds", True), ("after", False)])

@@ -44,6 +44,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray, may_be_mode
 from gamms.ir.journal import CLOSED, PLAIN, MutedJournal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import VECTORS
+from gamms.progress import delay_interrupts
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
@@ -202,23 +203,24 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         for hint in hints:
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is stored as an attribute.")
         self._check_travel(name, kwargs, flies=kind is AgentType.AERIAL)
-        self._phase.known_names.update(kwargs)
-        self._copy_on_change()
-        block = self._block
-        journal = self._block.journal
-        if not journal.is_silent:
-            block.journal = MutedJournal(journal)  # all following changes are part of the creation
-        try:
-            agent = self._add_agent(_CLASSES[kind], name, kwargs, strategy)
-            if sensors:
-                created = self._equip(agent, sensors)
-                given["sensors"] = created if created != sensors else given["sensors"]
-        finally:
-            block.journal = journal
-        journal.number_agent(agent._row, name)
-        self._note_starts([(name, getattr(agent, "position", agent.current_node_id))])
-        if not journal.is_silent:
-            journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._list_more(agent._row)})
+        with delay_interrupts(at_most_once=True):
+            self._phase.known_names.update(kwargs)
+            self._copy_on_change()
+            block = self._block
+            journal = self._block.journal
+            if not journal.is_silent:
+                block.journal = MutedJournal(journal)  # all following changes are part of the creation
+            try:
+                agent = self._add_agent(_CLASSES[kind], name, kwargs, strategy)
+                if sensors:
+                    created = self._equip(agent, sensors)
+                    given["sensors"] = created if created != sensors else given["sensors"]
+            finally:
+                block.journal = journal
+            journal.number_agent(agent._row, name)
+            self._note_starts([(name, getattr(agent, "position", agent.current_node_id))])
+            if not journal.is_silent:
+                journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._list_more(agent._row)})
         return agent
 
     @refuse_while_deciding
@@ -262,6 +264,19 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             raise Duplicate("an agent", taken)
         values = check_values(columns, len(nodes), _others)
         find_sensors(self._ctx, team, carried)
+        with delay_interrupts(at_most_once=True):
+            return self._add_team(team, names, nodes, carried, strategy, values)
+
+    def _add_team(
+        self,
+        team: str,
+        names: tuple[str, ...],
+        nodes: list[int],
+        carried: SensorsOfAgent,
+        strategy: Strategy | AsyncStrategy | None,
+        values: dict[str, list[Any]],
+    ) -> Team:
+        """Add the agents of a team; on an error nothing has changed."""
         self._copy_on_change()
         if not names:
             self._block.number_teams((team,))
@@ -358,11 +373,12 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
-        self._copy_on_change()
-        departure = DeletedAgent(agent)
-        self._delete(agent)
-        self._last_departure.next = departure
-        self._last_departure = departure
+        with delay_interrupts(at_most_once=True):
+            self._copy_on_change()
+            departure = DeletedAgent(agent)
+            self._delete(agent)
+            self._last_departure.next = departure
+            self._last_departure = departure
 
     def create_iter(self) -> "AgentIterator":
         """Return an iterator over the agents in order of creation; agents deleted during the loop are skipped."""
@@ -472,9 +488,10 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     def _close_up(self) -> None:
         """Drop the rows of removed agents."""
         made = self._agents.get_created() if isinstance(self._agents, AgentsByName) else self._agents
-        self._block.close_up()
-        for agent, row in zip(made.values(), self._block.rows.find_rows(made), strict=True):
-            object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
+        with delay_interrupts():
+            self._block.close_up()
+            for agent, row in zip(made.values(), self._block.rows.find_rows(made), strict=True):
+                object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
 
     def _find_kind(self, name: str, kwargs: dict[str, Any]) -> AgentType:
         """Return the agent type given by `type` or its synonym `agent_type`.

@@ -927,6 +927,10 @@ class GameTurn(TurnDriver):
         """Show the end of the turn in pictures, windows and recordings."""
         raise NotImplementedError
 
+    def _show_missed(self) -> None:
+        """Show the end of the turn, unless that has begun."""
+        raise NotImplementedError
+
     def _publish(self, order: Any, part: Any, answers: Any) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""
         raise NotImplementedError
@@ -1061,7 +1065,11 @@ class GameTurn(TurnDriver):
     def end(self) -> int:
         """Show the end of the turn, also after an error in a rule: the turn counts for recordings and windows."""
         began = perf_counter()
-        self._show()
+        try:
+            self._show()
+        except KeyboardInterrupt:  # perhaps before it began
+            self._show_missed()
+            raise
         self.state.timings["draw"] += perf_counter() - began
         return 0
 

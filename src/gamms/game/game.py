@@ -283,8 +283,8 @@ class Game(Surface, RuleVerbs):
         if not goes_on and self._turns.needs_checkpoint:
             take_back = self._snapshots.checkpoint()
         turn = state.turn
-        phase.player = get_ident()
         try:
+            phase.player = get_ident()
             if goes_on:
                 self._turns.finish_turn()
             else:

@@ -446,6 +446,12 @@ class TurnEngine(GameTurn):
         """Show the end of the turn in pictures, windows and recordings."""
         self._host.visual_engine.simulate()
 
+    def _show_missed(self) -> None:
+        """Show the end of the turn, unless that has begun; an engine of a program does not tell."""
+        drawing = getattr(self._host.visual_engine, "drawing", None)
+        if drawing is not None and not drawing.turns.has_ended(self.state.turn):
+            self._show()
+
     def _collect(self) -> None:
         """Collect the values of the turn."""
         turn = self.state.turn

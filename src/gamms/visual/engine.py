@@ -6,7 +6,7 @@ The engine with a window is in `window/`.
 
 import atexit
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
 from gamms.arguments import as_float, as_range, explain_misspelled
@@ -20,6 +20,7 @@ from gamms.deciding import (
     refuse_while_deciding,
 )
 from gamms.ir.draw import DrawCommands
+from gamms.progress import delay_interrupts
 from gamms.text import shown
 from gamms.typing import IContext, IVisualizationEngine
 from gamms.visual.artist import ArtistGroup
@@ -223,13 +224,20 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         # NOTE: games without pictures pay for this in every turn, too (benchmarks: the loop, turns).
         if self._phase.agent is not None:
             self._phase.refuse_look("call ctx.visual.simulate")
+        if self._after_turn or self.artists.drawings.commands or self.pictures._films:
+            with delay_interrupts(at_most_once=True):
+                self._end_turn()
+        else:
+            self.drawing.turns.end_turn()
+
+    def _end_turn(self) -> None:
+        """End a turn that is recorded, drawn or heard of by listeners."""
         try:
             self.drawing.turns.end_turn()
             if self.artists.drawings.commands:
                 self.artists.end_turn()
         finally:  # the turn is counted: a recording has it in any case
-            for listener in self._after_turn:
-                listener()
+            _call_each(iter(self._after_turn))
         if self.pictures._films:
             self.pictures.add_turn()
 
@@ -336,3 +344,13 @@ def _warn_of_fog(ctx: IContext, options: Mapping[str, object]) -> None:
         ctx.logger.warning(
             "vis_kwargs: fog= works in windows only. These pictures show everything; gamms render has --fog."
         )
+
+
+def _call_each(listeners: Iterator[Callable[[], object]]) -> None:
+    """Call all listeners, also the others after an error of one."""
+    for listener in listeners:
+        try:
+            listener()
+        except BaseException:
+            _call_each(listeners)
+            raise

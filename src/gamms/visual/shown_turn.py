@@ -145,6 +145,10 @@ class PastTurns:
         if not number:
             self.count += 1
 
+    def has_ended(self, turn: int) -> bool:
+        """Return whether the end of a turn of the game is stored as the latest one."""
+        return self.latest is not None and self.latest[2] == turn
+
     @property
     def room(self) -> int:
         """The number of turns of the present agents that are remembered."""
