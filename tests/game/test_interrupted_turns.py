@@ -25,7 +25,6 @@ from gamms.visual.shown_turn import PastTurns
 
 TURNS = 5
 PACKAGE = str(Path(gamms.__file__).parent)
-STRIDE = 11  # lines between those at which Ctrl-C is pressed
 ERRORS = (ZeroDivisionError, KeyboardInterrupt)
 EYES = [
     {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.7},
@@ -42,7 +41,7 @@ SETTINGS = [
 GUARDS = {
     "map": {"grid": {"rows": 3, "columns": 3}},
     "sensors": {"eyes": EYES[3]},
-    "teams": {"red": {"count": 2, "sensors": ["eyes"]}},
+    "teams": {"red": {"count": 3, "sensors": ["eyes"]}},
 }
 WALKERS = {"map": {"grid": {"rows": 6, "columns": 6}}, "teams": {"red": {"count": 30}}}
 CHANNELS = {"radio": {"range_m": 30.0, "delay_turns": 1}}
@@ -407,13 +406,25 @@ def delete(ctx):
     ctx.agent.delete_agent("red_1")
 
 
-@pytest.mark.parametrize("change", [create, create_several, delete])
-def test_ctrl_c_leaves_agents_as_before_or_after_they_are_created_or_deleted(change):
+def begin_again(ctx):
+    ctx.game.reset(seed=5)
+
+
+def take_snapshot(ctx):
+    ctx.game.snapshot()
+
+
+@pytest.mark.parametrize(
+    ("change", "stride"), [(create, 41), (create_several, 41), (delete, 23), (begin_again, 307), (take_snapshot, 19)]
+)
+def test_ctrl_c_leaves_a_game_as_before_or_after_a_change_between_turns(change, stride):
     def play_on(line):
-        """Change a game, again if Ctrl-C came before; return the agents and the recording, and whether it came."""
+        """Change a game, again if Ctrl-C came before; return all that is known of it, and whether it came."""
         file = io.BytesIO()
         with Scenario(**GUARDS).build(seed=1, strategies={"red": random_walk}) as ctx:
             ctx.record.start(file)
+            ctx.game.step()
+            ctx.agent.delete_agent("red_0")
             count = len(ctx.agent.agents)
             with suppress(KeyboardInterrupt), pressing_ctrl_c_at(line) as pressed:
                 change(ctx)
@@ -423,7 +434,7 @@ def test_ctrl_c_leaves_agents_as_before_or_after_they_are_created_or_deleted(cha
             agents = [(one.name, one.current_node_id, one.team) for one in ctx.agent.create_iter()]
             owners = {name: find_owner(sensor) for name, sensor in ctx.sensor.sensors.items()}
             ctx.record.stop()
-        return (agents, owners, file.getvalue()), bool(pressed)
+            return (agents, owners, plain(ctx.game.result()), file.getvalue()), bool(pressed)
 
     after, _ = play_on(0)
     line = 1
@@ -432,8 +443,8 @@ def test_ctrl_c_leaves_agents_as_before_or_after_they_are_created_or_deleted(cha
         assert found == after, line
         if not was_pressed:
             break
-        line += STRIDE
-    assert line > 10 * STRIDE
+        line += stride
+    assert line > 5 * stride
 
 
 @pytest.mark.parametrize(("phase", "is_needed"), [("before", True), ("deeds", True), ("after", False)])

@@ -43,6 +43,7 @@ from gamms.game.snapshots import (
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
 from gamms.limits import GarbagePause
+from gamms.progress import delay_interrupts
 from gamms.progress import show_progress as progress_line
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
@@ -523,6 +524,11 @@ class Game(Surface, RuleVerbs):
                 f"This context was made from a game of a batch that was under way, and has not its start: "
                 f"games.reset([{self._internals.left_as}]) begins it again."
             )
+        with delay_interrupts(at_most_once=True):
+            self._restart(wanted)
+
+    def _restart(self, wanted: int | None) -> None:
+        """Restore the start of the game, and draw it again with another seed."""
         state = self._state
         start = self._state.start
         if state.has_begun and start is not None:
@@ -576,9 +582,10 @@ class Game(Surface, RuleVerbs):
             raise BadValue("This snapshot is of another context; it can only be restored in its own.")
         if self.ctx.is_recording:
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
-        self._forget_last_turn(snapshot)
-        self._snapshots.restore_streams(snapshot)
-        self._snapshots.restore(snapshot)
+        with delay_interrupts(at_most_once=True):
+            self._forget_last_turn(snapshot)
+            self._snapshots.restore_streams(snapshot)
+            self._snapshots.restore(snapshot)
 
     @refuse_while_deciding
     def fork(self, seed: int) -> "Game":

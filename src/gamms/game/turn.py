@@ -260,9 +260,10 @@ class TurnEngine(GameTurn):
 
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents, and note deleted agents."""
-        self.note_departed()
-        for order in self.orders:
-            order.update_counts()
+        with delay_interrupts():
+            self.note_departed()
+            for order in self.orders:
+                order.update_counts()
 
     @property
     def orders(self) -> list[TurnOrder]:
@@ -273,9 +274,15 @@ class TurnEngine(GameTurn):
         """Record the agents that were deleted since the last call, if the game had begun."""
         if self.phase.is_deciding:
             return  # nothing changes while agents decide
+        last = self._ctx.agent.storage.last_departure
+        if last is not self._departure or self._counted is not self.state.departed:
+            with delay_interrupts():
+                self._note_departed_until(last)
+
+    def _note_departed_until(self, last: DeletedAgent | None) -> None:
         state = self.state
         since = self._departure
-        self._departure = self._ctx.agent.storage.last_departure
+        self._departure = last
         if state.has_begun or state.turn:
             while since is not None and (since := since.next) is not None:
                 name = since.agent.name
@@ -301,8 +308,9 @@ class TurnEngine(GameTurn):
         """Add conflicts, and agents that have none yet, to the counts."""
         if self.order_now is None and self.state.counts:  # the core has played all turns
             self.get_order()
-        for order in self.orders:
-            order.list_counts()
+        with delay_interrupts():
+            for order in self.orders:
+                order.list_counts()
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return the positions of random streams that were used in this turn, for `restore`."""
