@@ -15,8 +15,7 @@ import numpy as np
 
 from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
-from gamms.knowledge.sides import find_side_of
-from gamms.text import as_text as text_of
+from gamms.knowledge.sides import Side, find_side_of
 from gamms.typing import IAgent, IContext
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.rules import find_ids_in_text, find_team_colors, get_game_data
@@ -109,7 +108,7 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
             visual.render_symbols(nodes, _PLACE_PX * _SQUARE, SIGN, _THIN_PX)
         for number, (team, color) in enumerate(find_team_colors(ctx, by, data.get("colors")).items()):
             found = columns.xy[np.isin(columns.node_ids, by[team])]
-            with visual.owned(sides=[text_of(team)]):
+            with visual.owned(sides=[visual.label_side(Side(team, None))]):
                 visual.render_symbols(found, (_PLACE_PX + number * _WIDER_PX) * _SQUARE, color, _FOUND_PX)
 
 
