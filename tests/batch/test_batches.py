@@ -509,14 +509,15 @@ def test_an_error_of_a_strategy_names_game_agent_and_turn():
             raise ZeroDivisionError("fell")
         state["action"] = state["curr_pos"]
 
-    with scene().batch(3, seed=5, strategies={"red": fall}) as games:
+    def stay(state):
+        state["action"] = state["curr_pos"]
+
+    with scene().batch(3, seed=5, strategies={"red": fall, "blue": stay}) as games:
         assert games.slow is not None
         with pytest.raises(ZeroDivisionError) as caught:
             games.run()
-        notes = " ".join(caught.value.__notes__)
-        assert "game 0 of a batch, with the seed 5" in notes
-        assert "red_1" in notes
-        assert "turn 2" in notes
+    notes = ["In the strategy of agent 'red_1', in turn 2.", "In game 0 of a batch, with the seed 5."]
+    assert caught.value.__notes__ == notes
 
 
 def test_an_error_of_an_array_form_names_it_and_the_turn():

@@ -551,7 +551,7 @@ class GamesOnOneMap:
         try:
             self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing, here, part)
         except Exception as error:
-            if len(asked):
+            if len(asked) and not getattr(error, "__notes__", ()):  # which name the function that has raised
                 error.add_note(f"In the strategy {self._called} of a batch, {describe_turns(view.turn, view.games)}.")
             raise
 
