@@ -237,7 +237,7 @@ class Game(Surface, RuleVerbs):
         if self._turns.is_playing:
             raise IllegalMutation(
                 f"ctx.game.{verb} was called in the middle of a turn, for example by a rule. Play and reset a game "
-                "between two turns. A rule ends it with ctx.game.end(…), and looks ahead in ctx.game.fork(seed)."
+                "between two turns. A rule ends it with ctx.game.end(…)."
             )
 
     def _refuse_shown(self, verb: str) -> None:

@@ -4,7 +4,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from gamms.errors import NotOffered
+from gamms.errors import BadValue, NotOffered
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual.camera import Camera
@@ -213,6 +213,13 @@ def test_a_team_is_told_nothing_of_agents_that_it_does_not_see(open_window, said
     tell(ctx, {1: ["storm"]})
     ctx.game.step()
     assert "red_0: storm" not in frame(ctx, said)
+
+
+def test_a_window_asks_which_side_is_meant_if_an_agent_has_the_name_of_a_team(open_window):
+    ctx = open_window(fog="red")
+    ctx.agent.create_agent("red", start_node_id=2)
+    with pytest.raises(BadValue, match="Write 'team red' or 'agent red'"):
+        ctx.game.step()
 
 
 def test_captions_have_the_colours_of_the_theme(ctx):
