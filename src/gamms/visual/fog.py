@@ -71,6 +71,7 @@ class Fog:
 
     Attributes:
         side: the team, or the agent without a team.
+        team: its text.
         hidden: the names of the agents that it does not see.
         reported: agent -> its position, for agents that are shown where sensors report them.
         sights: the last views of the sensors of its living agents.
@@ -80,8 +81,9 @@ class Fog:
         self._ctx = ctx
         sides = map(find_side_of, ctx.agent.create_iter())
         self.side = team if isinstance(team, Side) else find_named_side(team, sides)
+        self.team = self.side.text
         if not any(_list_sensors(agent) for agent in self._list_own_agents()):
-            raise BadValue(f"No agent of team {shown(team)} has a sensor in this recording, so it sees nothing.")
+            raise BadValue(f"No agent of team {shown(self.team)} has a sensor in this recording, so it sees nothing.")
         self._seen: dict[int, int] = {}  # node -> since which turn
         self._now: set[int] = set()
         self.hidden: set[str] = set()
