@@ -499,7 +499,9 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
         rest = list(cut.take_rest())
     for given in rest:
         writer.add_turn(given)
-    writer.end(is_finished=reader.is_complete)
+    writer.end_block()
+    if reader.is_complete:
+        writer.close()
 
 
 def _list_sides(reader: Reader, first: Keyframe) -> list[Side]:

@@ -402,5 +402,7 @@ def with_sensed(recording: Recording) -> Recording:
             writer.add_turn([(kinds.SENSED, looked), *reader.log(turn)])
             for _ in replayer.play_turn(reader):
                 pass
-    writer.end(is_finished=reader.is_complete)
+    writer.end_block()
+    if reader.is_complete:
+        writer.close()
     return opened(BytesIO(stream.getvalue()))

@@ -161,17 +161,6 @@ class Writer(NotPickled):
         self._put(blocks.END, b"", blocks.BlockCounts(self.turns))
         self._file.close()
 
-    def end(self, *, is_finished: bool) -> None:
-        """Write all turns; and the end, if the recording from which they come was finished.
-
-        Raises:
-            RecordingError: see `add_turn`.
-        """
-        if is_finished:
-            self.close()
-        else:
-            self.end_block()
-
     def _close_block(self) -> None:
         self._put(blocks.TURNS, self._open.make_body(), self._open.counts)
         self._values += self._open.values
