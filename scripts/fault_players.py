@@ -24,6 +24,7 @@ HTTP = importlib.import_module(openai.DefaultAsyncHttpxClient.__mro__[1].__modul
 ANSWER_S = 30.0  # the time for an answer, and for changes of the roads
 BRIEF_S = 0.5  # the time that players take
 LATE_S = 2.0 * ANSWER_S
+EDGES = list(range(20))
 ROBOT_SPEED = 20.0  # meters per second
 MOVE = re.compile(r"^(\d+): go to node (\d+)", re.MULTILINE)
 
@@ -83,6 +84,10 @@ class Person(Human):
         if is_here:
             self.come()
 
+    def list_questions(self) -> list[Any]:
+        """Return the questions on the page."""
+        return self._page.list_questions(str(self.name))
+
     def come(self) -> None:
         """Open the link of the person."""
         self._page.mark_present(str(self.name))
@@ -123,10 +128,12 @@ class Model:
     """A language model that decides as the strategy of the agent does.
 
     Attributes:
+        name: its name.
         trouble: a name of `TROUBLES`; None: it answers.
     """
 
     def __init__(self, name: str, own: Strategy, server: "ModelServer") -> None:
+        self.name = name
         self.own = own
         self.trouble: str | None = None
         self._action: Any = None
@@ -202,7 +209,7 @@ TROUBLES: dict[str, tuple[int, float, str]] = {
 
 
 class RoadSimulator(bridge.Link):
-    """A program that simulates roads: it answers the line of each turn after a delay, and changes no road.
+    """A program that simulates roads: it answers the line of each turn after a delay; late answers would close roads.
 
     Attributes:
         delay_s: the delay, seconds.
@@ -221,7 +228,8 @@ class RoadSimulator(bridge.Link):
 
     def _transmit(self, line: bytes) -> bool:
         turn = json.loads(line)["turn"]
-        answer = json.dumps({"gamms": 1, "type": "roads", "turn": turn}).encode()
+        close = EDGES if self.delay_s > ANSWER_S else []
+        answer = json.dumps({"gamms": 1, "type": "roads", "turn": turn, "close": close}).encode()
         self._answers.append((self._time.now() + self.delay_s, answer))
         return True
 

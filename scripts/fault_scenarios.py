@@ -42,6 +42,7 @@ def draw_strategies(draw: Draws) -> dict[str, Any]:
     return {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}, "teams": teams}
 
 
+MEASURE = {"rule": "fault_scenarios:measure"}
 RULES: list[dict[str, Any]] = [
     {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}},
     {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "then": "eliminate"}},
@@ -52,6 +53,9 @@ RULES: list[dict[str, Any]] = [
     {"rule": "resource", "with": {"name": "fuel", "start": 6, "per_turn": 1, "recharge": {6: 2}}},
     {"rule": "respawn", "with": {"after": 2}},
     {"rule": "fault_scenarios:collect_toll"},
+    {"rule": "fault_scenarios:levy", "phase": "before"},
+    {"rule": "fault_scenarios:levy", "phase": "deeds"},
+    MEASURE,
 ]
 
 
@@ -62,7 +66,7 @@ def draw_rules(draw: Draws) -> dict[str, Any]:
 
 def draw_conflicts(draw: Draws) -> dict[str, Any]:
     """Draw the capacity of nodes and who wins."""
-    resolve = draw.choice(["at_random", {"by_priority": ["blue", "red"]}])
+    resolve = draw.choice(["at_random", {"by_priority": ["blue", "red"]}, "fault_scenarios:let_last_win"])
     return {"conflicts": {"capacity": draw.choice([1, 2]), "among": draw.choice(["all", "team"]), "resolve": resolve}}
 
 
@@ -72,9 +76,11 @@ def draw_channels(draw: Draws) -> dict[str, Any]:
     return {"channels": {"radio": radio | {"relay": draw.random() < 0.3}}}
 
 
-def draw_deeds(_: Draws) -> dict[str, Any]:
-    """Declare deeds, which `wander` does."""
-    return {"settings": {"deeds": {"scan": {"node": "node"}, "rest": {}}}}
+def draw_deeds(draw: Draws) -> dict[str, Any]:
+    """Declare deeds, which `wander` does; one of them lasts."""
+    dig = {"fields": {"node": "node"}, "turns": draw.choice([0.5, 2.5]), "on_interrupt": "resume"}
+    dig |= {"interrupted_by": draw.choice([[], ["move"]]), "blocks_moving": draw.random() < 0.5}
+    return {"settings": {"deeds": {"scan": {"node": "node"}, "rest": {}, "dig": dig}}}
 
 
 def draw_sensors(draw: Draws) -> dict[str, Any]:
@@ -88,9 +94,10 @@ def draw_sensors(draw: Draws) -> dict[str, Any]:
     return {"sensors": {"eyes": draw.choice(eyes)}, "teams": {team: {"sensors": ["eyes"]} for team in ("red", "blue")}}
 
 
-def draw_lives(_: Draws) -> dict[str, Any]:
-    """Let agents come and go."""
-    return {"rules": [{"rule": "fault_scenarios:come_and_go"}]}
+def draw_lives(draw: Draws) -> dict[str, Any]:
+    """Let an agent come, in any phase of a turn, and one go."""
+    come = {"rule": "fault_scenarios:come", "phase": draw.choice(["before", "deeds", "after"])}
+    return {"rules": [come, {"rule": "fault_scenarios:go"}]}
 
 
 def draw_order(_: Draws) -> dict[str, Any]:
@@ -125,9 +132,9 @@ def wander(state: dict[str, Any]) -> None:
     lot = state["draw"].below(1000) + sum(before) + len(state.get("inbox", ()))
     memory[state["turn"]] = lot
     node = state["legal"][lot % len(state["legal"])]
-    do = {"scan": {"node": node}} if lot % 2 else {"rest": None}
+    do = [{"scan": {"node": node}}, {"rest": None}, {"dig": {"node": state["curr_pos"]}}][lot % 3]
     state["action"] = {"node_id": node, "do": do} if "deeds" in state else node
-    if lot % 3 == 0 and "outbox" in state:
+    if lot % 4 == 0 and "outbox" in state:
         state["outbox"].append({"channel": "radio", "to": None, "body": lot % 9})
 
 
@@ -141,11 +148,47 @@ def collect_toll(ctx: Context) -> None:
             ctx.game.emit("toll", agent=agent.name, times=paid[agent.name])
 
 
-def come_and_go(ctx: Context) -> None:
-    """Let an agent come in the second turn, and one leave in the fifth."""
-    if ctx.game.turn == 2:
+def let_last_win(contest: Any, ctx: Context) -> list[str]:  # noqa: ARG001 - as functions of conflicts are called
+    """Let the agents with the last names win."""
+    return sorted(mover.agent for mover in contest.movers)[-contest.places :]
+
+
+def levy(ctx: Context) -> None:
+    """Before agents move, let a team pay what is drawn, tell it, and close or open a road."""
+    teams = sorted({agent.team for agent in ctx.game.agents})
+    team = teams[ctx.game.turn % len(teams)]
+    amount = int(ctx.rng.integers(1, 9))
+    ctx.game.scores[team] -= amount
+    ctx.game.emit("levy", team=team, amount=amount)
+    closed = ctx.graph.closed_roads
+    if closed:
+        ctx.graph.open_roads(closed)
+    else:
+        ctx.graph.close_roads([amount])
+
+
+def measure(ctx: Context) -> None:
+    """Do nothing in turns; see `collect_distances`."""
+
+
+def collect_distances(ctx: Context) -> None:
+    """Collect how far agents are east, and how many there are."""
+    ctx.game.collect("east", lambda agent: agent.xy[0], every=2, per="agent")
+    ctx.game.collect("agents", lambda ctx: len(ctx.game.agents))
+
+
+measure.prepare = collect_distances  # type: ignore[attr-defined] # as rules have it
+
+
+def come(ctx: Context) -> None:
+    """Let an agent come in the second turn, once: teams that move in turn have more calls of the phase "deeds"."""
+    if ctx.game.turn == 2 and "newcomer" not in ctx.agent.agents:
         walk = gamms.strategies.random_walk
         ctx.agent.create_agent("newcomer", team="blue", start_node_id=ctx.seed % 25, strategy=walk)
+
+
+def go(ctx: Context) -> None:
+    """Let an agent leave after the fifth turn."""
     if ctx.game.turn == 5 and "red_1" in ctx.agent.agents:
         ctx.agent.delete_agent("red_1")
 
@@ -173,4 +216,9 @@ def press_ctrl_c() -> None:
     signal.raise_signal(signal.SIGINT)
 
 
-ORDERS = {"die": die, "interrupt": press_ctrl_c}
+def fail() -> None:
+    """Raise an error."""
+    raise ValueError("a fault of the strategy")
+
+
+ORDERS = {"die": die, "interrupt": press_ctrl_c, "fail": fail}

@@ -9,12 +9,12 @@ hold:
 * with faults and players = without: no fault may change what agents do (`INVARIANTS`, after each game);
 * alone = batch = resumed, and replay = original;
 * rows resumed = rows fresh;
-* only faults make players late, and each choice counts once;
+* only faults make players late, by no more than their time, and each choice counts once;
 * no file is half-written, nor left;
 * no process, descriptor or thread is left (`check_resources`);
 * each fault is one logged sentence (`strike`);
-* memory is flat (`play` for contexts, `Memory` for the rest);
-* a run takes at most 2 CPU-s (`run_seed`).
+* memory is flat (`play` for contexts, `check_flat` for turns, `Memory` for the rest);
+* a run takes at most 2 CPU-s (`run_seed`), and ends (`failure_of`).
 
 A failure prints the seed, the commit, and the parts, players and faults without which the run succeeds. The model is
 the simulator of TigerBeetle (https://docs.tigerbeetle.com/concepts/safety/).
@@ -29,24 +29,29 @@ import logging
 import os
 import re
 import resource
+import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 import traceback
+import warnings
 import weakref
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import inf
 from pathlib import Path
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from fault_players import (
     ANSWER_S,
+    BRIEF_S,
     LATE_S,
     TROUBLES,
     Model,
@@ -57,14 +62,14 @@ from fault_players import (
     remove_programs,
     send_no_fixes,
 )
-from fault_scenarios import PARTS, WALK, Draws, press_ctrl_c
+from fault_scenarios import MEASURE, PARTS, WALK, Draws, fail, press_ctrl_c
 
 import gamms
 from gamms import bridge, experiment, recordings, web
 from gamms.context import Context
 from gamms.errors import GammsError, WriteConflict
 from gamms.game.result import Result
-from gamms.recorder import Recording, RecordingError
+from gamms.recorder import RecorderBusy, Recording, RecordingError
 from gamms.scenario import Scenario
 from gamms.web.streams import Streams
 
@@ -74,7 +79,13 @@ GAMES = 3  # of a batch, and of an experiment
 INTERPRETED_EVERY = 20
 MOST_CPU_S = 2.0  # of a run
 TRIES = 3  # to keep within it, because a busy machine is slower
+MOST_S = 60  # of a run, before it counts as one that hangs
+TRAVEL_S = 2.0  # that robots take at most
+ROBOT_S = 5.0  # that a turn waits for a robot which does not come
 GRACE_S = 10.0  # for threads and processes that have been told to end
+FLAT_EVERY = 4  # runs
+BLOCK_TURNS = 256  # of recordings, which write so many turns at once
+LONG_TURNS = 10
 WARM_RUNS = 20  # after which memory does not grow
 FLAT = 300, 50_000  # objects and bytes by which memory may grow with each run, for caches
 OF_PROCESS = {"gamms recordings"}  # threads that serve all contexts of the process, and end with it
@@ -182,6 +193,9 @@ class Run:
         server: the server of the models.
         roads: the simulator of roads; None: there is none.
         lates: the number of decisions of people and models that faults have prevented.
+        warned: the names of the models of whose fallback a warning has told.
+        began: the turn in which the file of the recording was begun.
+        notes: turn -> what the game was after it.
     """
 
     case: Case
@@ -196,6 +210,9 @@ class Run:
     server: ModelServer = field(default_factory=ModelServer)
     roads: RoadSimulator | None = None
     lates: int = 0
+    warned: set[str] = field(default_factory=set)
+    began: int = 0
+    notes: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def seed(self) -> int:
@@ -204,9 +221,10 @@ class Run:
 
     @property
     def obedient(self) -> Scenario:
-        """The scenario of experiments, whose red agents obey orders."""
+        """The scenario of experiments, whose red agents obey orders, and whose games collect values."""
         teams = {"teams.red.strategy": "fault_scenarios:obey", "facts": {"orders": str(self.folder / "orders")}}
-        return self.scenario.replace(**teams)
+        rules = [rule for rule in self.scenario.to_dict().get("rules", []) if rule["rule"] != MEASURE["rule"]]
+        return self.scenario.replace(**teams, rules=[*rules, MEASURE])
 
     def play_rows(self, **options: Any) -> experiment.Rows:
         """Play the rest of the experiment."""
@@ -254,7 +272,26 @@ class Run:
     def record(self) -> None:
         """Begin another file of the recording."""
         self.files += 1
+        self.began = self.ctx.game.turn
         self.ctx.record.start(self.folder / f"live {self.files}.ggr")
+
+    def note(self) -> None:
+        """Note what the game is after a turn."""
+        game = self.ctx.game
+        agents = {one.name: (one.current_node_id, one.alive) for one in self.ctx.agent.create_iter()}
+        self.notes[game.turn] = {"agents": agents, "scores": dict(game.scores), "over": game.over}
+
+    def step(self, most_s: float = ANSWER_S) -> None:
+        """Play a turn; a player who fails may hold it for so many seconds, or until the deadline."""
+        began = self.clock.now()
+        self.ctx.game.step()
+        most_s += BRIEF_S + TRAVEL_S  # for roads and robots
+        hold("a turn waits no longer than it may", self.clock.now() - began <= most_s, self.clock.now() - began)
+
+    @property
+    def decision_s(self) -> float:
+        """The longest time for decisions in a turn."""
+        return min(ANSWER_S, self.ctx.game.deadline_s or inf)
 
 
 Told = list[str]  # what the library says of a fault, in messages of errors, warnings and events
@@ -286,11 +323,11 @@ def play(case: Case) -> list[str]:
         known = weakref.ref(run.ctx)
         with run.ctx:
             for turn, name in case.faults:
-                while run.ctx.game.turn < turn and run.ctx.game.step():
-                    pass
+                play_until(run, turn)
                 if run.ctx.game.turn < TURNS:  # several in a turn may play a turn each
                     strike(run, turn, name)
-            run.ctx.game.run(max(TURNS - run.ctx.game.turn, 0))
+                    run.note()
+            play_until(run, TURNS)
             if run.ctx.record.is_open:
                 run.ctx.record.stop()
             for check in INVARIANTS.values():
@@ -301,6 +338,13 @@ def play(case: Case) -> list[str]:
         hold("memory is flat", known() is None, "the context is still in memory")
         check_resources(before)
         return log
+
+
+def play_until(run: Run, turn: int) -> None:
+    """Play until so many turns are over, and note each."""
+    while run.ctx.game.turn < min(turn, TURNS) and run.ctx.game.over is None:
+        run.ctx.game.step()
+        run.note()
 
 
 def begin(case: Case, folder: Path, warnings: list[str]) -> Run:
@@ -479,6 +523,16 @@ def played_by(agent: Any, strategy: Any) -> Iterator[None]:
         agent.strategy = before
 
 
+@contextmanager
+def ruled_by(game: Any, call: Callable[[], None], draw: Draws) -> Iterator[None]:
+    """Let a game have a rule that calls a function before agents move."""
+    rule = game.add(lambda _: call(), phase=draw.choice(["before", "deeds"]), name="fault")
+    try:
+        yield
+    finally:
+        game.remove(rule)
+
+
 def error_of(call: Callable[[], object], *kinds: type[BaseException]) -> Told:
     """Return the message of the error that a call raises; nothing if it succeeds."""
     try:
@@ -513,7 +567,7 @@ def delay_person(run: Run, draw: Draws, delay_s: float) -> Told | None:
         return None
     person.delays.append(delay_s)
     count = len(run.ctx.game.events)
-    run.ctx.game.step()
+    run.step(run.decision_s)
     person.come()
     return note_late(run, count, "choice")
 
@@ -524,12 +578,13 @@ def time_out(run: Run, draw: Draws) -> Told | None:
     if model is None:
         return None
     count = len(run.ctx.game.events)
-    warned = len(run.warnings)
     model.trouble = draw.choice([*TROUBLES])
-    run.ctx.game.step()
+    run.step(run.decision_s)
     model.trouble = None
     told = note_late(run, count, "llm")
-    return [] if len(run.warnings) > warned else told  # the first one is a warning, too
+    is_first = model.name not in run.warned
+    run.warned.add(model.name)
+    return [] if is_first else told  # the first one of a model is a warning, too
 
 
 def note_late(run: Run, count: int, kind: str) -> Told:
@@ -554,7 +609,9 @@ def lose_robot(run: Run, draw: Draws) -> Told | None:
         return None
     clock = bridge.SimulatedClock()
     with bridge.Feed(draw.choice([lambda: None, send_no_fixes()]), clock=clock) as feed:
-        return drive_in_fork(run, agent.name, clock, feed)
+        told = drive_in_fork(run, agent.name, clock, feed)
+    hold("a turn waits no longer than it may", clock.now() <= ROBOT_S + 0.1, clock.now())
+    return told
 
 
 class JumpingClock(bridge.SimulatedClock):
@@ -585,7 +642,7 @@ def drive_in_fork(run: Run, name: str, clock: bridge.SimulatedClock, source: Any
     """Play a turn of a fork in which a robot drives an agent; return what is said of it."""
     with run.fork() as ctx:
         count = len(ctx.game.events)
-        ctx.game.add(bridge.drive(name, source, limit_s=5.0, clock=clock))
+        ctx.game.add(bridge.drive(name, source, limit_s=ROBOT_S, clock=clock))
         ctx.game.step()
         return events_since(ctx, count, "robot_late")
 
@@ -601,20 +658,26 @@ def be_slow(run: Run, draw: Draws) -> Told | None:
     count = len(run.ctx.game.events)
     normal_s = run.roads.delay_s
     run.roads.delay_s = LATE_S
-    run.ctx.game.step()
+    run.step()
     run.roads.delay_s = normal_s
     return events_since(run.ctx, count, "traffic_late")
 
 
 def watch_slowly(run: Run, _: Draws) -> Told | None:
-    """Let a spectator follow who reads nothing until the turn is over, and then all of it."""
+    """Let a spectator follow who reads nothing until two turns are over, and then all of them."""
     ctx = run.ctx
+    turn = ctx.game.turn
     following = Streams(ctx.graph.columns)
     ctx.record.follow(following)
     stream = following.get_stream(web.links.Audience())
-    ctx.game.step()
-    messages, place, dropped = stream.read(stream.last_keyframe)
-    hold("a slow spectator loses nothing", messages and dropped == 0, (place, dropped))
+    begin = stream.last_keyframe
+    play_until(run, turn + 2)
+    waited, *_ = stream.read(begin)
+    following.get_stream(web.links.Audience())
+    messages, place, dropped = stream.read(begin)
+    hold("a slow spectator loses nothing", dropped == 0, dropped)
+    hold("a slow spectator loses nothing", place.turns == ctx.game.turn - turn, place)
+    hold("no turn waits for a spectator", len(waited) < 2 and len(messages) <= 2, (waited, messages))
     ctx.record.unfollow(following)
     following.close()
     return []
@@ -622,9 +685,12 @@ def watch_slowly(run: Run, _: Draws) -> Told | None:
 
 def kill_worker(run: Run, draw: Draws) -> Told | None:
     """Kill the process that plays a game of an experiment: another one plays it."""
-    (run.folder / "orders").write_text(f"die {draw.randrange(GAMES)}")
-    run.play_rows(workers=1)
+    (run.folder / "orders").write_text(f"die {draw.randrange(2)}")
+    out = run.folder / "killed"
+    rows = experiment.run(run.obedient, range(2), out=out, workers=1)  # more would take more processes, and time
     (run.folder / "orders").unlink(missing_ok=True)
+    hold("rows resumed = rows fresh", [*rows] == [*experiment.load(run.folder / "fresh")][:2], [*rows])
+    shutil.rmtree(out)
     return []
 
 
@@ -698,15 +764,14 @@ def interrupt(run: Run, draw: Draws) -> Told | None:
 
 def raise_error(run: Run, draw: Draws) -> Told | None:
     """Let a strategy raise an error; see `fail_once`."""
-
-    def fail() -> None:
-        raise ValueError("a fault of the strategy")
-
     return fail_once(run, draw, fail, ValueError)
 
 
 def fail_once(run: Run, draw: Draws, fail: Callable[[], None], kind: type[BaseException]) -> Told | None:
-    """Let a decision fail: the turn is taken back. It begins again, or a snapshot is restored that was taken before."""
+    """Let a decision or a rule fail before agents have moved: the turn is taken back.
+
+    It begins again, or a snapshot is restored that was taken before.
+    """
 
     def decide(state: dict[str, Any]) -> None:
         """Begin to decide, and fail."""
@@ -727,13 +792,26 @@ def fail_once(run: Run, draw: Draws, fail: Callable[[], None], kind: type[BaseEx
         run.ctx.record.stop()  # a game that is recorded cannot be restored
     before = game.snapshot()
     turn = game.turn
-    with played_by(agent, draw.choice([decide, wait_and_decide])):
+    failing = [played_by(agent, decide), played_by(agent, wait_and_decide), ruled_by(game, fail, draw)]
+    with draw.choice(failing):
         told = error_of(game.step, kind)
     hold("a turn that fails is not counted", game.turn == turn, game.turn)
     if is_restored:
         game.restore(before)
         run.record()
     return told
+
+
+def fail_in_batch(run: Run, draw: Draws) -> Told | None:
+    """Press Ctrl-C in a batch, or let a strategy raise an error in it; it goes on to the ends of games alone."""
+    number = draw.randrange(GAMES)
+    (run.folder / "orders").write_text(f"{draw.choice(['interrupt', 'fail'])} {number}")
+    with run.obedient.batch(GAMES, seed=0) as games:
+        told = error_of(games.run, KeyboardInterrupt, ValueError)
+        (run.folder / "orders").unlink(missing_ok=True)
+        games.run()
+        compare("alone = batch", plain(run.obedient.play(seed=number)), plain(games.result(number)))
+    return told or None  # all games were over before
 
 
 def interrupt_rows(run: Run, draw: Draws) -> Told | None:
@@ -773,13 +851,63 @@ def write_twice(run: Run, draw: Draws) -> Told | None:
         with gamms.folders.lock_folder(rows):
             return error_of(run.play_rows, WriteConflict)
     with run.fork() as ctx:
-        return error_of(lambda: ctx.record.start(run.folder / f"live {run.files}.ggr"), FileExistsError, RecordingError)
+        start = partial(ctx.record.start, run.folder / f"live {run.files}.ggr", overwrite=draw.random() < 0.5)
+        return error_of(start, FileExistsError, RecorderBusy)
+
+
+def kill_player(run: Run, draw: Draws) -> Told | None:
+    """Kill a program that records a game: soon after its last turn, the file has all turns."""
+    file = run.folder / "killed.ggr"
+    turns = draw.randint(1, TURNS)
+    with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # of forks of programs with threads
+        program = os.fork()
+    if program == 0:
+        with suppress(BaseException):
+            ctx = run.scenario.build(seed=run.seed)
+            ctx.record.start(file)
+            ctx.game.run(turns)
+            signal.pause()
+        os._exit(1)
+    until = time.monotonic() + GRACE_S
+    try:
+        while count_turns(file) < min(turns, run.truth.turns) and time.monotonic() < until:
+            time.sleep(0.02)
+    finally:
+        os.kill(program, signal.SIGKILL)
+        os.waitpid(program, 0)
+    hold("turns are saved soon", count_turns(file) == min(turns, run.truth.turns), count_turns(file))
+    check_prefix(run, file)
+    file.unlink()
+    return []
+
+
+def count_turns(file: Path) -> int:
+    """Return the turns in a recording that is still written; -1: it has none yet."""
+    try:
+        with gamms.recorder.open(file) as recording:
+            return recording.turns
+    except (FileNotFoundError, RecordingError):
+        return -1
+
+
+def lose_program(run: Run, draw: Draws) -> Told | None:
+    """Let a program that simulates roads end, or say nothing, in a fork of the game: the roads stay as they are."""
+    if run.ctx.game.over is not None:
+        return None
+    command, wait_s = draw.choice([("read turn", ANSWER_S), ("cat > /dev/null", 0.02)])
+    with run.fork() as ctx, bridge.Process(["sh", "-c", command]) as link:
+        count = len(ctx.game.events)
+        ctx.game.add(bridge.traffic(link, wait_s=wait_s), phase="before")
+        began = time.monotonic()
+        ctx.game.step()
+        hold("a turn waits no longer than it may", time.monotonic() - began < ANSWER_S / 2, "for a program")
+        return events_since(ctx, count, "traffic_late")
 
 
 FAULTS = {
     "late person": Fault(be_late, "choice.*(no choice in time|not there)"),
     "person who leaves": Fault(leave, "choice.*(no choice in time|not there)"),
-    "model timeout": Fault(time_out, "plays its fallback|'llm'"),
+    "model timeout": Fault(time_out, "plays its fallback|'llm'", weight=2.0),
     "dead robot": Fault(lose_robot, "robot_late.*no fix"),
     "clock jump": Fault(put_clock_forward, "robot_late.*waited_s"),
     "slow simulator": Fault(be_slow, "traffic_late"),
@@ -794,6 +922,9 @@ FAULTS = {
     "strategy that raises": Fault(raise_error, "a fault of the strategy"),
     "descriptor shortage": Fault(run_out_of_descriptors, "Too many open files"),
     "two writers": Fault(write_twice, "Another|already|is being"),
+    "player killed": Fault(kill_player, None, weight=0.3),
+    "program lost": Fault(lose_program, "traffic_late", weight=0.5),
+    "failure in a batch": Fault(fail_in_batch, "KeyboardInterrupt|a fault of the strategy"),
 }
 
 
@@ -827,6 +958,7 @@ def check_players(run: Run) -> None:
     for agent in run.ctx.agent.create_iter():
         if isinstance(agent.strategy, Person):
             hold(invariant, not agent.strategy.flaws, agent.strategy.flaws)
+            hold("no question is left", not agent.strategy.list_questions(), agent.strategy.list_questions())
     late = [event for event in events if is_late(event)]
     hold(invariant, len(late) == run.lates, f"{run.lates} by faults, and {late}")
     decided = Counter((event["turn"], event["agent"]) for event in events if event["kind"] in DECIDED)
@@ -840,8 +972,10 @@ def check_batch(run: Run) -> None:
         games.run()
         compare("alone = batch", plain(run.truth), plain(games.result(0)))
         games.record(0, run.folder / "batch.ggr")
+        other = games.result(GAMES - 1)
     same = (run.folder / "batch.ggr").read_bytes() == (run.folder / "truth.ggr").read_bytes()
     hold("alone = batch", same, "the bytes of the recordings differ")
+    compare("alone = batch", plain(run.scenario.play(seed=run.seed + GAMES - 1)), plain(other))
 
 
 def check_resumed(run: Run) -> None:
@@ -859,6 +993,7 @@ def assert_goes_on(run: Run, recording: Recording, turn: int) -> None:
         ctx.game.run(max(run.truth.turns - turn, 0))
         there = {*ctx.agent.agents}
         compare("alone = resumed", ends_of(run.truth, there), ends_of(ctx.game.result(), there))
+        compare("alone = resumed", logs_of(run.truth), logs_of(ctx.game.result()))
 
 
 def ends_of(result: Result, names: set[str]) -> dict[str, Any]:
@@ -866,6 +1001,11 @@ def ends_of(result: Result, names: set[str]) -> dict[str, Any]:
     kept = ("team", "alive", "node")
     agents = {name: [agent[key] for key in kept] for name, agent in result.agents.items() if name in names}
     return {"agents": agents, "scores": result.scores, "turns": result.turns, "winner": result.winner}
+
+
+def logs_of(result: Result) -> dict[str, Any]:
+    """Return what a recording has, too, of what a result lists."""
+    return {name: getattr(result, name) for name in ("events", "deeds", "messages")}
 
 
 def check_prefix(run: Run, file: Path) -> None:
@@ -885,20 +1025,85 @@ def check_replayed(run: Run) -> None:
         for _ in ctx.record.replay(run.folder / f"live {run.files}.ggr"):
             pass
         places = {agent.name: agent.xy for agent in ctx.agent.create_iter()}
+        compare("replay = original", logs_of(run.ctx.game.result()), logs_of(ctx.game.result()))
     expected = {agent.name: agent.xy for agent in run.ctx.agent.create_iter()}
     hold("replay = original", places == expected, (places, expected))
+    with gamms.recorder.open(run.folder / f"live {run.files}.ggr") as recording:
+        for turn in (turn for turn in run.notes if turn > run.began):
+            compare("replay = original", run.notes[turn], view_of(recording.state(turn - run.began)))
+
+
+def view_of(state: gamms.recorder.State) -> dict[str, Any]:
+    """Return a state of a recording as `Run.note` notes it."""
+    columns = [state.agents[name].tolist() for name in ("name", "node", "alive")]
+    agents = {name: (node, alive) for name, node, alive in zip(*columns, strict=True)}
+    return {"agents": agents, "scores": state.scores, "over": state.over}
 
 
 def check_rows(run: Run) -> None:
     """An experiment that was interrupted goes on to the rows of one that was not."""
     rows = run.play_rows()
     hold("rows resumed = rows fresh", [*rows] == [*experiment.load(run.folder / "fresh")], [*rows])
-    for file in ("rows.csv", "rows.jsonl"):
-        same = (run.folder / "rows" / file).read_bytes() == (run.folder / "fresh" / file).read_bytes()
-        hold("rows resumed = rows fresh", same, file)
+    for fresh in sorted((run.folder / "fresh").iterdir()):
+        one, other = fresh.read_bytes(), (run.folder / "rows" / fresh.name).read_bytes()
+        same = sorted(one.splitlines()) == sorted(other.splitlines()) if fresh.name == "journal.jsonl" else one == other
+        hold("rows resumed = rows fresh", same, fresh.name)
 
 
-FILES = re.compile(r"truth.ggr|live \d+.ggr|batch.ggr|(rows|fresh)(/(journal|rows|experiment)\.\w+)?")
+def check_flat(run: Run) -> None:
+    """Every few runs: a game takes no more memory with each turn, neither recorded nor with players and spectators.
+
+    What it lists of its turns grows: events, as dicts, and numbers.
+    """
+    if run.seed % FLAT_EVERY or any(name == "worker killed" for _, name in run.case.faults):  # which takes long, too
+        return
+    parts = tuple(name for name in run.case.parts if name in ("map", "order", "conflicts"))
+    scenario = Case(run.seed, parts, ()).scenario().replace(max_turns=None)
+    file = run.folder / "long.ggr"
+    with scenario.build(seed=run.seed) as ctx:
+        ctx.record.start(file)
+        ctx.game.run(2 * BLOCK_TURNS)
+        before = count_blocks()
+        ctx.game.run(BLOCK_TURNS)
+        grown = (count_blocks() - before) / BLOCK_TURNS
+    file.unlink()
+    hold("memory is flat", grown < 0.5, f"{grown} more objects with each recorded turn")
+    with scenario.build(seed=run.seed) as ctx:
+        ctx.game.clock = bridge.SimulatedClock()
+        long = replace(run, ctx=ctx, clock=ctx.game.clock, server=ModelServer())
+        for add in PLAYERS.values():
+            add(long, run.case.draws("long"))
+        play_watched(ctx, LONG_TURNS)
+        before = count_instances()
+        play_watched(ctx, LONG_TURNS)
+        grown = [kind for kind, count in (count_instances() - before).items() if count >= LONG_TURNS / 2]
+        hold("memory is flat", not grown, f"more {grown} with each turn")
+
+
+def count_blocks() -> int:
+    """Return the number of objects of Python."""
+    gc.collect()
+    return sys.getallocatedblocks()
+
+
+def count_instances() -> Counter[type]:
+    """Return the number of objects of each class of GAMMS, and of tasks."""
+    gc.collect()
+    kinds = Counter(map(type, gc.get_objects()))
+    return Counter({kind: n for kind, n in kinds.items() if str(kind.__module__).startswith(("gamms", "_asyncio"))})
+
+
+def play_watched(ctx: Context, turns: int) -> None:
+    """Play turns, with another spectator in each."""
+    for _ in range(turns):
+        following = Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        ctx.game.step()
+        ctx.record.unfollow(following)
+        following.close()
+
+
+FILES = re.compile(r"truth.ggr|live \d+.ggr|batch.ggr|(rows|fresh)(/(journal|rows|experiment|series)\.\w+)?")
 
 
 def check_files(run: Run) -> None:
@@ -915,6 +1120,7 @@ INVARIANTS: dict[str, Callable[[Run], None]] = {
     "alone = resumed": check_resumed,
     "replay = original": check_replayed,
     "rows resumed = rows fresh": check_rows,
+    "memory is flat": check_flat,
     "no file is half-written": check_files,
 }
 """What is checked at the end of a run; `strike` checks sentences and resources after each fault, `play` memory."""
@@ -925,13 +1131,23 @@ INVARIANTS: dict[str, Callable[[Run], None]] = {
 
 def failure_of(case: Case) -> str | None:
     """Return what fails in a case; None: nothing."""
+    before = signal.signal(signal.SIGALRM, stop_hanging)
+    signal.alarm(MOST_S)
     try:
         play(case)
     except Broken as error:
         return str(error)
     except Exception:  # noqa: BLE001 - any other error is a failure, too
         return traceback.format_exc()
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
     return None
+
+
+def stop_hanging(*_: object) -> NoReturn:
+    """Let a run fail that does not end."""
+    raise Broken("a run ends", f"not within {MOST_S} s")
 
 
 def minimize(case: Case, words: str) -> Case:

@@ -35,11 +35,12 @@ from gamms.bridge import Feed
 from gamms.context import Context
 from gamms.llm.limits import UsageAccount
 from gamms.recorder import Recording
+from gamms.recorder.session import RecordingSession
 from gamms.scenario import Scenario
 from gamms.web.people import People
 
 
-@pytest.mark.parametrize("seed", [1, 3, 6, 7])
+@pytest.mark.parametrize("seed", [1, 3, 7, 8])
 def test_a_game_ends_as_without_its_players_and_faults(seed):
     assert failure_of(draw_case(seed)) is None
 
@@ -131,6 +132,30 @@ def keep_contexts(patch):
     patch.setattr(Context, "terminate", lambda ctx: kept.append(ctx) or real(ctx))
 
 
+def keep_questions(patch):
+    """Leave questions to people open when their turn is over."""
+    real = People.__call__
+
+    def end_turn(people, ctx):
+        left = dict(people._questions)
+        real(people, ctx)
+        people._questions |= left
+
+    patch.setattr(People, "__call__", end_turn)
+
+
+def keep_logs(patch):
+    """Keep what is recorded of each turn."""
+    real = RecordingSession._write_turn
+
+    def write_turn(session):
+        session.__dict__.setdefault("past", []).append(session.log)
+        real(session)
+
+    patch.setattr(RecordingSession, "_write_turn", write_turn)
+    patch.setattr(simulate_faults, "FLAT_EVERY", 1)
+
+
 PLANTED = {
     write_in_place: ("disk full of a file", "no file is half-written"),
     keep_files_open: ("file cut", "no process, descriptor or thread is left"),
@@ -139,6 +164,8 @@ PLANTED = {
     count_twice: ("model timeout", "each choice counts once"),
     shift_seeds: ("Ctrl-C", "alone = batch"),
     keep_contexts: ("Ctrl-C", "memory is flat"),
+    keep_questions: ("late person", "no question is left"),
+    keep_logs: ("Ctrl-C", "memory is flat"),
 }
 
 
