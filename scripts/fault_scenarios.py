@@ -95,7 +95,7 @@ def draw_sensors(draw: Draws) -> dict[str, Any]:
 
 
 def draw_lives(draw: Draws) -> dict[str, Any]:
-    """Let an agent come, in any phase of a turn, and one go."""
+    """Let an agent come, in any phase of a turn, and one go after it."""
     come = {"rule": "fault_scenarios:come", "phase": draw.choice(["before", "deeds", "after"])}
     return {"rules": [come, {"rule": "fault_scenarios:go"}]}
 
@@ -133,6 +133,7 @@ def wander(state: dict[str, Any]) -> None:
     memory[state["turn"]] = lot
     node = state["legal"][lot % len(state["legal"])]
     do = [{"scan": {"node": node}}, {"rest": None}, {"dig": {"node": state["curr_pos"]}}][lot % 3]
+    do = {"rest": None} if state.get("doing") else do
     state["action"] = {"node_id": node, "do": do} if "deeds" in state else node
     if lot % 4 == 0 and "outbox" in state:
         state["outbox"].append({"channel": "radio", "to": None, "body": lot % 9})
@@ -188,7 +189,7 @@ def come(ctx: Context) -> None:
 
 
 def go(ctx: Context) -> None:
-    """Let an agent leave after the fifth turn."""
+    """Let an agent leave after five turns."""
     if ctx.game.turn == 5 and "red_1" in ctx.agent.agents:
         ctx.agent.delete_agent("red_1")
 

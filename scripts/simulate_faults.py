@@ -75,7 +75,8 @@ from gamms.web.streams import Streams
 
 HERE = Path(__file__).parent
 TURNS = 8
-GAMES = 3  # of a batch, and of an experiment
+GAMES = 3  # of a batch
+SEEDS = 2  # of an experiment
 INTERPRETED_EVERY = 20
 MOST_CPU_S = 2.0  # of a run
 TRIES = 3  # to keep within it, because a busy machine is slower
@@ -226,9 +227,10 @@ class Run:
         rules = [rule for rule in self.scenario.to_dict().get("rules", []) if rule["rule"] != MEASURE["rule"]]
         return self.scenario.replace(**teams, rules=[*rules, MEASURE])
 
-    def play_rows(self, **options: Any) -> experiment.Rows:
-        """Play the rest of the experiment."""
-        return experiment.run(self.obedient, range(GAMES), out=self.folder / "rows", **options)
+    def play_rows(self, out: str = "rows", *, seeds: int = SEEDS, **options: Any) -> experiment.Rows:
+        """Play the rest of the experiment in a folder, of two lengths of games, each of which is a task."""
+        vary = {"max_turns": [TURNS, TURNS - 2]}
+        return experiment.run(self.obedient, range(seeds), vary, out=self.folder / out, **options)
 
     def list_walkers(self) -> list[Any]:
         """Return the agents on the ground that decide in the next turn."""
@@ -285,7 +287,8 @@ class Run:
         """Play a turn; a player who fails may hold it for so many seconds, or until the deadline."""
         began = self.clock.now()
         self.ctx.game.step()
-        most_s += BRIEF_S + TRAVEL_S  # for roads and robots
+        parts = len(self.ctx.game.order or ("all",))
+        most_s += BRIEF_S + parts * (BRIEF_S + TRAVEL_S)  # for roads, and for others and robots in each part
         hold("a turn waits no longer than it may", self.clock.now() - began <= most_s, self.clock.now() - began)
 
     @property
@@ -355,7 +358,7 @@ def begin(case: Case, folder: Path, warnings: list[str]) -> Run:
     clock = bridge.SimulatedClock()
     ctx.game.clock = clock
     run = Run(case, scenario, folder, ctx, clock, truth, warnings)
-    experiment.run(run.obedient, range(GAMES), out=folder / "fresh")
+    run.play_rows("fresh")
     for name in case.parts:
         if name in PLAYERS:
             PLAYERS[name](run, case.draws("players", name))
@@ -687,9 +690,10 @@ def kill_worker(run: Run, draw: Draws) -> Told | None:
     """Kill the process that plays a game of an experiment: another one plays it."""
     (run.folder / "orders").write_text(f"die {draw.randrange(2)}")
     out = run.folder / "killed"
-    rows = experiment.run(run.obedient, range(2), out=out, workers=1)  # more would take more processes, and time
+    rows = run.play_rows(out.name, seeds=1, workers=1)  # more would take more processes, and time
     (run.folder / "orders").unlink(missing_ok=True)
-    hold("rows resumed = rows fresh", [*rows] == [*experiment.load(run.folder / "fresh")][:2], [*rows])
+    fresh = [row for row in experiment.load(run.folder / "fresh") if row["seed"] == 0]
+    hold("rows resumed = rows fresh", [*rows] == fresh, [*rows])
     shutil.rmtree(out)
     return []
 
@@ -787,7 +791,7 @@ def fail_once(run: Run, draw: Draws, fail: Callable[[], None], kind: type[BaseEx
     if agent is None:
         return None
     game = run.ctx.game
-    is_restored = draw.random() < 0.5
+    is_restored = draw.random() < 0.3
     if is_restored:
         run.ctx.record.stop()  # a game that is recorded cannot be restored
     before = game.snapshot()
@@ -816,7 +820,7 @@ def fail_in_batch(run: Run, draw: Draws) -> Told | None:
 
 def interrupt_rows(run: Run, draw: Draws) -> Told | None:
     """Press Ctrl-C in an experiment, which goes on later."""
-    (run.folder / "orders").write_text(f"interrupt {draw.randrange(GAMES)}")
+    (run.folder / "orders").write_text(f"interrupt {draw.randrange(2 * SEEDS)}")
     told = error_of(run.play_rows, KeyboardInterrupt)
     is_left = (run.folder / "orders").exists()
     (run.folder / "orders").unlink(missing_ok=True)
@@ -917,9 +921,9 @@ FAULTS = {
     "disk full of rows": Fault(fill_disk_of_rows, "File too large|No space"),
     "disk full of a file": Fault(fill_disk_of_file, "File too large|No space"),
     "file cut": Fault(cut_file, "."),
-    "Ctrl-C": Fault(interrupt, "KeyboardInterrupt"),
+    "Ctrl-C": Fault(interrupt, "KeyboardInterrupt", weight=2.0),
     "Ctrl-C in an experiment": Fault(interrupt_rows, "KeyboardInterrupt"),
-    "strategy that raises": Fault(raise_error, "a fault of the strategy"),
+    "strategy that raises": Fault(raise_error, "a fault of the strategy", weight=2.0),
     "descriptor shortage": Fault(run_out_of_descriptors, "Too many open files"),
     "two writers": Fault(write_twice, "Another|already|is being"),
     "player killed": Fault(kill_player, None, weight=0.3),
