@@ -406,6 +406,10 @@ def delete(ctx):
     ctx.agent.delete_agent("red_1")
 
 
+def drop_sensor(ctx):
+    ctx.agent.get_agent("red_1").deregister_sensor("eyes")
+
+
 def begin_again(ctx):
     ctx.game.reset(seed=5)
 
@@ -415,7 +419,8 @@ def take_snapshot(ctx):
 
 
 @pytest.mark.parametrize(
-    ("change", "stride"), [(create, 41), (create_several, 41), (delete, 23), (begin_again, 307), (take_snapshot, 19)]
+    ("change", "stride"),
+    [(create, 41), (create_several, 41), (delete, 23), (drop_sensor, 5), (begin_again, 307), (take_snapshot, 19)],
 )
 def test_ctrl_c_leaves_a_game_as_before_or_after_a_change_between_turns(change, stride):
     def play_on(line):

@@ -16,6 +16,7 @@ from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat, get_speed
 from gamms.ir.graph import FloatArray
 from gamms.ir.schema import NUMBERS, SETTABLE, Column
+from gamms.progress import delay_interrupts
 from gamms.readonly import ReadOnly, ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
@@ -222,16 +223,21 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         Several agents may carry one sensor: it uses the heading of the agent that asks, and leaves this agent out.
         """
         refuse_no_sensor(sensor)
-        self._add_sensor(name, sensor)
+        with delay_interrupts(at_most_once=True):
+            self._add_sensor(name, sensor)
 
     @refuse_while_deciding
     def deregister_sensor(self, name: str) -> None:
         """Stop carrying a sensor; an unknown name is only warned about."""
-        as_name(name, "a sensor")
-        sensor = self._sensor_list.pop(name, None)
-        if sensor is None:
+        if as_name(name, "a sensor") not in self._sensor_list:
             self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
             return
+        with delay_interrupts(at_most_once=True):
+            self._remove_sensor(name)
+
+    def _remove_sensor(self, name: str) -> None:
+        """Stop carrying a sensor."""
+        sensor = self._sensor_list.pop(name)
         if not any(sensor is other for other in self._sensor_list.values()):
             self._shared = tuple(other for other in self._shared if other is not sensor)
         self._carry()

@@ -12,6 +12,7 @@ from gamms.compat import Surface
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copy_deep
 from gamms.deciding import ContextPart, Guarded, copy_part, get_phase, refuse_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
+from gamms.progress import delay_interrupts
 from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.air import AerialAgentSensor, AerialSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
@@ -175,13 +176,14 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     def delete_sensor(self, sensor_id: str) -> None:
         """Remove a sensor from its agents and from the engine; its name becomes free."""
         sensor = self.get_sensor(sensor_id)
-        for agent in self.ctx.agent.create_iter():
-            carried: Mapping[str, ISensor] = getattr(agent, "sensors", {})
-            for name in [name for name, one in carried.items() if one is sensor]:
-                agent.deregister_sensor(name)
-        del self._sensors[sensor_id]
-        self._phase.change_sensors()
-        forget_delayed(self.ctx, sensor_id)
+        with delay_interrupts(at_most_once=True):
+            for agent in self.ctx.agent.create_iter():
+                carried: Mapping[str, ISensor] = getattr(agent, "sensors", {})
+                for name in [name for name, one in carried.items() if one is sensor]:
+                    agent.deregister_sensor(name)
+            del self._sensors[sensor_id]
+            self._phase.change_sensors()
+            forget_delayed(self.ctx, sensor_id)
 
     def get_sensor(self, sensor_id: str) -> ISensor:
         """Return a sensor by name (KeyError)."""
