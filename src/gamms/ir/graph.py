@@ -410,9 +410,9 @@ def apply_mode(columns: GraphColumns, mode: str) -> GraphColumns:
 
 def _put(values: Mapping[int, Any], others: Mapping[int, Any]) -> Mapping[int, Any]:
     """Return the values of rows, replaced by other values where there are some, by ascending row."""
-    return (
-        others if len(others) >= len(values) and not values.keys() - others.keys() else _sort_rows({**values, **others})
-    )
+    if len(others) >= len(values) and set(values).issubset(others):
+        return others
+    return _sort_rows(dict(values.items()) | dict(others.items()))
 
 
 def _sort_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:

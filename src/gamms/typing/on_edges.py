@@ -134,10 +134,10 @@ class Lines:
 
     def __init__(self, columns: GraphColumns) -> None:
         ends = np.concatenate((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
-        lines = [Line.from_flat(flat) for flat in ends.tolist()]
+        flat = ends.tolist()
         for row, polyline in columns.polylines.items():
-            lines[row] = Line.from_flat(polyline.ravel().tolist())
-        found = LineColumns.from_lines(lines)
+            flat[row] = polyline.ravel().tolist()
+        found = LineColumns.from_lines([Line.from_flat(one) for one in flat])
         self.polylines = found
         self._count = found.lasts - found.firsts  # (edges,) number of straight parts
         self._first = found.firsts
