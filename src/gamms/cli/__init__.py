@@ -6,6 +6,7 @@ May import: everything, but at run time only the parts of GAMMS that a command n
 add a command, write a function and list it in `commands.py`.
 """
 
+import gc
 import signal
 import sys
 from types import FrameType
@@ -27,6 +28,7 @@ def main() -> None:
             sys.stderr.write("gamms: Interrupted.\n")
         sys.exit(130)  # the exit code of Ctrl-C in shells
     finally:
+        gc.freeze()  # or Python would look through all modules for garbage when it ends: a fifth of a short command
         # After Ctrl-C within code run from a text, `python -m` would end by the signal, unless another text is run.
         exec("")  # noqa: S102
 
