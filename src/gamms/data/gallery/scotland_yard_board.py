@@ -34,9 +34,10 @@ def neighbors(xy):
 
 def edges(ctx):
     """Return edge -> its ticket, source and target."""
-    tickets = ctx.graph.columns().edge_attributes["ticket"]
-    lines = map(ctx.graph.get_edge, ctx.graph.get_edges())
-    return {line.id: (tickets[row], line.source, line.target) for row, line in enumerate(lines)}
+    columns = ctx.graph.columns()
+    tickets = columns.edge_attributes["ticket"]
+    ends = columns.node_ids[np.stack((columns.sources, columns.targets), axis=1)].tolist()
+    return {edge: (tickets[row], *ends[row]) for row, edge in enumerate(columns.edge_ids.tolist())}
 
 
 def after(ways, stations, ticket):
