@@ -27,7 +27,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what ru
     signal.signal(signal.SIGINT, signal.default_int_handler)  # or no program of a test would hear Ctrl-C
 
 gc.disable()  # until all tests are collected
-gc.set_threshold(20_000)  # thirty times as seldom as usual: most of what is looked through is no garbage
+gc.set_threshold(20_000, 30)  # much less often than usual: most of what is looked through is no garbage
 
 SLOWEST = ("release/test_build.py", "tournament/test_tournaments.py", "tournament/test_entries.py", "web/test_live.py")
 
