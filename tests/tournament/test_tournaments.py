@@ -62,7 +62,7 @@ def played(out="out", seeds=(1, 2), entries=GIVEN, **options):
     return run(Scenario(**GAME), entries=entries, seeds=seeds, out=out, move_seconds=20.0, **options)
 
 
-def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
+def test_all_play_all_on_both_sides_with_the_same_seeds_and_the_folder_has_the_table(folder, monkeypatch):
     entries = {name: GIVEN[name] for name in ("hunt", "walk", "fail")}
     first = played(entries={name: GIVEN[name] for name in ("hunt", "fail")}, seeds=[1])
     table = played(entries=entries)
@@ -79,6 +79,10 @@ def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
     assert {file.stem for file in folder.glob("out/games/*.ggr")} == {row["id"] for row in table.rows}
     manifest = json.loads(folder.joinpath("out/tournament.json").read_text())
     assert sorted(manifest["entries"]) == ["fail", "hunt", "walk"]
+    monkeypatch.setattr("gamms.tournament.running.play", None)
+    assert same(load("out"), table)
+    assert load("out").standings() == table.standings()
+    assert load("out").payoffs() == table.payoffs()
     before = {file: file.read_bytes() for file in folder.rglob("out/**/*") if file.is_file()}
     with pytest.raises(WriteConflict, match="another memory_mb"):
         played(memory_mb=300)
@@ -89,16 +93,6 @@ def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
 
 def same(table, other):
     return vars(table) | {"_payoffs": None} == vars(other) | {"_payoffs": None}
-
-
-def test_the_table_of_a_folder_is_that_of_its_tournament(folder, monkeypatch):
-    entries = {name: GIVEN[name] for name in ("hunt", "walk", "fail")}
-    played("out", seeds=[1], entries={name: GIVEN[name] for name in ("hunt", "fail")}, record=False)
-    table = played("out", seeds=[1], entries=entries, record=False)
-    monkeypatch.setattr("gamms.tournament.running.play", None)
-    assert same(load("out"), table)
-    assert load("out").standings() == table.standings()
-    assert load("out").payoffs() == table.payoffs()
 
 
 def test_a_swiss_tournament_pairs_neighbours_who_have_not_met_and_its_folder_has_its_table(folder, monkeypatch):
