@@ -79,7 +79,7 @@ def test_games_in_which_a_rule_closes_roads_stay_in_the_core(red, settings, phas
     blue = "gamms.strategies:random_walk" if is_called or "legal" in settings else "gamms.strategies:chase"
     teams = {"red": team if is_called else team | {"strategy": red}, "blue": team | {"strategy": blue}}
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn"}}
-    scenario = scene([tag], teams=teams, sensors=kinds, settings=settings, conflicts={"capacity": 1}, max_turns=20)
+    scenario = scene([tag], teams=teams, sensors=kinds, settings=settings, conflicts={"capacity": 1}, max_turns=12)
     rules = (dig, *([audit] if is_called and "order" not in settings else []))
     check(scenario, {"red": red} if is_called else None, rules=rules, phase=phase, closed=[3, 9], stays=True)
 

@@ -22,7 +22,7 @@ from gamms.rules import Conflicts, capture_flag, respawn, tag, time_limit
 from gamms.strategies import chase, follow_path, random_walk, random_waypoints
 
 LAW = settings(
-    max_examples=12,
+    max_examples=8,
     deadline=None,
     derandomize=True,
     phases=[Phase.generate],

@@ -207,7 +207,7 @@ def test_shipped_strategies_play_fair(name):
         ctx.game.conflicts = Conflicts() if name == "unblock" else None
         return ctx
 
-    check_strategy(None, make, "red0")
+    check_strategy(None, make, "red0", turns=20)
 
 
 def test_a_strategy_may_use_seeded_draws_and_change_its_sensor_data():

@@ -89,7 +89,7 @@ def pursuit_of(first):
 def all_results():
     """Return those of all games."""
     logging.getLogger("gamms").setLevel(logging.ERROR)
-    return [results_of(number) for number in range(24)] + [pursuit_of(first) for first in ("pursuers", "evader")]
+    return [results_of(number) for number in range(16)] + [pursuit_of(first) for first in ("pursuers", "evader")]
 
 
 if __name__ == "__main__":

@@ -400,7 +400,7 @@ def test_the_speeds_of_a_network_are_compared():
     assert report(cut, network).wrong_speeds == pytest.approx(100.0)
 
 
-@pytest.mark.parametrize("mode", [None, "walk", "bike", "drive"])
+@pytest.mark.parametrize("mode", [None, "drive"])
 def test_a_context_keeps_its_promises_where_junctions_were_merged(mode):
     path = Path(__file__).parents[1] / "osm_online" / "data" / "kluuvi.osm.gz"
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
@@ -412,7 +412,7 @@ def test_a_context_keeps_its_promises_where_junctions_were_merged(mode):
 
 @pytest.mark.parametrize(
     ("mode", "tolerance"),
-    [*product([None, *gamms.osm.modes()], [None]), *product([None, "drive", "walk"], [0.0, 10.0])],
+    [*product([None, *gamms.osm.modes()], [None]), (None, 0.0), ("drive", 0.0), ("walk", 10.0)],
 )
 def test_a_real_map_keeps_its_promises_for_every_mode(mode, tolerance):
     path = Path(__file__).parents[1] / "osm_online" / "data" / "kluuvi.osm.gz"

@@ -96,11 +96,11 @@ def test_copies_go_on_as_the_environment(kind, how):
         other = COPIES[how](env)
         one_more = COPIES[how](other)
         state = random.bit_generator.state
-        expected = [*played(env, random, 15), written(env.reset())]
+        expected = [*played(env, random, 9), written(env.reset())]
         for twin in (other, one_more):
             again = np.random.default_rng()
             again.bit_generator.state = state
-            assert [*played(twin, again, 15), written(twin.reset())] == expected
+            assert [*played(twin, again, 9), written(twin.reset())] == expected
             twin.close()
     env.close()
 

@@ -156,7 +156,7 @@ NAMES = (
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_game_of_a_batch_is_the_game_alone(name):
-    game = scenario.from_gallery(name).replace(max_turns=15)
+    game = scenario.from_gallery(name).replace(max_turns=10)
     with game.batch(2, seed=5) as games:
         games.run(warn=False)
         assert all(games.result(number) == game.play(seed=5 + number) for number in range(2))
