@@ -143,10 +143,10 @@ def test_actions_for_a_later_part_of_a_turn_are_checked_when_deeds_have_closed_r
     for way in WAYS:
         with way(scenario).build(seed=1) as ctx:
             ctx.game.add(close_half, phase="deeds")
-            with ctx.game.batch(40, seed=3) as games:
+            with ctx.game.batch(12, seed=3) as games:
                 for _ in range(3):
                     counts = games.observe("red").counts
-                    games.step({"red": np.arange(40)[:, None] % counts}, on_illegal="stay")
+                    games.step({"red": np.arange(12)[:, None] % counts}, on_illegal="stay")
                     seen.append(games.observe("red").node.tolist())
     assert seen[:3] == seen[3:]
 

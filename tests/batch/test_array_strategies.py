@@ -227,7 +227,7 @@ def test_an_array_strategy_that_asks_another_one_plays_as_that_one(asked):
         return view.ask(asked)
 
     scenario = scene([TAG], **SEEING)
-    with scenario.batch(6, strategies={"red": ask}) as games:
+    with scenario.batch(3, strategies={"red": ask}) as games:
         games.run()
         assert not games.detached
         for number, seed in enumerate(games.seeds):

@@ -142,7 +142,7 @@ def test_agents_on_edges_see_whom_their_sensors_show(kind, keywords):
     with on_edges(kind, keywords, "turn", to_and_fro) as ctx, ctx.game.batch(seeds=[2, 1]) as games:
         ctx.game.add(UNUSED)
         with ctx.game.batch(seeds=[1]) as slow:
-            for _ in range(9):
+            for _ in range(6):
                 for viewer in ("red_0", "red_1", "red_2"):
                     expected = ctx.game.observation(viewer)["sensor"]["eye"][1]
                     for batch, number in ((games, 1), (slow, 0)):

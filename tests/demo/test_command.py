@@ -55,7 +55,6 @@ def test_it_prints_what_happened_and_draws_the_picture_of_the_readme(tmp_path):
     result = json.loads((tmp_path / "result.json").read_text())
     assert len(result["agents"]) == 10
     assert result["provenance"]["scenario"]["name"] == "Capture the flag"
-    assert CliRunner().invoke(cli.app, ["verify", str(tmp_path / "game.ggr")]).exit_code == 0
     with recorder.open(tmp_path / "game.ggr") as recording:
         agents = recording[-1].agents
         nodes = dict(zip(agents["name"].tolist(), agents["node"].tolist(), strict=True))
@@ -179,6 +178,7 @@ def test_it_plays_on_any_map(town, tmp_path):
     played_on = json.loads((tmp_path / "result.json").read_text())["provenance"]["scenario"]["map"]["file"]
     assert played_on["path"] == "town.osm"
     assert played_on["scenery"]
+    assert CliRunner().invoke(cli.app, ["verify", str(tmp_path / "game.ggr")]).exit_code == 0
 
 
 @pytest.mark.parametrize(

@@ -187,7 +187,7 @@ def test_game_0_of_a_vector_is_rendered_as_the_same_game_alone(learns, workers):
     for seed in (5, 8):  # of two games one after the other
         env.reset(seed=seed)
         game.reset(seed=seed)
-        for _ in range(3):
+        for _ in range(2):
             pictures = env.render()
             assert len(pictures) == env.num_envs
             for slot, picture in enumerate(pictures):
