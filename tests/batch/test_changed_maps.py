@@ -75,7 +75,7 @@ ACTS = [add_bridge, add_island, found_colony, stretch, build_wall, ask_erring_se
 
 def built(act, settings=None, phase="after", strategies=None, **options):
     """Return a context with a game in which a rule acts, between rules of the core and functions."""
-    options = {"max_turns": 9, "sensors": ERRING, **options}
+    options = {"max_turns": 7, "sensors": ERRING, **options}
     world = scene([TAG, FLAGS], settings=settings or {}, **options)
     world = world.replace(**{"teams.red.sensors": ["near", "next"], "teams.blue.sensors": ["near"]})
     ctx = world.build(seed=1, strategies=strategies or {"red": wander})

@@ -69,7 +69,7 @@ def open_with(act, phase="after"):
             ACTS[act](ctx)
         ctx.game.scores["sum"] += sum(agent.current_node_id for agent in ctx.game.agents)
 
-    ctx = scene([TAG, FLAGS], channels=RADIO, max_turns=9).build(seed=1)
+    ctx = scene([TAG, FLAGS], channels=RADIO, max_turns=7).build(seed=1)
     ctx.game.add(rule, phase=phase)
     return ctx
 

@@ -35,9 +35,8 @@ def neighbors(xy):
 def edges(ctx):
     """Return edge -> its ticket, source and target."""
     columns = ctx.graph.columns()
-    tickets = columns.edge_attributes["ticket"]
     ends = columns.node_ids[np.stack((columns.sources, columns.targets), axis=1)].tolist()
-    return {edge: (tickets[row], *ends[row]) for row, edge in enumerate(columns.edge_ids.tolist())}
+    return {id: (columns.edge_attributes["ticket"][i], *ends[i]) for i, id in enumerate(columns.edge_ids.tolist())}
 
 
 def after(ways, stations, ticket):
