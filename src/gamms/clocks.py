@@ -1,10 +1,14 @@
 """Clocks that games, robots and links wait by: that of the machine, and one that advances only in `sleep`."""
 
 import time
+from math import inf
+from numbers import Real
 from typing import Protocol
 
-from gamms.errors import BadType
+from gamms.errors import BadType, BadValue
 from gamms.text import shown
+
+_LATEST_START_S = 1e10  # the year 2286 in Unix time; times in milliseconds and nanoseconds are later
 
 
 class Clock(Protocol):
@@ -37,9 +41,22 @@ def as_clock(value: object) -> Clock:
     """
     if value is None:
         return WALL_CLOCK
-    if not (callable(getattr(value, "now", None)) and callable(getattr(value, "sleep", None))):
+    is_clock = callable(getattr(value, "now", None)) and callable(getattr(value, "sleep", None))
+    if not is_clock or isinstance(value, type):
         raise BadType(f"A clock has now() and sleep(seconds), as gamms.bridge.SimulatedClock(), unlike {shown(value)}.")
     return value  # type: ignore[return-value] # as was checked
+
+
+def _as_start(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise BadType(f"start must be a number, not {shown(value)} ({type(value).__name__}).")
+    try:
+        start = float(value)
+    except OverflowError:
+        start = inf
+    if not abs(start) <= _LATEST_START_S:  # or not a number
+        raise BadValue(f"start is in seconds, from -1e10 to 1e10, not {shown(value)}: later, floats lack microseconds.")
+    return start
 
 
 WALL_CLOCK = WallClock()
@@ -49,11 +66,15 @@ class SimulatedClock:
     """A clock that advances only in `sleep`, so that games with simulated robots are instant and repeatable.
 
     Args:
-        start: seconds.
+        start: seconds, from -1e10 to 1e10.
+
+    Raises:
+        BadType: `start` is not a number.
+        BadValue: it is out of range, where floats lack microseconds.
     """
 
     def __init__(self, start: float = 0.0) -> None:
-        self._now = start
+        self._now = _as_start(start)
 
     def now(self) -> float:
         """Return the start time plus all seconds slept."""

@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import io
+import math
 import signal
 import threading
 import time
@@ -308,6 +309,38 @@ def test_decisions_that_wait_for_a_time_end_by_any_simulated_clock(start, delays
         team(ctx, f"agent {number}", start=0, strategy=wait_until(start + delay))
     ctx.game.step()
     assert clock.now() >= start + max(delays)
+
+
+@pytest.mark.parametrize("now", [-1e300, -1.7e12, 1.7e12, 1.7e18])
+def test_decisions_are_awaited_by_a_clock_that_cannot_count_them(ctx, now):
+    clock = SimulatedClock()
+    clock._now = now
+    ctx.game.clock = clock
+    team(ctx, "a", strategy=later(1e-9, lambda state: state.update(action=4)))
+    ctx.game.step()
+    assert nodes(ctx) == {"a": 4}
+
+
+@pytest.mark.parametrize("start", ["0", None, True, math.nan, math.inf, 1.7e12, -1.7e18, 10**400])
+def test_a_simulated_clock_starts_at_seconds_that_floats_can_count(start):
+    with pytest.raises((BadType, BadValue), match="start"):
+        SimulatedClock(start)
+
+
+def test_a_class_of_clocks_is_no_clock(ctx):
+    with pytest.raises(
+        BadType, match=r"A clock has now\(\) and sleep\(seconds\), as gamms.bridge.SimulatedClock\(\), unlike"
+    ):
+        ctx.game.clock = SimulatedClock
+
+
+@pytest.mark.parametrize("clock", [None, SimulatedClock()])
+def test_decisions_that_are_late_before_they_begin_are_closed(ctx, clock):
+    ctx.game.configure({"deadline_s": 1e-300, "clock": clock})
+    team(ctx, "a", "b", strategy=later(1.0))
+    errors = ctx.game.run(1).errors
+    gc.collect()  # a coroutine that was never awaited would warn
+    assert [error["kind"] for error in errors] == ["overrun"] * 2
 
 
 def test_a_simulated_clock_stands_while_threads_work_for_a_decision(ctx):

@@ -4,10 +4,11 @@ import asyncio
 import math
 import selectors
 import weakref
-from collections.abc import Awaitable, Callable, Coroutine, Iterable
+from collections.abc import Awaitable, Callable, Collection, Coroutine
 from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
 from contextvars import Context, copy_context
+from inspect import CORO_CREATED, getcoroutinestate, iscoroutine
 from threading import Thread
 from typing import Any, NamedTuple, TypeVar, TypeVarTuple
 
@@ -49,7 +50,7 @@ class EventLoop:
     def collect(
         self,
         phase: DecidePhase,
-        awaited: Iterable[tuple[Any, Awaitable[Any]]],
+        awaited: Collection[tuple[Any, Awaitable[Any]]],
         deadline_s: float | None,
         *,
         strict: bool,
@@ -65,12 +66,15 @@ class EventLoop:
         if self._loop is None or self._loop.is_closed():
             self._loop = _make_loop(self.clock)
             self.close = weakref.finalize(self, _close, self._loop)
-        work = _collect_outcomes(phase, list(awaited), deadline_s, strict=strict)
+        work = _collect_outcomes(phase, awaited, deadline_s, strict=strict)
         phase.agent = AWAITED
         try:
             return (_run_in_thread if _is_in_a_loop() else _run)(self._loop, work)
         finally:
             phase.agent = None
+            for coroutine in (work, *(one for _, one in awaited if iscoroutine(one))):
+                if getcoroutinestate(coroutine) == CORO_CREATED:  # cancelled before it began
+                    coroutine.close()
 
 
 def _make_loop(clock: Clock) -> asyncio.AbstractEventLoop:
@@ -100,9 +104,11 @@ class _ClockLoop(asyncio.SelectorEventLoop):
         """Call a function when the clock has passed a time.
 
         asyncio calls functions up to its resolution too early. A task that then waits for the rest of the time would
-        wait for ever, because a simulated clock stands as long as tasks go on.
+        wait for ever, because a simulated clock stands as long as tasks go on. So it would if the time were rounded
+        to the present one.
         """
-        return super().call_at(when + _LATER_S, callback, *args, context=context)
+        later = max(when + _LATER_S, math.nextafter(self.time(), math.inf))
+        return super().call_at(later, callback, *args, context=context)
 
     def run_in_executor(
         self, executor: Executor | None, func: Callable[[*Arguments], T], *args: *Arguments
@@ -133,7 +139,7 @@ class _ClockSelector(selectors.DefaultSelector):
 
 
 async def _collect_outcomes(
-    phase: DecidePhase, awaited: list[tuple[Any, Awaitable[Any]]], deadline_s: float | None, *, strict: bool
+    phase: DecidePhase, awaited: Collection[tuple[Any, Awaitable[Any]]], deadline_s: float | None, *, strict: bool
 ) -> list[Outcome]:
     tasks = [asyncio.create_task(_await_decision(phase, decider, awaitable)) for decider, awaitable in awaited]
     until = asyncio.FIRST_EXCEPTION if strict else asyncio.ALL_COMPLETED
