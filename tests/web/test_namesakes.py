@@ -117,6 +117,20 @@ def test_each_side_has_a_text_of_its_own_by_which_it_is_found():
     assert named == dict(zip(named, [ALL[1], ALL[0], ALL[1], ALL[2], ALL[5], ALL[5]], strict=True))
 
 
+def test_the_names_in_an_error_about_namesakes_name_one_side_each():
+    sides = [*ALL, Side(None, "1")]
+    with pytest.raises(BadValue, match="Write 'team 1' or 'agent 1'"):
+        find_named_side("1", sides)
+    named = [find_named_side(given, sides) for given in ("team 1", "agent 1", "int 1")]
+    assert named == [ALL[0], Side(None, "1"), ALL[1]]
+
+
+@pytest.mark.parametrize("team", [True, 1.0])
+def test_an_integer_that_equals_a_team_names_no_side(team):
+    with pytest.raises(UnknownName, match="Unknown team 1"):
+        find_named_side(1, [Side(team, None)])
+
+
 @pytest.mark.parametrize("given", [True, 1.0, "2", "agent red 2", None])
 def test_what_only_equals_a_team_names_no_side(given):
     with pytest.raises(UnknownName, match="Unknown team"):

@@ -124,22 +124,27 @@ def find_named_side(given: object, sides: Iterable[Side]) -> Side:
     if isinstance(given, str):
         found = found or [side for side in labels if side.agent is None and side.text == given]
         found += [side for side in labels if side.agent == given]
-        found = found or [side for side, label in labels.items() if given in (label, f"{_get_genus(side)} {side.text}")]
+        for name in (labels.get, _write_with_kind, _write_with_genus):
+            found = found or [side for side in labels if name(side) == given]
     if not found:
         raise UnknownName("team", given, labels.values())
     if len(found) > 1:
-        ways = " or ".join(shown(f"{_get_genus(side)} {side.text}") for side in found)
+        ways = " or ".join(shown(_write_with_genus(side)) for side in found)
         raise BadValue(f"Several sides of this game have the name {shown(given)}. Write {ways} in its place.")
     return found[0]
 
 
-def _get_genus(side: Side) -> str:
-    return "team" if side.agent is None else "agent"
+def _write_with_kind(side: Side) -> str:
+    return f"{side.kind} {side.text}"
+
+
+def _write_with_genus(side: Side) -> str:
+    return f"{'team' if side.agent is None else 'agent'} {side.text}"
 
 
 def _is_same_team(team: object, given: object) -> bool:
-    """Return whether a caller gives this team; True and 1.0 are not the team 1."""
-    is_of_kind = not isinstance(given, bool | float) or type(given) is type(team)
+    """Return whether a caller gives this team; True, 1.0 and 1 are three teams."""
+    is_of_kind = type(given) is type(team) or not any(isinstance(one, bool | float) for one in (given, team))
     return is_of_kind and bool(team == given)
 
 
