@@ -8,7 +8,7 @@ import pytest
 
 from gamms import plain
 from gamms.errors import BadValue
-from gamms.plain import MOST_DEPTH, describe_flaw, is_plain, to_plain
+from gamms.plain import MOST_DEPTH, describe_flaw, is_plain, select_plain, to_plain
 
 
 class Color(enum.IntEnum):
@@ -79,6 +79,15 @@ def test_sets_are_plain_up_to_three_in_each_other():
     for value in ({frozenset({pairs})}, [{"a": {(1, frozenset({pairs}))}}]):
         assert not is_plain(value)
         assert is_plain(to_plain(value))
+
+
+def test_values_of_which_a_part_becomes_a_text_are_reported():
+    deep, kept = frozenset({frozenset({frozenset({frozenset({(1,)})})})}), frozenset({frozenset({(1, 2)})})
+    values = {"deep": deep, "key": {object: 1}, "list": [1, [object]], "set": {object}, "kept": kept, "scalar": 1}
+    left_out = []
+    part = select_plain(values, left_out)
+    assert left_out == ["deep", "key", "list", "set"]
+    assert part == {key: to_plain(value) for key, value in values.items()}
 
 
 def test_a_value_that_is_not_plain_becomes_a_text_without_its_address():

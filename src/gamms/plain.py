@@ -32,6 +32,9 @@ _MOST_BITS = 996  # of an integer in JSON, which other programs read as a float
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
 _SCALARS = frozenset(_BUILT_IN)
 _SEQUENCES = (list, tuple, set, frozenset, np.ndarray)
+Replace: TypeAlias = Callable[[Plain], Plain]
+"""Returns the replacement of a value that is not plain."""
+
 _AS_BUILT_IN: dict[type, str] = {int: "__int__", float: "__float__", str: "__str__", bytes: "__bytes__"}
 
 
@@ -46,7 +49,7 @@ def to_plain(value: Plain) -> Plain:
     Numbers, texts and containers of other classes become Python's own, and anything else a text that is the same in
     every run.
     """
-    return _convert(value, 0, _describe)
+    return _convert(value, 0, _describe, _describe)
 
 
 def as_json(value: Plain) -> Plain:
@@ -71,21 +74,25 @@ def select_plain(values: Mapping[Plain, Plain], left_out: list[Plain] | None = N
 
     Args:
         values: the dict.
-        left_out: collects the keys of values that were omitted in whole or in part.
+        left_out: collects the keys of values of which something was omitted, or became a text: in lists, sets and keys.
     """
     if left_out is None:
-        return _convert_dict(values, 0, lambda _: ...)
+        return _convert_dict(values, 0, lambda _: ..., _describe)
     missing: list[Plain] = []
 
     def note(value: Plain) -> Plain:
         missing.append(value)
         return ...
 
-    part = _convert_dict(values, 0, note)
+    def describe(value: Plain) -> str:
+        missing.append(value)
+        return _describe(value)
+
+    part = _convert_dict(values, 0, note, describe)
     if missing:  # seldom: then key by key
         for key, value in values.items():
             missing.clear()
-            _convert(value, 1, note)
+            _convert_dict({key: value}, 0, note, describe)
             if missing:
                 left_out.append(key)
     return part
@@ -154,8 +161,15 @@ def _count_levels(container: Plain) -> int:
 # -- make it plain ----------------------------------------------------------------------------------------------
 
 
-def _convert(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Plain:
-    """Convert a value to a plain value; `other` replaces values that are not plain, or returns `...` to omit them."""
+def _convert(value: Plain, depth: int, other: Replace, describe: Replace) -> Plain:
+    """Convert a value to a plain value.
+
+    Args:
+        value: the value.
+        depth: the number of containers around it.
+        other: replaces values that are not plain, or returns `...` to omit them.
+        describe: replaces them in lists, in sets and as keys, where none is omitted.
+    """
     if isinstance(value, np.generic):
         value = value.item()
     if type(value) in _SCALARS:
@@ -164,34 +178,36 @@ def _convert(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Plain
     if built_in is not None:  # an enum, for example
         return getattr(built_in, _AS_BUILT_IN[built_in])(value)
     if depth < MOST_DEPTH and isinstance(value, Mapping):
-        return _convert_dict(value, depth, other)
+        return _convert_dict(value, depth, other, describe)
     if depth < MOST_DEPTH and isinstance(value, _SEQUENCES):
-        return _convert_list(value, depth)
+        return _convert_list(value, depth, describe)
     return other(value)
 
 
-def _convert_dict(value: Mapping[Plain, Plain], depth: int, other: Callable[[Plain], Plain]) -> dict[Plain, Plain]:
-    converted = {_convert_key(key, depth + 1): _convert(one, depth + 1, other) for key, one in value.items()}
+def _convert_dict(value: Mapping[Plain, Plain], depth: int, other: Replace, describe: Replace) -> dict[Plain, Plain]:
+    converted = {
+        _convert_key(key, depth + 1, describe): _convert(one, depth + 1, other, describe) for key, one in value.items()
+    }
     return {key: one for key, one in converted.items() if one is not ...}
 
 
-def _convert_list(value: Plain, depth: int) -> Plain:
+def _convert_list(value: Plain, depth: int, describe: Replace) -> Plain:
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return np.array(value)
     if isinstance(value, set | frozenset):
-        keys = [_convert_key(key, depth + LEVELS_OF_SET) for key in value]
+        keys = [_convert_key(key, depth + LEVELS_OF_SET, describe) for key in value]
         return frozenset(keys) if isinstance(value, frozenset) else set(keys)
     # NOTE: scalars take a twentieth of the time (benchmarks: teams).
     are_scalars = _SCALARS.issuperset(map(type, value))
-    items = list(value) if are_scalars else [_convert(one, depth + 1, _describe) for one in value]
+    items = list(value) if are_scalars else [_convert(one, depth + 1, describe, describe) for one in value]
     return tuple(items) if isinstance(value, tuple) else items
 
 
-def _convert_key(key: Plain, depth: int) -> Plain:
+def _convert_key(key: Plain, depth: int, describe: Replace) -> Plain:
     if _is_exact_key(key, depth):
         return key
-    key = _convert(key, MOST_DEPTH - 1, _describe)
-    return key if _is_exact_key(key, depth) else _describe(key)
+    key = _convert(key, MOST_DEPTH - 1, describe, describe)
+    return key if _is_exact_key(key, depth) else describe(key)
 
 
 def _is_exact_key(key: Plain, depth: int) -> bool:

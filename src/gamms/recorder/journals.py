@@ -67,8 +67,9 @@ class SkippedValues:
             return
         self._warned.add((kind, key))
         self._ctx.logger.warning(
-            f"{kind.capitalize()} {which} has {key!r} with something in it that is no plain value: that is left out of "
-            "the recording, here and wherever else."
+            f"{kind.capitalize()} {which} has {key!r} with something in it that is no plain value, or is nested too "
+            "deeply: that is left out of the recording, or is a text there in lists, in sets and as a key, here and "
+            "wherever else."
         )
 
 
