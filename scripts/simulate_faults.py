@@ -228,10 +228,10 @@ class Run:
         rules = [rule for rule in self.scenario.to_dict().get("rules", []) if rule["rule"] != MEASURE["rule"]]
         return self.scenario.replace(**teams, rules=[*rules, MEASURE])
 
-    def play_rows(self, out: str = "rows", *, seeds: int = SEEDS, **options: Any) -> experiment.Rows:
+    def play_rows(self, out: str = "rows") -> experiment.Rows:
         """Play the rest of the experiment in a folder, of two lengths of games, each of which is a task."""
         vary = {"max_turns": [TURNS, TURNS - 2]}
-        return experiment.run(self.obedient, range(seeds), vary, out=self.folder / out, **options)
+        return experiment.run(self.obedient, range(SEEDS), vary, out=self.folder / out)
 
     def list_walkers(self) -> list[Any]:
         """Return the agents on the ground that decide in the next turn."""
@@ -459,7 +459,8 @@ def resources() -> Resources:
             targets.add(f"{descriptor.name} {descriptor.readlink()}")
     children: set[str] = set()
     for task in Path("/proc/self/task").iterdir():
-        children.update((task / "children").read_text().split())
+        with suppress(OSError):  # the thread has ended
+            children.update((task / "children").read_text().split())
     return Resources(
         frozenset(targets), frozenset(one.name for one in threading.enumerate()) - OF_PROCESS, frozenset(children)
     )
@@ -689,11 +690,13 @@ def watch_slowly(run: Run, _: Draws) -> Told | None:
 
 def kill_worker(run: Run, draw: Draws) -> Told | None:
     """Kill the process that plays a game of an experiment: another one plays it."""
-    (run.folder / "orders").write_text(f"die {draw.randrange(2)}")
+    seed = draw.randrange(SEEDS)
+    (run.folder / "orders").write_text("die 0")
     out = run.folder / "killed"
-    rows = run.play_rows(out.name, seeds=1, workers=1)  # more would take more processes, and time
+    vary = {"max_turns": [TURNS]}
+    rows = experiment.run(run.obedient, [seed], vary, out=out, workers=1)  # more games would take more processes
     (run.folder / "orders").unlink(missing_ok=True)
-    fresh = [row for row in experiment.load(run.folder / "fresh") if row["seed"] == 0]
+    fresh = [row for row in experiment.load(run.folder / "fresh") if (row["seed"], row["max_turns"]) == (seed, TURNS)]
     hold("rows resumed = rows fresh", [*rows] == fresh, [*rows])
     shutil.rmtree(out)
     return []
