@@ -155,7 +155,7 @@ def let_last_win(contest: Any, ctx: Context) -> list[str]:  # noqa: ARG001 - as 
 
 
 def levy(ctx: Context) -> None:
-    """Before agents move, let a team pay what is drawn, tell it, and close or open a road."""
+    """Before agents move, let a team pay a drawn price, emit an event of it, and close or open a road."""
     teams = sorted({agent.team for agent in ctx.game.agents})
     team = teams[ctx.game.turn % len(teams)]
     amount = int(ctx.rng.integers(1, 9))

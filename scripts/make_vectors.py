@@ -1199,7 +1199,7 @@ def _draw(changes: dict[str, object]) -> bytes:
 
 
 def make_bad_ranges() -> Iterator[Vector]:
-    """Yield maps with values beyond what is allowed."""
+    """Yield maps with values outside of their limits."""
     body = dict_body(GRAPH)
     yield "refused_size_too_large", framed(body, more=1), refused("missing bytes", None)
     yield "refused_size_too_small", framed(body, more=-1), refused("superfluous bytes", None)

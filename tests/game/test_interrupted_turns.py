@@ -201,6 +201,17 @@ def test_a_deed_that_lasts_goes_on_as_in_a_game_without_the_interrupted_turn():
     assert play_batch(parts, [3, 4], ZeroDivisionError, 7) == play_batch(parts, [3, 4])
 
 
+def record_to_end(ctx):
+    """Play a game to its end, also after divisions by zero, and return the bytes of its recording."""
+    file = io.BytesIO()
+    ctx.record.start(file)
+    while ctx.game.turn < TURNS:
+        with suppress(ZeroDivisionError):
+            ctx.game.step()
+    ctx.record.stop()
+    return file.getvalue()
+
+
 def test_reports_are_recorded_as_if_an_interrupted_turn_with_another_map_had_not_been():
     def record(spades):
         def dig(ctx):
@@ -212,19 +223,13 @@ def test_reports_are_recorded_as_if_an_interrupted_turn_with_another_map_had_not
             if ctx.graph.graph.has_node(99):
                 raise ZeroDivisionError
 
-        file = io.BytesIO()
         with gamms.create_context(seed=1) as ctx:
             ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
             for name, node in (("a", 0), ("b", 4)):
                 eyes = ctx.sensor.create_sensor(f"eyes of {name}", "agent_range", sensor_range=12.0)
                 ctx.agent.create_agent(name, start_node_id=node, sensors=[eyes], strategy=walk)
             ctx.game.add(dig, phase="before")
-            ctx.record.start(file)
-            while ctx.game.turn < TURNS:
-                with suppress(ZeroDivisionError):
-                    ctx.game.step()
-            ctx.record.stop()
-        return file.getvalue()
+            return record_to_end(ctx)
 
     assert record(spade for spade in [True]) == record(spade for spade in [])
 
@@ -350,15 +355,9 @@ def test_a_turn_whose_listener_raises_is_recorded():
             if is_failing and ctx.game.turn == 2:
                 raise ZeroDivisionError
 
-        file = io.BytesIO()
         with Scenario(**WALKERS).build(seed=1, strategies={"red": random_walk}) as ctx:
             ctx.visual.after_turn.append(fail)
-            ctx.record.start(file)
-            while ctx.game.turn < TURNS:
-                with suppress(ZeroDivisionError):
-                    ctx.game.step()
-            ctx.record.stop()
-        return file.getvalue()
+            return record_to_end(ctx)
 
     assert record(is_failing=True) == record(is_failing=False)
 
