@@ -25,7 +25,7 @@ from typing import Any, BinaryIO, Literal, NotRequired, TypedDict
 from unicodedata import category, normalize
 
 from gamms.arguments import as_items, as_path
-from gamms.errors import BadFile, BadValue
+from gamms.errors import BadFile, BadValue, WriteConflict
 from gamms.experiment.games import Row, Series
 from gamms.folders import (
     LOCK,
@@ -48,7 +48,8 @@ from gamms.ir.tables import make_table
 from gamms.limits import refuse_above
 from gamms.text import make_printable_line, shown
 
-FORMAT = "gamms experiment 1"
+FIRST_FORMAT = "gamms experiment 1"
+FORMAT = "gamms experiment 2"  # the first has rows whose digests cover less code
 PLAN = "experiment.json"
 JOURNAL = "journal.jsonl"
 SERIES = "series.jsonl"
@@ -99,7 +100,7 @@ class SeriesLine(RowWithId):
 class ExperimentPlan(TypedDict):
     """The content of the file `experiment.json`."""
 
-    format: Literal["gamms experiment 1"]
+    format: Literal["gamms experiment 1", "gamms experiment 2"]
     scenario: dict[str, Any]
     keys: list[str]
     variants: list[dict[str, Scalar]]
@@ -111,6 +112,8 @@ class ExperimentPlan(TypedDict):
     rows: list[str]
     changes: NotRequired[list[dict[str, Any] | None]]
     """Changes to the scenario for each variant; None: a program gave functions for the variant."""
+    collectors: NotRequired[list[str]]
+    """The names of `collect` with the SHA-256 of their functions; missing in the first format."""
 
 
 # -- the journal --------------------------------------------------------------------------------------------------
@@ -231,7 +234,7 @@ def refuse_incomplete(folder: Path, rows: Mapping[str, Row], ids: Iterable[str],
 
 def write_plan(folder: Path, plan: Mapping[str, Any]) -> None:
     """Write the plan of a run."""
-    write_whole(folder / PLAN, plan_as_bytes({**plan, "format": FORMAT}))
+    write_whole(folder / PLAN, plan_as_bytes(plan))
 
 
 def plan_as_bytes(plan: Mapping[str, Any]) -> bytes:
@@ -249,6 +252,20 @@ def read_plan(folder: Path) -> ExperimentPlan:
         return read_json(folder / PLAN, "the plan of an experiment", ExperimentPlan)
     except FileNotFoundError:
         raise BadFile(f"{str(folder)!r} is not the folder of an experiment: it has no {PLAN}.") from None
+
+
+def refuse_first_format(folder: Path) -> None:
+    """Refuse to add rows to a folder whose plan has the first format.
+
+    Raises:
+        WriteConflict: it has.
+        BadFile: the plan is not valid.
+    """
+    if (folder / PLAN).exists() and read_plan(folder)["format"] != FORMAT:
+        raise WriteConflict(
+            f"The digests of the rows in {str(folder)!r} are of an older GAMMS and cover less code: its rows can be "
+            "read, but new ones need another folder."
+        )
 
 
 def read_rows(folder: Path) -> tuple[ExperimentPlan, list[Row]]:

@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from gamms.errors import BadValue, TooLarge
+from gamms.experiment.digests import find_other_module, list_undeclared, watch_files
 from gamms.experiment.variants import Variant
 from gamms.game.result import Result
 from gamms.limits import allowing
@@ -24,11 +25,19 @@ _FEW = 2  # largest number of games that are played without a batch
 
 
 class ExperimentSettings(NamedTuple):
-    """Settings shared by all games of an experiment."""
+    """Settings shared by all games of an experiment.
+
+    Attributes:
+        scenario: the scenario, without the changes of variants.
+        collect: name -> function of the result of a game.
+        max_memory: the bytes of memory that a step may take.
+        code: the files of code in the folder of the scenario that the digests of rows cover.
+    """
 
     scenario: Scenario
     collect: dict[str, Callable[[Result], Any]]
     max_memory: int
+    code: frozenset[str]
 
 
 class Task(NamedTuple):
@@ -46,11 +55,19 @@ class Task(NamedTuple):
 
 
 class FinishedTask(NamedTuple):
-    """The result of a task: a row and the collected values for each seed, and the seconds that the task took."""
+    """The result of a task.
+
+    Attributes:
+        rows: the row of each seed.
+        series: the collected values of each seed.
+        seconds: the seconds that the task took.
+        undeclared: the files in the folder of the scenario that were opened, and that it does not name.
+    """
 
     rows: list[Row]
     series: list[Series]
     seconds: float
+    undeclared: set[str]
 
 
 class VariantPlayer:
@@ -64,10 +81,19 @@ class VariantPlayer:
     def play(self, seeds: Sequence[int]) -> FinishedTask:
         """Play games and return their rows; a game that raises becomes a row with an error."""
         begin = perf_counter()
-        with allowing(self._settings.max_memory):
+        with allowing(self._settings.max_memory), watch_files() as opened:
             played = self._play_in_arrays(seeds) if len(seeds) >= _FEW else None
             played = [self._play_alone(seed) for seed in seeds] if played is None else played
-        return FinishedTask([row for row, _ in played], [series for _, series in played], perf_counter() - begin)
+        other = find_other_module(self._scenario.folder, self._settings.code)
+        if other is not None:
+            error = (
+                f"The game has loaded {other} from the folder of the scenario, which the digest of its row does not "
+                "cover: keep code in .py files that are there before play, and not in hidden or linked folders."
+            )
+            played = [({"error": error}, {}) for _ in seeds]
+        undeclared = list_undeclared(self._scenario, opened)
+        seconds = perf_counter() - begin
+        return FinishedTask([row for row, _ in played], [series for _, series in played], seconds, undeclared)
 
     def _play_alone(self, seed: int) -> tuple[Row, Series]:
         try:

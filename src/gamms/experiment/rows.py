@@ -13,7 +13,8 @@ from gamms.arguments import as_count, as_float, as_int, as_items, as_known, as_p
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment import verification
-from gamms.experiment.folders import SeriesLine, as_columns, list_series_lines, read_rows
+from gamms.experiment.digests import compute_digest, compute_first_digest, hash_code
+from gamms.experiment.folders import FORMAT, SeriesLine, as_columns, list_series_lines, read_rows
 from gamms.experiment.games import ExperimentSettings, Row, VariantPlayer
 from gamms.experiment.statistics import (
     FEW_SEEDS,
@@ -29,7 +30,7 @@ from gamms.experiment.statistics import (
     estimate_sobol_indices,
 )
 from gamms.experiment.tables import Table, plot
-from gamms.experiment.variants import Variant, compute_digest
+from gamms.experiment.variants import Variant
 from gamms.game.result import Result
 from gamms.ir.tables import make_frame, make_table
 from gamms.limits import max_memory
@@ -452,7 +453,8 @@ class Rows(Sequence[Row]):
     def _play_row(self, id: str) -> tuple[Row, list[SeriesLine]]:
         """Play the game of a row again; return its row without the columns of the plan, and its collected values."""
         scenario, seed, strategies = self._find_game(id)
-        settings = ExperimentSettings(scenario, {}, max_memory())
+        code = frozenset(hash_code(scenario.folder))
+        settings = ExperimentSettings(scenario, {}, max_memory(), code)
         played = VariantPlayer(settings, Variant({}, {}, dict(strategies))).play([seed])
         return played.rows[0], [*list_series_lines(id, played.series[0])]
 
@@ -475,7 +477,8 @@ class Rows(Sequence[Row]):
             )
         try:
             scenario = variant.apply_to(self._scenario() if callable(self._scenario) else self._scenario)
-            digest = compute_digest(scenario)
+            is_first = self._source is not None and self._source.plan["format"] != FORMAT
+            digest = compute_first_digest(scenario) if is_first else compute_digest(scenario, variant.strategies)
         except ScenarioError as error:
             way = "Give load(…, folder=…), the folder of its code and maps, and allow= for packages that you trust."
             raise ScenarioError(error.path, f"{error.message} {way}", error.file, error.place) from None

@@ -3,10 +3,11 @@
 Games are played in this process, in worker processes, or by an executor of the caller, such as Ray's.
 """
 
+import logging
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack
 from functools import partial
@@ -17,6 +18,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 from gamms.arguments import as_bool, as_count, as_function_of, as_ids, as_mapping, as_path, explain_call_errors
 from gamms.errors import BadType, BadValue, MissingExtra, WriteConflict
 from gamms.experiment import folders
+from gamms.experiment.digests import compute_digest, hash_code, hash_function, list_undeclared, watch_files
 from gamms.experiment.games import (
     Collect,
     ExperimentSettings,
@@ -30,7 +32,7 @@ from gamms.experiment.games import (
 )
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
-from gamms.experiment.variants import Variant, Vary, compute_digest, compute_row_id, make_variants
+from gamms.experiment.variants import Variant, Vary, compute_row_id, make_variants
 from gamms.experiment.verification import Provenance
 from gamms.folders import lock_folder
 from gamms.limits import max_memory, refuse_above
@@ -51,6 +53,7 @@ _BYTES = 3_000  # bytes of a row
 _TASK_S = 2.0  # target duration of a task
 _MOST_GAMES = 1024  # games in a task
 _PARTS = 8  # number of parts into which a task is split after its process died
+_FEW_FILES = 8  # that a warning names
 _FIRST_GAMES = 4  # games in the first tasks, when their duration is unknown
 
 
@@ -62,15 +65,21 @@ class _GamePlan(NamedTuple):
     digests: list[str]
     seeds: list[int]
     collect: dict[str, Any]
+    code: dict[str, str]  # the files of code in the folder of the scenario, and their SHA-256
+    undeclared: set[str]  # other files there that were opened while digests were computed
     sample: tuple[list[str], int] | None  # keys and n of a sample for Sobol indices
 
     def list_ids(self) -> list[str]:
         """Return the ids of all rows, in order."""
-        names = list(self.collect)
+        collectors = self.list_collectors()
         return [
-            compute_row_id(digest, variant.settings, names, seed)
+            compute_row_id(digest, variant.settings, collectors, seed)
             for (digest, variant), seed in product(zip(self.digests, self.variants, strict=True), self.seeds)
         ]
+
+    def list_collectors(self) -> list[str]:
+        """Return the names of collectors with the SHA-256 of their functions."""
+        return [f"{name} {hash_function(function)}" for name, function in self.collect.items()]
 
     def list_keys(self) -> list[str]:
         return list(self.variants[0].settings)
@@ -78,12 +87,14 @@ class _GamePlan(NamedTuple):
     def make_plain(self, ids: list[str]) -> dict[str, Any]:
         """Return the plan as plain values for its file."""
         return {
+            "format": folders.FORMAT,
             "scenario": self.scenario.to_dict(),
             "keys": self.list_keys(),
             "variants": [variant.settings for variant in self.variants],
             "digests": self.digests,
             "seeds": self.seeds,
             "collect": list(self.collect),
+            "collectors": self.list_collectors(),
             "sample": self.sample,
             "versions": versions(),
             "rows": ids,
@@ -145,6 +156,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         if out is not None:
             folder = folders.find_shard_folder(as_path(out, "out"), part)
             ending.enter_context(lock_folder(folder))
+            folders.refuse_first_format(folder)
             journal = folders.Journal(folder, *folders.ROW)
             folders.refuse_incomplete(folder, journal.rows, ids, plan.list_keys())
             ending.callback(journal.close)
@@ -152,6 +164,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         if folder is not None:
             folders.write_plan(folder, plan.make_plain(ids))
         runner.play(part, as_bool(progress, "progress"))
+        _warn_of_undeclared(plan.undeclared)
         rows = [runner.rows[id] for id in ids if id in runner.rows]
         if folder is not None and part is None:
             folders.write_rows(folder, rows, plan.list_keys())
@@ -209,7 +222,7 @@ def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
 
 
 def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collect: object) -> _GamePlan:
-    base = _as_scenario(scenario)  # type: ignore[arg-type] # which is checked there
+    base = _as_scenario(scenario).replace()  # type: ignore[arg-type] # which is checked there; with the code of now
     chosen = as_ids(seeds, "seeds")
     if not chosen or len(set(chosen)) < len(chosen):
         raise BadValue(f"seeds must be different integers, at least one, not {shown(chosen)}.")
@@ -221,9 +234,26 @@ def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collec
         if not isinstance(name, str):
             raise BadType(f"collect is a dict of names and functions of a result, not {shown(wanted)}.")
         as_function_of(function, f"{name!r} of collect", "a result")
-    digests = [compute_digest(variant.apply_to(base)) for variant in variants]
+    code = hash_code(base.folder)
+    undeclared = set[str]()
+    digests = []
+    for variant in variants:
+        one = variant.apply_to(base)
+        with watch_files() as opened:
+            digests.append(compute_digest(one, variant.strategies, code))
+        undeclared |= list_undeclared(one, opened)
     sample = (list(vary.keys), vary.n) if isinstance(vary, Sample) and vary.method == "sobol" else None
-    return _GamePlan(base, variants, digests, chosen, wanted, sample)
+    return _GamePlan(base, variants, digests, chosen, wanted, code, undeclared, sample)
+
+
+def _warn_of_undeclared(files: Collection[str]) -> None:
+    """Log a warning that lists files which games have read, and digests do not cover."""
+    if files:
+        logging.getLogger("gamms").warning(
+            "Games have opened %s, which the digests of rows do not cover: name files that decide under files: in the "
+            "scenario, so that games are played again when they change.",
+            make_printable_line(", ".join(sorted(files)[:_FEW_FILES])),
+        )
 
 
 class _PendingGames(NamedTuple):
@@ -278,7 +308,7 @@ class _Runner:
                 pickle_value(strategy, f"strategies.{of} of vary, {remove_addresses(shown(strategy))},")
         for name, function in plan.collect.items():
             pickle_value(function, f"The function {name!r} of collect, {remove_addresses(shown(function))},")
-        shared = pickle_value(ExperimentSettings(plan.scenario, plan.collect, max_memory()), "The scenario")
+        shared = pickle_value(self._make_settings(), "The scenario")
         return shared, [pickle_value(variant, "A variant") for variant in plan.variants]
 
     # -- the games ------------------------------------------------------------------------------------------------
@@ -333,10 +363,15 @@ class _Runner:
     def _submit_to(self, executor: Executor, games: _PendingGames) -> Future[FinishedTask]:
         if isinstance(executor, InProcessExecutor):
             if games.variant not in self._players:
-                settings = ExperimentSettings(self._plan.scenario, self._plan.collect, max_memory())
-                self._players = {games.variant: VariantPlayer(settings, self._plan.variants[games.variant])}
+                self._players = {
+                    games.variant: VariantPlayer(self._make_settings(), self._plan.variants[games.variant])
+                }
             return executor.submit(self._players[games.variant].play, games.seeds)
         return executor.submit(play, Task(self._settings, self._variants[games.variant], games.seeds))
+
+    def _make_settings(self) -> ExperimentSettings:
+        plan = self._plan
+        return ExperimentSettings(plan.scenario, plan.collect, max_memory(), frozenset(plan.code))
 
     def _make_pool(self, *, is_fresh: bool = False) -> WorkerPool:
         pool = WorkerPool(1 if is_fresh else self._workers or count_cores(), is_fresh=is_fresh)
@@ -353,6 +388,7 @@ class _Runner:
                 self._play_again(games, str(error), is_alone=is_alone)
             else:
                 self._seconds[games.variant] = played.seconds / len(games.seeds)
+                self._plan.undeclared.update(played.undeclared)
                 self._note(games, played.rows, played.series)
 
     def _play_again(self, games: _PendingGames, why: str, *, is_alone: bool) -> None:

@@ -1,6 +1,5 @@
 """The variants of a scenario in an experiment: their settings, and the names of these in rows."""
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain, product
@@ -9,6 +8,7 @@ from typing import Any, NamedTuple
 
 from gamms.arguments import as_items, as_mapping
 from gamms.errors import BadValue, UnknownName, nearest
+from gamms.experiment.digests import hash_value
 from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError
@@ -170,34 +170,6 @@ def _set_strategy(scenario: Scenario, of: str, value: Any, variant: Variant) -> 
         variant.changes[f"{agents[of].path}.strategy"] = value
 
 
-# -- digests ------------------------------------------------------------------------------------------------------
-
-
-def compute_digest(scenario: Scenario) -> str:
-    """Return the SHA-256 of everything that determines a game except seed and GAMMS version, in hexadecimal.
-
-    These are the parts of the scenario, the strategies that it names, and the files of the code that it names.
-    """
-    teams = scenario.to_dict()["teams"]
-    deciders = {
-        name: [team.get("strategy"), team.get("plan"), [one.get("strategy") for one in team.get("agents") or ()]]
-        for name, team in teams.items()
-    }
-    files = {one.file for one in scenario.code() if one.file is not None}
-    folder = scenario.folder
-    code = {
-        (file.relative_to(folder) if folder and file.is_relative_to(folder) else file).as_posix(): hashlib.sha256(
-            file.read_bytes()
-        ).hexdigest()
-        for file in files
-    }
-    return _hash_value([scenario.digests(), deciders, code])
-
-
 def compute_row_id(digest: str, settings: Mapping[str, Plain], collected: Sequence[str], seed: int) -> str:
     """Return the id of a row: the first 16 digits of the SHA-256 of its settings and seed."""
-    return _hash_value([digest, dict(settings), sorted(collected), seed])[:16]
-
-
-def _hash_value(value: Plain) -> str:
-    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+    return hash_value([digest, dict(settings), sorted(collected), seed])[:16]

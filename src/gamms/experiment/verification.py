@@ -132,7 +132,7 @@ def find_root(source: Provenance, rows: Iterable[Row], series: Iterable[Mapping[
     plan = {name: value for name, value in source.plan.items() if name != "versions"}
     parts = {
         "format": _FORMAT,
-        "plan": {**plan, "format": folders.FORMAT},
+        "plan": plan,
         "rows": digest_of_lines(rows),
         "series": digest_of_lines(series),
         "recordings": {} if source.folder is None else _hash_recordings(source.folder),
@@ -250,7 +250,7 @@ def _check_fit(folder: Path, plan: Mapping[str, Any]) -> str | None:
         )
     if any([*settings] != plan["keys"] for settings in variants):
         return f"{folders.PLAN} has variants without the keys {shown(plan['keys'])}."
-    hashed = len(json.dumps(variants)) * len(plan["seeds"]) + len(json.dumps(plan["collect"])) * count
+    hashed = len(json.dumps(variants)) * len(plan["seeds"]) + len(json.dumps(_list_collectors(plan))) * count
     refuse_above(hashed, f"Hashing the ids of the rows in {str(folder)!r}")
     return None
 
@@ -258,9 +258,15 @@ def _check_fit(folder: Path, plan: Mapping[str, Any]) -> str | None:
 def _check_ids(plan: Mapping[str, Any]) -> Iterator[str]:
     games = product(zip(plan["digests"], plan["variants"], strict=True), plan["seeds"])
     for id, ((digest, settings), seed) in zip(plan["rows"], games, strict=True):
-        expected = compute_row_id(digest, settings, plan["collect"], seed)
+        expected = compute_row_id(digest, settings, _list_collectors(plan), seed)
         if id != expected:
             yield f"{folders.PLAN} names the row {shown(id)} for seed {seed}, whose id is {expected}."
+
+
+def _list_collectors(plan: Mapping[str, Any]) -> list[str]:
+    """Return the texts that stand for collectors in the ids of rows."""
+    found: list[str] = plan["collect"] if plan["format"] == folders.FIRST_FORMAT else plan.get("collectors", [])
+    return found
 
 
 def _check_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> Iterator[str]:

@@ -650,6 +650,8 @@ def write_out(spec: Spec, library: CodeLibrary) -> Values:
     Nothing is imported, so a replaced part, such as a strategy, stays as it is written.
     """
     plain: Values = copy_plain(to_plain(spec))
+    if not spec.files:
+        del plain["files"]  # as in recordings of earlier versions
     for sensor in _list_plain_sensors(plain):
         sensor["sensor_range"] = sensor.pop("range_m")
         kind = None if sensor["type"] is None else find_sensor_type(sensor["type"])

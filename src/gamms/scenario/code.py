@@ -427,6 +427,7 @@ class CodeLibrary:
         self.sources = sources
         self.folder = sources.folder
         self._known: dict[str, Function] = {}
+        self._stamps: dict[Path, tuple[int, int]] = {}  # of the imported files of the folder
 
     def get(self, text: str, path: str, short: str | None = None) -> Function:
         """Import the function of a reference; see `find`.
@@ -438,7 +439,14 @@ class CodeLibrary:
         if found is None:
             found = import_function(find(text, self.sources, path, short=short), self.folder)
             self._known[_describe_reference(text, short)] = found
+            if self.folder is not None:
+                package = name_private_package(self.folder)
+                self._stamps = {**_stamps.get(package, {}), **self._stamps}
         return found
+
+    def is_current(self) -> bool:
+        """Return whether no file of the folder has changed since its functions were imported."""
+        return self.folder is None or _is_current(name_private_package(self.folder), self._stamps)
 
     def get_known(self, text: str, short: str | None = None) -> Function | None:
         """Return the function of a reference if it has been imported; else None."""
@@ -497,7 +505,7 @@ def _import_privately(found: CodeReference, folder: Path) -> ModuleType:
     folder = folder.resolve()
     package = name_private_package(folder)
     stamps = _stamps.setdefault(package, {})
-    if any(_read_stamp(file) != stamp for file, stamp in stamps.items()):
+    if not _is_current(package, stamps):
         for name in [name for name in sys.modules if name.partition(".")[0] == package]:
             del sys.modules[name]
         stamps.clear()
@@ -511,9 +519,18 @@ def _import_privately(found: CodeReference, folder: Path) -> ModuleType:
         module = importlib.import_module(f"{package}.{found.module}")
     finally:
         sys.dont_write_bytecode = before
-    if found.file is not None:
-        stamps[found.file] = _read_stamp(found.file)
+    stamps.update({file: _read_stamp(file) for file in _list_loaded_files(package)})
     return module
+
+
+def _is_current(package: str, stamps: Mapping[Path, tuple[int, int]]) -> bool:
+    """Return whether the loaded files of a private package have these stamps, and no other files are loaded."""
+    return all(stamps.get(file) == _read_stamp(file) for file in [*stamps, *_list_loaded_files(package)])
+
+
+def _list_loaded_files(package: str) -> list[Path]:
+    modules = [module for name, module in [*sys.modules.items()] if name.startswith(f"{package}.")]
+    return [Path(file) for file in (getattr(module, "__file__", None) for module in modules) if file is not None]
 
 
 def _read_stamp(file: Path) -> tuple[int, int]:

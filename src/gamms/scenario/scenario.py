@@ -127,9 +127,10 @@ class Scenario(Surface, Immutable):
             raw = documents.apply_changes(self._raw, changes)
         with name_errors(self.file, raw):
             new = from_plain(raw, self.folder, self.file, self.allow, self.key_variable)
-        if raw.get("map") == self._raw.get("map"):
-            new._loaded = self._loaded
-        new._library = self._library
+        if self._library.is_current():
+            new._library = self._library
+            if raw.get("map") == self._raw.get("map"):
+                new._loaded = self._loaded
         new._named_idle = self._named_idle
         return new
 

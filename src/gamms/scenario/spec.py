@@ -396,6 +396,7 @@ class Spec(_Mapping, frozen=True, kw_only=True):
         settings: the settings of the turn engine.
         facts: facts for all strategies.
         data: the initial content of `ctx.game.data`.
+        files: files in the folder that the code reads; experiments play games again when one changes.
     """
 
     map: Map
@@ -411,6 +412,7 @@ class Spec(_Mapping, frozen=True, kw_only=True):
     settings: Settings = Settings()
     facts: Values = {}
     data: Values = {}
+    files: list[Location] = []
 
 
 def schema() -> Values:

@@ -26,6 +26,7 @@ from gamms.scenario.code import (
     find,
     find_first_parameter,
     find_offered_function,
+    find_path,
     is_needing_more,
     list_offered_functions,
     list_plain_defaults,
@@ -369,8 +370,33 @@ def check_code(spec: Spec, sources: CodeSources) -> list[CodeReference]:
         if function is not None and (one.given or one.what in ("strategy", "plan", "rule")):
             check_parameters(function, one.given, int(find_first_parameter(function) in GIVEN_LATER), one.path)
             locate_files(function, one.given, sources, one.path)
-    maps.map_file(spec.map, sources.folder)
+    list_files(spec, sources)
     maps.find_mode(spec.map, sources.folder)
+    return found
+
+
+def list_files(spec: Spec, sources: CodeSources) -> list[Path]:
+    """Return the files that a scenario names: of its map, of parameters of GAMMS's functions, and declared ones.
+
+    Raises:
+        ScenarioError: a file does not exist, or is not in the folder of the scenario.
+    """
+    map = maps.map_file(spec.map, sources.folder)
+    found = [] if map is None else [map]
+    named = {f"files.{number}": text for number, text in enumerate(spec.files)}
+    for kind in ("file", "place"):
+        for key in ("modes", "elevation"):
+            text = getattr(getattr(spec.map, kind), key, None)
+            named |= {} if text is None else {f"map.{kind}.{key}": text}
+    for one in list_code(spec):
+        for key in getattr(find_offered_function(one.reference, one.short), "files", ()):
+            named |= {f"{one.path}.with.{key}": one.given[key]} if isinstance(one.given.get(key), str) else {}
+    for path, text in named.items():
+        file = find_path(text, sources.folder, path, "file")
+        inner = sorted(file.rglob("*")) if path.endswith(".elevation") else []
+        if not file.is_file() and not inner:
+            raise ScenarioError(path, f"there is no file {text!r} in {sources.folder}.")
+        found += [one for one in (file, *inner) if one.is_file()]
     return found
 
 
