@@ -93,8 +93,10 @@ def test_a_file_that_was_opened_and_not_declared_gets_one_warning(folder, caplog
     (folder / "p.txt").write_text("secret")
     assert play(folder, workers=workers).errors() == []
     assert [one.getMessage() for one in caplog.records if one.levelno >= logging.WARNING] == [
-        "Games have opened p.txt, which the digests of rows do not cover: name files that decide under files: in the "
-        "scenario, so that games are played again when they change."
+        (
+            "Games have opened p.txt, which the digests of rows do not cover: name files that decide under files: in "
+            "the scenario, so that games are played again when they change."
+        )
     ]
 
 
@@ -157,13 +159,14 @@ def test_functions_count_by_code_defaults_and_all_values_that_they_use():
     found = [hash_function(one) for one in functions]
     assert len(set(found)) == len(found)
     assert found[: len(texts)] == [hash_function(make_function(text, K=1)) for text in texts]
-    assert hash_function(make_closure(iter("ab"))) and hash_function(make_closure(sys.stdout))
+    assert hash_function(make_closure(iter("ab")))
+    assert hash_function(make_closure(sys.stdout))
 
 
 def test_functions_have_the_same_digest_in_every_process():
     text = "class A: x = {'a', 'b', 'c'}\ndef f(s, k=frozenset('xyz')): return s in {'k', 'l', 'm'}, A, print"
     program = f"from gamms.experiment.digests import hash_function\n{text}\nprint(hash_function(f))"
-    found = {subprocess.run([sys.executable, "-c", program], capture_output=True).stdout for _ in range(2)}
+    found = {subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout for _ in range(2)}
     assert found == {f"{hash_function(make_function(text))}\n".encode()}
 
 
