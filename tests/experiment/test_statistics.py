@@ -55,11 +55,11 @@ def test_the_bootstrap_of_few_values_is_close_to_that_of_all_resamples():
 
 def test_equal_values_have_no_interval():
     assert estimate_mean([3.0] * 9) == pytest.approx((3.0, math.nan, math.nan), nan_ok=True)
-    table = made(*(("a", seed, 3, 1, "red", None) for seed in range(40))).summary()
+    table = made(*(("a", seed, 3, 1, "red", None) for seed in range(120))).summary()
     assert str(table).splitlines()[1:] == [
-        "a    turns         40     40       0     3       -     -",
-        "a    score.red     40     40       0     1       -     -",
-        "a    wins.red      40     40       0     1  0.9124     1",
+        "a    turns        120    120       0     3      -     -",
+        "a    score.red    120    120       0     1      -     -",
+        "a    wins.red     120    120       0     1  0.969     1",
     ]
     assert r"3.00 \\" in table.latex()
 
@@ -249,19 +249,19 @@ def test_p_at_its_floor_is_printed_as_a_bound():
     assert table["p"].tolist() == [pytest.approx(0.0002)]
     assert str(table).splitlines()[1].endswith("  < 0.0002")
     assert r"\textless{} 0.0002 \\" in table.latex()
-    clear = repeated([1.0, -1.0] * 20, 1).compare("turns", "way")
+    clear = repeated([1.0, -1.0] * 60, 1).compare("turns", "way")
     assert str(clear).endswith("  1")
 
 
 def test_few_seeds_have_a_note_that_intervals_of_means_are_too_narrow():
-    too_narrow = "Bootstrap intervals of means of fewer than 30 seeds are too narrow"
+    too_narrow = "Bootstrap intervals of means of up to 100 seeds may be too narrow"
     note = f"{too_narrow}; intervals of Student's t stand beside them."
     assert ROWS.summary().notes == [note]
     assert str(ROWS.compare("turns", "way")).endswith(f"\n{note}")
     assert note in ROWS.summary().latex()
     assert ROWS.summary(metrics=["wins.red"]).notes == []  # of Wilson
-    assert note not in repeated(np.arange(30), 8).compare("turns", "way").notes
-    assert note in repeated(np.arange(29), 8).compare("turns", "way").notes
+    assert note not in repeated(np.arange(101), 8).compare("turns", "way").notes
+    assert note in repeated(np.arange(100), 8).compare("turns", "way").notes
 
 
 def test_few_seeds_have_the_interval_of_student_beside_the_others():
@@ -275,7 +275,7 @@ def test_few_seeds_have_the_interval_of_student_beside_the_others():
     assert f"& [{theirs.low:.2f}, {theirs.high:.2f}] &" in table.latex()
     summary = ROWS.summary(metrics=["turns", "wins.red"])
     assert np.isfinite(summary["t_low"]).tolist() == [True, False, False, False]  # equal values, and rates of wins
-    assert "t_low" not in repeated(np.arange(30), 3).compare("turns", "way")
+    assert "t_low" not in repeated(np.arange(101), 3).compare("turns", "way")
 
 
 @pytest.mark.parametrize("make", [ROWS.summary, lambda: ROWS.compare("turns", "way")])
@@ -325,9 +325,9 @@ def test_an_interaction_is_that_of_a_mixed_model():
 
 
 def test_an_interaction_compares_differences_of_the_same_seeds():
-    differences = np.random.default_rng(1).normal(0.5, 1.0, 40)
+    differences = np.random.default_rng(1).normal(0.5, 1.0, 120)
     table = crossed(differences, 3).interaction("turns", "way", "size")
-    assert [table[name][0] for name in list(table)[:6]] == ["a", "b", 5, 10, 120, 40]
+    assert [table[name][0] for name in list(table)[:6]] == ["a", "b", 5, 10, 360, 120]
     alone = repeated(-differences, 1).compare("turns", "way")
     for name in ("difference", "low", "high", "effect", "p"):
         assert table[name][0] == pytest.approx(alone[name][0])
@@ -457,7 +457,7 @@ def test_ticks_of_whole_numbers_are_whole():
 
 def test_a_plot_names_the_keys_that_it_averages_over():
     figure = pytest.importorskip("matplotlib.figure").Figure()
-    rows = repeated(np.arange(30.0), 3)
+    rows = repeated(np.arange(101.0), 3)
     assert rows.plot("way", ax=figure.add_subplot()).get_title() == "Averaged over copy."
     assert rows.plot("way", hue="copy", ax=figure.add_subplot()).get_title() == ""
 

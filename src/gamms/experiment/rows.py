@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 _WINS = "wins."
 _METRICS = ("score.", "collector.")  # prefixes of columns in a summary
-_TOO_NARROW = f"Bootstrap intervals of means of fewer than {FEW_SEEDS} seeds are too narrow"
+_TOO_NARROW = f"Bootstrap intervals of means of up to {FEW_SEEDS} seeds may be too narrow"
 _UNIT = "The unit of replication is the seed: games of one seed are averaged first."
 _HAS_T = f"{_TOO_NARROW}; intervals of Student's t stand beside them."
 _ENDS_OF_T = ("t_low", "t_high")
@@ -215,7 +215,7 @@ class Rows(Sequence[Row]):
 
         Games of one seed count as one piece of evidence: first the games of a seed are averaged, then the seeds;
         intervals are over seeds. Rows with errors count in neither; the column `errors` says how many there are. Means
-        of fewer than 30 seeds also have Student's interval, in the columns `t_low` and `t_high`.
+        of up to 100 seeds also have Student's interval, in the columns `t_low` and `t_high`.
 
         Args:
             by: the keys by which rows are grouped, also `opponent.<team>`, the member of a pool; None: all that were
@@ -251,7 +251,7 @@ class Rows(Sequence[Row]):
 
         Columns: first, second, pairs, seeds, difference (first minus second) with its interval, effect (Cohen's d_z)
         and p of a permutation test, corrected for the number of comparisons after Holm. A note names the other varied
-        keys, which are averaged over: see `interaction`. With fewer than 30 seeds,
+        keys, which are averaged over: see `interaction`. With up to 100 seeds,
         `t_low` and `t_high` are the ends of Student's interval. The table prints p as "< 0.0002" where the test cannot
         give a smaller one.
 
@@ -537,13 +537,13 @@ def _compare(
         row["p"] = p
     if not made:
         return Table({one: np.array([]) for one in (*names, "seeds", *PairedComparison._fields)}, unit=_UNIT)
-    is_few = any(len(by_seed) < FEW_SEEDS for by_seed in contrasts.values())
+    is_few = any(len(by_seed) <= FEW_SEEDS for by_seed in contrasts.values())
     return _make_table(made, is_few=is_few, notes=notes, least={"p": min(LEAST_P * len(made), 0.999)})
 
 
 def _find_ends_of_t(means: Sequence[float], confidence: float) -> dict[str, float]:
-    """Return the columns of Student's interval of the mean over seeds; NaN for as many seeds as the bootstrap needs."""
-    ends = compute_t_interval(means, confidence) if len(means) < FEW_SEEDS else (np.nan, np.nan)
+    """Return the columns of Student's interval of the mean over seeds; NaN where the bootstrap suffices."""
+    ends = compute_t_interval(means, confidence) if len(means) <= FEW_SEEDS else (np.nan, np.nan)
     return dict(zip(_ENDS_OF_T, ends, strict=True))
 
 
@@ -576,7 +576,7 @@ def _estimate_interval(name: str, by_seed: Mapping[int, Sequence[float]], confid
 
 
 def _is_too_narrow(name: str, by_seed: Mapping[int, Sequence[float]]) -> bool:
-    return len(by_seed) < FEW_SEEDS and not name.startswith(_WINS)
+    return len(by_seed) <= FEW_SEEDS and not name.startswith(_WINS)
 
 
 def power(

@@ -19,7 +19,7 @@ from gamms.plugins import require_extra
 _RESAMPLES = 2_000
 _PERMUTATIONS = 9_999
 LEAST_P = 2.0 / (_PERMUTATIONS + 1)  # smallest p of a test with random signs; the true p may be smaller
-FEW_SEEDS = 30  # with fewer seeds, bootstrap intervals of means are too narrow
+FEW_SEEDS = 100  # up to so many seeds, bootstrap intervals of means may be too narrow
 _MOST_OF_BCA = 1_000  # values; the method needs memory for the square of their number
 _SEED = 20
 _CELLS = 1 << 22  # elements of an array of resamples
@@ -54,8 +54,8 @@ class PairedComparison(NamedTuple):
 def estimate_mean(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> Interval:
     """Return the mean and its BCa bootstrap interval; for more than 1,000 values, the percentile interval.
 
-    Equal values say nothing about their spread, so the ends of their interval are NaN. Intervals of fewer than
-    `FEW_SEEDS` values are too narrow.
+    Equal values say nothing about their spread, so the ends of their interval are NaN. Intervals of
+    up to `FEW_SEEDS` values may be too narrow.
 
     Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 13 and 14.
 

@@ -82,7 +82,7 @@ def _write_interval(low: str, high: str) -> str:
 
 def _explain_sample_size(table: Table) -> str:
     seeds = len({row["seed"] for row in table.rows})
-    return f" Bootstrap intervals of fewer than {FEW_SEEDS} seeds are too narrow." if seeds < FEW_SEEDS else ""
+    return f" Bootstrap intervals of up to {FEW_SEEDS} seeds may be too narrow." if seeds <= FEW_SEEDS else ""
 
 
 def _write_payoffs(table: Table) -> str:
