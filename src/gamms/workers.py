@@ -105,6 +105,7 @@ class Worker:
 
         Raises:
             WorkerDied: the process has ended.
+            BadValue: the task names what a notebook or a console defines.
         """
         self.send(task)
         return self.receive()
@@ -113,6 +114,11 @@ class Worker:
         """Begin a task, whose answer is for `receive`; see `ask`."""
         stdin = cast("BinaryIO", self._process.stdin)
         script = getattr(sys.modules["__main__"], "__file__", None) if b"__main__" in task else None
+        if b"__main__" in task and (script is None or not os.path.exists(script)):  # noqa: PTH110 - a text
+            raise BadValue(
+                "Worker processes cannot import functions of a notebook or console: put them into a file and import "
+                "it, or leave workers out."
+            )
         try:
             _send(stdin, pickle.dumps((script, task)))
         except OSError:
