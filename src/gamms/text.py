@@ -96,6 +96,15 @@ def describe_empty_range(text: str, first: int, last: int) -> str:
     return f"{shown(text)} is empty; did you mean {last}:{first}?"
 
 
+def describe_lone_seed(number: int) -> str:
+    """Return the message for one integer where seeds are expected."""
+    many = max(number, 2)
+    return (
+        f"{number} could be a seed or a number of games: {number}:{number + 1} is the one game with the seed {number}, "
+        f"and 0:{many} are {many:,} games."
+    )
+
+
 def as_digits(number: float) -> str:
     """Format a number with at most six digits; `shown(value)` for integers too large for a float."""
     try:

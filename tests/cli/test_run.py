@@ -153,6 +153,7 @@ def test_an_error_says_with_which_seed(folder, jobs):
     ("arguments", "hint"),
     [
         (["--seeds", "x"], "give 0:50 or 1,2,5"),
+        (["--seeds", "50"], "50:51 is the one game with the seed 50, and 0:50 are 50 games"),
         (["--seeds", "7,3,7"], "a seed occurs twice"),
         (["--seeds", "5:1"], "'5:1' is empty; did you mean 1:5?"),
         (["--seeds", "5:5"], "1 to 1,000,000 seeds"),

@@ -15,6 +15,7 @@ import small_hunts
 from small_hunts import HUNT
 
 from gamms import experiment
+from gamms.errors import BadType
 from gamms.workers import Worker, make_task, wait_for_result
 
 HERE = Path(__file__).parent
@@ -133,3 +134,34 @@ def test_a_runner_that_was_killed_leaves_no_process_and_goes_on_to_the_same_rows
     assert list(experiment.run(HUNT, range(30), vary, out=tmp_path / "killed")) == list(whole)
     files = [(tmp_path / name / "rows.jsonl").read_bytes() for name in ("whole", "killed")]
     assert files[0] == files[1]
+
+
+def test_functions_of_a_console_are_refused_for_workers_with_the_way_out():
+    program = """
+from gamms import experiment, rl
+from gamms.errors import BadValue
+from gamms.scenario import Scenario
+
+game = Scenario(max_turns=2, map={"grid": {"rows": 3, "columns": 3}}, teams={"red": {"count": 1}})
+def f(one):
+    return 1.0
+
+for vary, collect in (({"strategies.red": {"f": f}}, None), (None, {"f": f})):
+    try:
+        experiment.run(game, range(2), vary, workers=2, collect=collect)
+    except BadValue as error:
+        print(error)
+try:
+    rl.vector_env(game, num_games=4, team="red", reward=f, workers=2)
+except BadValue as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    sentence = "cannot import functions of a notebook or console: put them into a file and import it, or leave workers"
+    assert done.stdout.count(sentence) == 3, done
+    assert "Traceback" not in done.stderr
+
+
+def test_one_integer_is_not_seeds():
+    with pytest.raises(BadType, match=r"\[50\] for the one seed, range\(50\) for the first ones"):
+        experiment.run(HUNT, 50)

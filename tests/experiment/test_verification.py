@@ -418,3 +418,36 @@ def test_the_command_says_that_games_of_functions_cannot_be_played_again(tmp_pat
     table.write_bytes(table.read_bytes().replace(b",1,", b",2,", 1))
     refused = verify("--root", root, "--sample", "4")
     assert (refused.exit_code, "sitting: no." in refused.output) == (1, True)
+
+
+def verify_in(folder, *options):
+    return CliRunner().invoke(cli.app, ["experiment", "verify", str(folder), *options])
+
+
+def test_a_flipped_byte_under_a_root_is_named_as_damage(hunts):
+    folder, rows = hunts
+    (folder / "game.ggr").write_bytes(b"recording")
+    root = rows.root()
+    names = [one for one in folders.list_files(folder) if one.suffix != ".parquet"]
+    assert len(names) == 5
+    for name in names:
+        data = (folder / name).read_bytes()
+        for place in range(0, len(data), max(1, len(data) // 12)):
+            for bit in (1, 128):
+                (folder / name).write_bytes(data[:place] + bytes([data[place] ^ bit]) + data[place + 1 :])
+                done = verify_in(folder, "--root", root, "--sample", "0")
+                assert done.exit_code == 1, (name, place, bit, done.output)
+                found = [line for line in done.output.splitlines() if line.startswith("tampered or damaged: ")]
+                assert len(found) == 1, (name, place, bit, done.output)
+                assert name.name in found[0], (name, place, bit, done.output)
+        (folder / name).write_bytes(data)
+    assert verify_in(folder, "--root", root, "--sample", "0").exit_code == 0
+
+
+def test_a_folder_that_cannot_be_read_is_no_damage(hunts, tmp_path):
+    folder, _ = hunts
+    assert verify_in(tmp_path / "none").exit_code == 2
+    assert verify_in(folder, "--root", "12").exit_code == 2
+    (folder / "experiment.json").unlink()
+    done = verify_in(folder)
+    assert (done.exit_code, "tampered" in done.output) == (2, False)

@@ -224,11 +224,12 @@ def test_a_file_describes_a_tournament(folder):
     assert done.exit_code == 0, done.output
     assert re.search(r"1 +hunt +4 +4 +4 +0 +0\n2 +fail +0 +4 +0 +0 +4 +4 error", done.output)
     for text, said in (
-        ("scenario: game.yaml\nentrys: {}\nseeds: 2\n", "unknown key 'entrys'. Did you mean 'entries'?"),
+        ("scenario: game.yaml\nentrys: {}\nseeds: 0:2\n", "unknown key 'entrys'. Did you mean 'entries'?"),
+        ("scenario: game.yaml\nentries: {}\nseeds: 2\n", "2:3 is the one game with the seed 2, and 0:2 are 2 games."),
         ("scenario: game.yaml\nentries: {}\nseeds: 0-2\n", "cup.yaml: seeds: seeds are 0:50 or 1,2,5, not '0-2'."),
         ("scenario: game.yaml\nentries: {}\nseeds: 2:0\n", "cup.yaml: seeds: seeds: '2:0' is empty; did you mean 0:2?"),
         (
-            "scenario: game.yaml\nentries: {a: entries.py:hunt, b: entries.py:hnt}\nseeds: 1\n",
+            "scenario: game.yaml\nentries: {a: entries.py:hunt, b: entries.py:hnt}\nseeds: 0:1\n",
             f"the entry 'b': there is no function 'hnt' in {Path.cwd() / 'entries.py'}. Did you mean 'hunt'?",
         ),
     ):
@@ -405,5 +406,5 @@ def test_the_page_escapes_names_chosen_by_entries(tmp_path):
     assert "<img" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert "default-src 'none'" in page
-    assert "Bootstrap intervals of fewer than 30 seeds are too narrow." in page
+    assert "Bootstrap intervals of up to 100 seeds may be too narrow." in page
     assert "nan" not in page

@@ -1,7 +1,7 @@
 """The commands that play many games by a file or a protocol: `gamms experiment`, `gamms suite`, `gamms tournament`."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +11,7 @@ import typer
 from gamms.cli.many import check_keys
 from gamms.cli.output import INTERRUPTED, echo, join_names, warn
 from gamms.cli.play import Allow, KeyVariable, find_foreign_code
-from gamms.errors import MissingExtra, install_command
+from gamms.errors import BadFile, GammsError, MissingExtra, install_command
 from gamms.folders import make_folder, write_whole
 from gamms.text import make_printable_line
 
@@ -23,6 +23,7 @@ _MOST_VARIANTS = 40  # that are shown one by one
 _MOST_FAULTS = 100  # that are printed
 _MOST_UNPLAYABLE = 3  # rows that are named
 _UNPLAYABLE = 3  # the exit code of verify if drawn rows cannot be played again
+_UNREADABLE = 2  # the exit code of verify if the folder cannot be read, and not because it was damaged
 _ALTERED = 0.1  # the share of altered rows for which verify prints the probability that it misses all of them
 _REQUIRED = ("scenario", "entries", "seeds")  # of a tournament
 _KEYS = (*_REQUIRED, "move_seconds", "memory_mb", "sides", "rounds", "record", "allow")
@@ -144,19 +145,28 @@ def verify(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    """Check a folder by its published root; exit code 1 if it was altered.
+    """Check a folder by its published root; exit code 1 if it was tampered with or damaged.
 
+    The exit code is 2 if it cannot be read for another reason.
     The exit code is 3 if nothing differs, but drawn games cannot be played again with the code that is there.
     """
     from gamms import experiment
+    from gamms.experiment.folders import PLAN
 
-    found = experiment.load(folder, folder=code, allow=allow or ()).verify(root, sample=sample, seed=seed)
+    try:
+        found = experiment.load(folder, folder=code, allow=allow or ()).verify(root, sample=sample, seed=seed)
+    except (GammsError, OSError) as error:
+        is_damaged = isinstance(error, BadFile) and (folder / PLAN).is_file()
+        echo(f"tampered or damaged: {error}" if is_damaged else str(error), err=True)
+        raise typer.Exit(1 if is_damaged else _UNREADABLE) from None
     for note in found.notes:
         echo(f"note: {note}")
     for fault in found.faults[:_MOST_FAULTS]:
         echo(fault, err=True)
     if found.faults:
         more = len(found.faults) - _MOST_FAULTS
+        is_altered = root is not None and found.root != root.strip().lower()
+        echo(f"tampered or damaged: {_name_damaged(folder, found.faults, is_altered=is_altered)}", err=True)
         echo(f"{folder}: no{f', and {more:,} faults more' if more > 0 else ''}.", err=True)
         raise typer.Exit(1)
     answer = "yes" if found.is_valid else "cannot be played again"
@@ -171,6 +181,17 @@ def verify(
             f"{len(found.played):,} games played again are equal. If a tenth of the rows were altered, they would miss "
             f"all of them with probability {chance:.2g}."
         )
+
+
+def _name_damaged(folder: Path, faults: Sequence[str], *, is_altered: bool) -> str:
+    """Return the files that faults name; those that the root covers, if it is another one or faults name no file."""
+    from gamms.experiment.folders import JOURNAL, PLAN, SERIES, list_files
+
+    files = list_files(folder)
+    named = [one for one in files if any(one.as_posix() in fault for fault in faults)]
+    covered = [one for one in files if one.name in (PLAN, JOURNAL, SERIES) or one.suffix == ".ggr"]
+    found = {*named, *covered} if is_altered or not named else named
+    return make_printable_line(" or ".join(sorted(one.as_posix() for one in found)))
 
 
 def _print_unplayable(found: "Verification", folder: Path) -> None:
@@ -334,7 +355,7 @@ def tournament(
         values: Any = check_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)
         given = values.pop("seeds")
         with documents.locate_errors("seeds"):
-            seeds = range(given) if isinstance(given, int) else parse_seeds(given)
+            seeds = parse_seeds(given)
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
     with _explain_interrupt(out, lambda: len(read_journal(out / JOURNAL))):

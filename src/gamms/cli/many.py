@@ -14,7 +14,7 @@ from gamms.errors import BadValue, nearest
 from gamms.folders import make_folder, open_whole_file, remove_link, write_csv
 from gamms.limits import allowing, max_memory
 from gamms.progress import show_progress
-from gamms.text import describe_empty_range, make_printable_line, shown
+from gamms.text import describe_empty_range, describe_lone_seed, make_printable_line, shown
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -35,6 +35,8 @@ def parse_seeds(text: str) -> Sequence[int]:
         numbers = [int(one) for one in ((first or "0", last) if colon else text.split(","))]
     except ValueError:
         raise typer.BadParameter(f"{text!r}: give 0:50 or 1,2,5.", param_hint="--seeds") from None
+    if not colon and len(numbers) == 1:
+        raise typer.BadParameter(describe_lone_seed(numbers[0]), param_hint="--seeds")
     if colon and numbers[1] < numbers[0]:
         raise typer.BadParameter(describe_empty_range(text, *numbers), param_hint="--seeds")
     count = numbers[1] - numbers[0] if colon else len(numbers)

@@ -14,7 +14,7 @@ from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.code import find_path
 from gamms.scenario.documents import locate_errors, name_errors, read
-from gamms.text import describe_empty_range, shown
+from gamms.text import describe_empty_range, describe_lone_seed, shown
 
 _KEYS = ("scenario", "seeds", "vary", "sample", "out", "workers")
 _OF_SAMPLE = ("space", "n", "method", "seed")
@@ -77,6 +77,8 @@ def parse_seeds(given: Plain) -> list[int]:
     """
     if isinstance(given, list):
         return given
+    if type(given) is int:
+        raise BadValue(describe_lone_seed(given))
     if not isinstance(given, str):
         raise BadType(f"seeds are a list of integers, or a text such as 0:50, not {shown(given)}.")
     first, colon, last = given.partition(":")
@@ -84,6 +86,8 @@ def parse_seeds(given: Plain) -> list[int]:
         numbers = [int(one) for one in ((first or "0", last) if colon else given.split(","))]
     except ValueError:
         raise BadValue(f"seeds are 0:50 or 1,2,5, not {shown(given)}.") from None
+    if not colon and len(numbers) == 1:
+        raise BadValue(describe_lone_seed(numbers[0]))
     if not colon:
         return numbers
     if numbers[0] > numbers[1]:

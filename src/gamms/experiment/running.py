@@ -223,6 +223,8 @@ def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
 
 def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collect: object) -> _GamePlan:
     base = _as_scenario(scenario).replace()  # type: ignore[arg-type] # which is checked there; with the code of now
+    if isinstance(seeds, int):
+        raise BadType(f"seeds must be integers: [{seeds}] for the one seed, range({max(seeds, 2)}) for the first ones.")
     chosen = as_ids(seeds, "seeds")
     if not chosen or len(set(chosen)) < len(chosen):
         raise BadValue(f"seeds must be different integers, at least one, not {shown(chosen)}.")
