@@ -130,7 +130,9 @@ class Arena:
         """Play an attack; return its row, and what it has changed."""
         bad = self.launchers["bad"]
         bad.allowed = bad.allowed._replace(move_s=0.5 if "time" in LOSES_BY.get(deed, []) else 20.0)
-        row, _ = play(self.game(deed), Fixture("id", {"red": "bad", "blue": "good"}, 1, 1), self.launchers, self.record)
+        row, _ = play(
+            self.game(deed), "secret", Fixture("id", {"red": "bad", "blue": "good"}, 1, 1), self.launchers, self.record
+        )
         changes = [] if self.state() == self.before else ["the file"]
         with suppress(BlockingIOError):
             changes.append(f"received {self.socket.recv(100)}")

@@ -187,7 +187,7 @@ def descendants():
 
 def played(launchers, deed, entry, other="python", move_s=10.0):
     launchers[entry].allowed = launchers[entry].allowed._replace(move_s=move_s)
-    row, logs = play(stays(deed), Fixture("id", {"red": entry, "blue": other}, 1, 1), launchers)
+    row, logs = play(stays(deed), "secret", Fixture("id", {"red": entry, "blue": other}, 1, 1), launchers)
     assert len(descendants()) == len(launchers)
     assert not list(launchers[entry].scratch.iterdir())
     return row, logs
@@ -258,7 +258,7 @@ def test_errors_of_an_entry_are_in_its_log_and_in_the_row(launchers):
 
 
 def test_two_that_fail_in_the_same_turn_both_lose(launchers):
-    row, _ = play(stays("both fail"), Fixture("id", {"red": "python", "blue": "python"}, 1, 1), launchers)
+    row, _ = play(stays("both fail"), "secret", Fixture("id", {"red": "python", "blue": "python"}, 1, 1), launchers)
     assert (row["winner"], row["faults"]) == (None, {"red": "error", "blue": "error"})
     assert count_points({**row, "entries": {"red": "a", "blue": "b"}}) == {"a": 0.0, "b": 0.0}
 

@@ -46,6 +46,7 @@ def walk(state):
 def fail(state):
     raise ValueError(str(object()))
 """
+SECRET = "00112233445566778899aabbccddeeff"
 NAMES = ("hunt", "run_away", "walk", "fail")
 GIVEN = {name: f"entries.py:{name}" for name in NAMES}
 
@@ -205,15 +206,17 @@ def test_a_killed_worker_and_a_killed_runner_change_nothing(folder):
     resumed = played("killed", seeds=range(4), entries=entries, workers=2)
     assert len(journal.read_text().splitlines()) == 8
     assert not (folder / "killed" / "scratch").exists()
-    assert resumed.rows[-2:] == played("alone", seeds=[3], entries=entries).rows
+    secret = resumed.runs[0]["secret"]
+    assert resumed.rows[-2:] == played("alone", seeds=[3], entries=entries, secret=secret).rows
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_of_ray_gives_the_same_table(folder):
     pytest.importorskip("ray")
-    there = played("there", executor="ray", workers=2, record=False)
-    assert there.rows == played("here", workers=4, record=False).rows == played("alone", record=False).rows
+    there = played("there", executor="ray", workers=2, record=False, secret=SECRET)
+    here = played("here", workers=4, record=False, secret=SECRET)
+    assert there.rows == here.rows == played("alone", record=False, secret=SECRET).rows
 
 
 def test_a_file_describes_a_tournament(folder):

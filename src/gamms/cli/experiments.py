@@ -343,6 +343,9 @@ def tournament(
             min=1, help="How many games at once. By default as many as cores.", metavar="N", show_default=False
         ),
     ] = None,
+    secret: Annotated[
+        str | None, typer.Option(help="The published secret of an earlier run, to repeat its games.", metavar="SECRET")
+    ] = None,
 ) -> None:
     """Let entries play each other, confined."""
     from gamms import scenario, tournament
@@ -359,6 +362,8 @@ def tournament(
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
     with _explain_interrupt(out, lambda: len(read_journal(out / JOURNAL))):
-        table = tournament.run(game, seeds=seeds, out=out, workers=workers or count_cores(), folder=folder, **values)
+        table = tournament.run(
+            game, seeds=seeds, out=out, workers=workers or count_cores(), folder=folder, secret=secret, **values
+        )
     echo(str(table))
     echo(f"\nWrote {out / 'index.html'} (all results), {out / 'games'} (recordings; gamms replay, gamms render).")

@@ -90,8 +90,18 @@ def find_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private:
         entry = make(name, texts[name], places)
         if copies.exists():
             entry = entry._replace(copy=str(copies.absolute()), published=f"entries/{number:02d}")
+        _refuse_readable(out, entry)
         entries.append(entry)
     return entries
+
+
+def _refuse_readable(out: Path, entry: Entry) -> None:
+    """Check that an entry cannot read the folder of the tournament, which has a secret until the end."""
+    for one in (*entry.readable, *(() if entry.command else list_python_folders())):
+        if out.resolve().is_relative_to(Path(one).resolve()):
+            raise BadValue(
+                f"The entry {entry.name!r} may read {one!r}, where {str(out)!r} lies. Choose another folder."
+            )
 
 
 def publish(entries: Iterable[Entry], out: Path) -> None:

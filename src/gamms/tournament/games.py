@@ -1,11 +1,10 @@
 """One game between two entries: the questions to each entry, and the row of the game."""
 
-import hashlib
 import re
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 from gamms.context import Context
 from gamms.plain import as_json, select_plain, to_plain
@@ -14,6 +13,7 @@ from gamms.scenario.code import name_private_package
 from gamms.text import make_printable, make_printable_line, remove_addresses, shown
 from gamms.tournament.host import frame_question
 from gamms.tournament.players import Answer, EntryFault, EntryProcess, Fault, Launcher
+from gamms.tournament.runs import hash_secret, make_seed
 from gamms.typing.agent_engine import AgentType
 from gamms.typing.sensor_engine import SensorType
 
@@ -38,7 +38,7 @@ class Fixture(NamedTuple):
     Attributes:
         id: the digest of everything that determines the game.
         entries: team -> the entry that plays it.
-        seed: the seed of the game.
+        seed: the label from which, with the secret of the run, all seeds of the game follow.
         round: the round of the tournament, from 1.
     """
 
@@ -53,6 +53,7 @@ class Row(TypedDict):
 
     Attributes:
         id, round, seed: see `Fixture`.
+        run: the SHA-256 of the secret of its run; tables of older versions do not have it.
         entries: team -> the entry that played it.
         winner: the team that won; None: neither.
         reason: why the game ended.
@@ -64,6 +65,7 @@ class Row(TypedDict):
     """
 
     id: str
+    run: NotRequired[str]
     round: int
     seed: int
     entries: dict[str, str]
@@ -74,11 +76,6 @@ class Row(TypedDict):
     scores: dict[str, float]
     faults: dict[str, str]
     details: dict[str, str]
-
-
-def make_entry_seed(seed: int, team: str) -> int:
-    """Return the seed for an entry's own draws; the seed of the game cannot be derived from it."""
-    return int.from_bytes(hashlib.sha256(f"tournament/{seed}/{team}".encode()).digest()[:7], "big")
 
 
 def _stay(states: Mapping[str, dict[str, Any]]) -> None:
@@ -172,18 +169,19 @@ class _Referee:
 
 
 def play(
-    scenario: Scenario, fixture: Fixture, launchers: Mapping[str, Launcher], record: Path | None = None
+    scenario: Scenario, secret: str, fixture: Fixture, launchers: Mapping[str, Launcher], record: Path | None = None
 ) -> tuple[Row, dict[str, bytes]]:
     """Play a game; return its row and, by team, the log of the entry.
 
     Args:
         scenario: the scenario of the game.
+        secret: the secret of the run.
         fixture: who plays which team, with which seed.
         launchers: entry name -> launcher.
         record: the file of a recording; None: do not record.
     """
     with ExitStack() as open_things:
-        ctx = open_things.enter_context(scenario.build(fixture.seed))
+        ctx = open_things.enter_context(scenario.build(make_seed(secret, fixture.seed)))
         game = ctx.game
         game.on_illegal = "stay"
         game.time_budget = None
@@ -191,7 +189,9 @@ def play(
             team: open_things.enter_context(EntryProcess(launchers[one])) for team, one in fixture.entries.items()
         }
         sides = {
-            team: _EntrySide(player, ctx, team, _start(ctx, team, fixture, player.launcher))
+            team: _EntrySide(
+                player, ctx, team, _start(ctx, team, make_seed(secret, fixture.seed, team), player.launcher)
+            )
             for team, player in players.items()
         }
         for team, side in sides.items():
@@ -204,6 +204,7 @@ def play(
     winner, reason = _forfeit(sides) if faults else (result.winner, result.reason)
     row = Row(
         id=fixture.id,
+        run=hash_secret(secret),
         round=fixture.round,
         seed=fixture.seed,
         entries=fixture.entries,
@@ -220,23 +221,23 @@ def play(
     }
 
 
-def try_entry(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launcher) -> str | None:
+def try_entry(scenario: Scenario, secret: str, seed: int, sides: tuple[str, str], launcher: Launcher) -> str | None:
     """Ask an entry once, in a game in which the other side stays; return why it cannot play, or None if it can.
 
     Args:
         scenario: the scenario of the game.
-        seed: the seed of the game.
+        secret: the secret of the run.
+        seed: the label of the game.
         sides: the team that the entry plays, and the other one.
         launcher: the launcher of the entry.
     """
     team, other = sides
     with ExitStack() as open_things:
-        ctx = open_things.enter_context(scenario.build(seed))
+        ctx = open_things.enter_context(scenario.build(make_seed(secret, seed)))
         ctx.game.on_illegal = "stay"
         ctx.game.time_budget = None
         player = open_things.enter_context(EntryProcess(launcher))
-        fixture = Fixture("", {team: launcher.entry.name}, seed, 0)
-        side = _EntrySide(player, ctx, team, _start(ctx, team, fixture, launcher))
+        side = _EntrySide(player, ctx, team, _start(ctx, team, make_seed(secret, seed, team), launcher))
         ctx.game.command(team, side.plan)
         ctx.game.command(other, _stay)
         ctx.game.add(_Referee({team: side}))
@@ -262,11 +263,11 @@ def _make_readable(player: EntryProcess, text: str) -> str:
     return remove_addresses(make_printable(text))
 
 
-def _start(ctx: Context, team: str, fixture: Fixture, launcher: Launcher) -> dict[str, Any]:
+def _start(ctx: Context, team: str, seed: int, launcher: Launcher) -> dict[str, Any]:
     """Return the start message of an entry: its team, all agents by name and team, its own seed."""
     start = {
         "team": team,
-        "seed": make_entry_seed(fixture.seed, team),
+        "seed": seed,
         "max_turns": ctx.game.max_turns,
         "move_seconds": launcher.allowed.move_s,
     }

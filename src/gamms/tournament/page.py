@@ -9,7 +9,7 @@ from gamms.experiment.statistics import FEW_SEEDS
 from gamms.folders import write_whole
 from gamms.tournament.games import Row
 from gamms.tournament.players import FAULTS
-from gamms.tournament.table import Rating, Table, count_points
+from gamms.tournament.table import Rating, Table, count_points, identify_seed, list_notes
 
 PAGE = "index.html"
 _MOST_FAULTS = 1_000  # games that are listed with their fault
@@ -39,9 +39,8 @@ def write_page(table: Table, folder: Path, title: str) -> None:
     ]
     head = f"{_OPENING}<title>{escape(title)}</title><style>{_STYLE}</style>"
     policy = "<meta http-equiv=Content-Security-Policy content=\"default-src 'none'; style-src 'unsafe-inline'\">"
-    missing = f"<p>Not enforced on this system: {escape('; '.join(table.not_enforced))}.</p>"
-    unready = "".join(f"<p>{escape(f'{name} cannot play: {reason}')}</p>" for name, reason in table.not_ready.items())
-    body = f"<h1>{escape(title)}</h1>{missing if table.not_enforced else ''}{unready}{''.join(sections)}"
+    notes = "".join(f"<p>{escape(note)}</p>" for note in list_notes(table))
+    body = f"<h1>{escape(title)}</h1>{notes}{''.join(sections)}"
     write_whole(folder / PAGE, f"{head}{policy}<body>{body}</body></html>\n".encode())
 
 
@@ -81,7 +80,7 @@ def _write_interval(low: str, high: str) -> str:
 
 
 def _explain_sample_size(table: Table) -> str:
-    seeds = len({row["seed"] for row in table.rows})
+    seeds = len({identify_seed(row) for row in table.rows})
     return f" Bootstrap intervals of up to {FEW_SEEDS} seeds may be too narrow." if seeds <= FEW_SEEDS else ""
 
 

@@ -9,9 +9,9 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
 from itertools import chain, combinations, product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypedDict, TypeVar
+from typing import Any, Literal, NamedTuple, NotRequired, TypedDict, TypeVar
 
-from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
+from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive, as_text
 from gamms.errors import BadFile, BadType, BadValue, GammsError, WriteConflict
 from gamms.experiment.digests import compute_digest
 from gamms.experiment.folders import JOURNAL, Journal, read_journal
@@ -26,6 +26,7 @@ from gamms.tournament.entries import SCRATCH, Entry, EntrySpec, find_entries, pu
 from gamms.tournament.games import MOST_TURNS, Fixture, Row
 from gamms.tournament.page import write_page
 from gamms.tournament.players import ResourceLimits
+from gamms.tournament.runs import SUFFIX, Run, begin_run, check_runs
 from gamms.tournament.scratch import remove_folder
 from gamms.tournament.table import Table
 from gamms.tournament.workers import Task, TournamentSettings, TrialResult, close_launchers, play, run_trial
@@ -33,7 +34,7 @@ from gamms.versions import versions
 from gamms.workers import WorkerPool, count_cores, wait_for_first, wait_for_result
 
 MANIFEST = "tournament.json"
-_FORMAT = "gamms tournament 1"
+_FORMAT = "gamms tournament 2"
 _LEAST_MB = 64
 _MAP = "map.gamms"
 _FOLDERS = (SCRATCH, "entries", "games", "logs")
@@ -54,9 +55,9 @@ _Pair = tuple[_EntryKey, _EntryKey]
 
 
 class _Manifest(TypedDict):
-    """The contents of a tournament's manifest file."""
+    """The contents of a tournament's manifest file; in format 1, seeds of games had no secret."""
 
-    format: Literal["gamms tournament 1"]
+    format: Literal["gamms tournament 1", "gamms tournament 2"]
     scenario: str
     sides: list[str]
     move_seconds: float
@@ -67,6 +68,7 @@ class _Manifest(TypedDict):
     entries: dict[str, str]
     seeds: list[int]
     rounds: int | None
+    runs: NotRequired[list[Run]]
     not_enforced: list[str]
     not_ready: dict[str, str]
 
@@ -81,7 +83,7 @@ class _Schedule(NamedTuple):
     Attributes:
         entries: all entries, sorted by name.
         sides: the two teams that they play.
-        seeds: the seeds of the games of each pair of entries.
+        seeds: the labels of the games of each pair of entries.
         rounds: the number of rounds of a Swiss tournament; None: every entry plays every other.
         game: the values of `_GAME`.
     """
@@ -164,17 +166,19 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     executor: Executor | str | None = None,
     record: bool = True,
     folder: str | os.PathLike[str] | None = None,
+    secret: str | None = None,
 ) -> Table:
     """Play entries against each other on both sides with the same seeds, and return the table.
 
     Each entry is tried before the first game. An entry that cannot play is named by a warning and in `not_ready` of
     the table, and loses its games. An interrupted tournament continues when it is run again with the same `out`, even
-    after a crash.
+    after a crash. All seeds follow from a random secret, which is published with the table; games that are added later
+    have another one.
 
     Args:
         scenario: the game.
         entries: name -> `file.py:function`, `module:function`, or a program and its arguments; see docs/tournaments.md.
-        seeds: the seeds of the games of each pair of entries.
+        seeds: integers that label the games of each pair of entries.
         out: the folder for all files of the tournament.
         move_seconds: seconds of wall-clock time that an entry may take for a move.
         memory_mb: the memory in MiB that the process of an entry may use.
@@ -184,9 +188,11 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         executor: plays instead: any executor of `concurrent.futures` on this machine, or "ray".
         record: whether to keep a recording of each game, in `out/games`.
         folder: the folder that relative paths of entries start from; None: the current folder.
+        secret: the secret of an earlier run, to repeat its games, as in `table.runs`; None: a new one.
 
     Raises:
-        BadType, BadValue: there are too few entries, sides or seeds, or a limit is too low.
+        BadType, BadValue: there are too few entries, sides or seeds, a limit is too low, or an entry may read
+            `out`.
         UnknownName (KeyError): the scenario does not have a team of this name.
         ScenarioError (ValueError): the function of an entry does not exist, or the scenario cannot be built.
         WriteConflict (RuntimeError): another tournament was or is played in this folder.
@@ -203,6 +209,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     allowed = _make_limits(scenario, move_seconds, memory_mb)
     number = None if rounds is None else as_count(rounds, "rounds", 1)
     games = where / "games" if as_bool(record, "record") else None
+    given = None if secret is None else as_text(secret, "secret")
     chosen, is_own = get_executor(executor, workers)
     with lock_folder(where):
         for name in _FOLDERS:
@@ -210,7 +217,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         private = [one for one in (scenario.file, scenario.folder) if one is not None]
         game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
         manifest = {"scenario": compute_digest(scenario), **game}
-        _refuse_other(where, manifest)
+        runs = _find_runs(where, manifest)
+        check_runs(runs, read_journal(where / JOURNAL, Row).values())
         remove_folder(where / SCRATCH)  # of an interrupted tournament
         runner = None
         try:
@@ -218,26 +226,14 @@ def run(  # noqa: PLR0913 - each option is independent of the others
                 found = find_entries(entries, base, where, private)
                 ctx.graph.save(remove_link(where / _MAP))
             plan = _Schedule([_EntryKey(one.name, one.digest) for one in found], teams, numbers, number, manifest)
+            planned = {"entries": dict(plan.entries), "seeds": numbers, "rounds": number}
+            key = begin_run(where, runs, planned, given)
             settings = TournamentSettings(
-                scenario, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory()
+                scenario, key, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory()
             )
             runner = _Runner(settings, chosen, workers, Journal(where, Row))
             (where / SCRATCH).mkdir(exist_ok=True)
-            not_ready, missing = _try_entries(runner, found, teams, numbers[0])
-            written = {
-                "format": _FORMAT,
-                **manifest,
-                "entries": dict(plan.entries),
-                "seeds": numbers,
-                "rounds": number,
-                "not_enforced": missing,
-                "not_ready": not_ready,
-            }
-            write_whole(where / MANIFEST, (json.dumps(written, indent=1) + "\n").encode())
-            table = runner.play(plan, {one.name: one for one in found})
-            table.not_enforced = missing
-            table.not_ready = not_ready
-            publish(found, where)
+            table = _play_run(runner, plan, found, where, {"format": _FORMAT, **manifest, **planned, "runs": runs}, key)
         finally:
             if runner is not None:
                 runner.close(is_own=is_own)
@@ -253,7 +249,7 @@ def load(out: str | os.PathLike[str]) -> Table:
         out: the folder.
 
     Raises:
-        BadFile: the folder does not hold a tournament, or is damaged.
+        BadFile: the folder does not hold a tournament, or is damaged or tampered with.
         TooLarge: the tournament would take more memory than allowed.
     """
     where = as_path(out, "out")
@@ -271,9 +267,12 @@ def load(out: str | os.PathLike[str]) -> Table:
     game = {name: manifest[name] for name in _GAME}  # type: ignore[literal-required] # of a tuple of such
     plan = _Schedule(players, (manifest["sides"][0], manifest["sides"][1]), manifest["seeds"], rounds, game)
     rows = list[Row]()
-    for _ in plan.list_fixtures(read_journal(where / JOURNAL, Row), rows):
+    known = read_journal(where / JOURNAL, Row)
+    check_runs(manifest.get("runs", []), known.values())
+    for _ in plan.list_fixtures(known, rows):
         pass
     table = Table(rows, [one.name for one in players])
+    table.runs = manifest.get("runs", [])
     table.not_enforced = manifest["not_enforced"]
     table.not_ready = manifest["not_ready"]
     return table
@@ -319,15 +318,35 @@ def _try_entries(
     return not_ready, next(iter(trials.values())).not_enforced
 
 
-def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
-    """Check that a folder holds no other tournament."""
+def _play_run(
+    runner: "_Runner", plan: _Schedule, entries: list[Entry], where: Path, manifest: dict[str, Any], secret: str
+) -> Table:
+    """Try the entries and play all games, with the manifest written before, and with the secret afterwards."""
+    not_ready, missing = _try_entries(runner, entries, plan.sides, plan.seeds[0])
+    manifest |= {"not_enforced": missing, "not_ready": not_ready}
+    write_whole(where / MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode())
+    table = runner.play(plan, {one.name: one for one in entries})
+    table.runs = manifest["runs"]
+    table.not_enforced = missing
+    table.not_ready = not_ready
+    publish(entries, where)
+    table.runs[-1]["secret"] = secret
+    write_whole(where / MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode())
+    for file in where.glob(f"*{SUFFIX}"):
+        file.unlink()
+    return table
+
+
+def _find_runs(where: Path, game: Mapping[str, Any]) -> list[Run]:
+    """Return the runs of the tournament in a folder, and check that it is this one."""
     try:
-        before = read_json(where / MANIFEST, "the file of a tournament", dict[str, Any])
+        before = read_json(where / MANIFEST, "the file of a tournament", _Manifest)
     except FileNotFoundError:
-        return
+        return []
     changed = [key for key, value in {"format": _FORMAT, **game}.items() if before.get(key) != value]
     if changed:
         raise WriteConflict(f"{str(where)!r} has a tournament with another {changed[0]}. Choose another folder.")
+    return before.get("runs", [])
 
 
 class _Runner:

@@ -14,6 +14,7 @@ from gamms.experiment.statistics import Interval, estimate_mean, estimate_rate_o
 from gamms.ir.graph import FloatArray
 from gamms.text import make_printable_line
 from gamms.tournament.games import Row
+from gamms.tournament.runs import Run
 
 WIN = 1.0
 DRAW = 0.5
@@ -99,6 +100,20 @@ def count_points(row: Row) -> dict[str, float]:
     return {entry: WIN if team == row["winner"] else 0.0 for team, entry in row["entries"].items()}
 
 
+def identify_seed(row: Row) -> tuple[str | None, int]:
+    """Return what games share if they begin alike: the run and the label."""
+    return row.get("run"), row["seed"]
+
+
+def list_notes(table: "Table") -> list[str]:
+    """Return what a reader of a table has to know: entries that cannot play, given secrets, limits not enforced."""
+    notes = [f"{make_printable_line(name)} cannot play: {reason}" for name, reason in table.not_ready.items()]
+    notes += [f"The secret of the run {run['sha256']} was given." for run in table.runs if run["is_given"]]
+    if table.not_enforced:
+        notes.append(f"Not enforced on this system: {'; '.join(table.not_enforced)}.")
+    return notes
+
+
 class Table:
     """The results of a tournament. `print(table)` shows the ranking.
 
@@ -111,6 +126,7 @@ class Table:
         entries: see above.
         not_enforced: descriptions of the limits that the system could not enforce.
         not_ready: entry -> why it failed its trial before the first game.
+        runs: the runs in which the games were played, with their secrets.
     """
 
     def __init__(self, rows: Sequence[Row], entries: Sequence[str]) -> None:
@@ -118,6 +134,7 @@ class Table:
         self.entries = as_items(entries, "entries", "names")
         self.not_enforced = list[str]()
         self.not_ready = dict[str, str]()
+        self.runs = list[Run]()
         for name in set(chain.from_iterable(row["entries"].values() for row in self.rows)):
             as_known(name, "entry", self.entries)
         self._payoffs: dict[tuple[str, str], Payoff] | None = None
@@ -150,10 +167,10 @@ class Table:
         Hunter, The Annals of Statistics 32, 2004.
         """
         numbers = {name: number for number, name in enumerate(self.entries)}
-        by_seed: dict[int, list[tuple[int, int, float]]] = {}
+        by_seed: dict[object, list[tuple[int, int, float]]] = {}
         for row in self.rows:
             points = count_points(row)
-            games = by_seed.setdefault(row["seed"], [])
+            games = by_seed.setdefault(identify_seed(row), [])
             if sum(points.values()) > 0.0:
                 games += [(numbers[one], numbers[other], points[one]) for one, other in permutations(points)]
         won = np.zeros((len(by_seed), len(numbers), len(numbers)))
@@ -171,7 +188,7 @@ class Table:
             MissingExtra: SciPy is not installed.
         """
         if self._payoffs is None:
-            games: dict[tuple[str, str], dict[int, list[tuple[float, float]]]] = {}
+            games: dict[tuple[str, str], dict[object, list[tuple[float, float]]]] = {}
             for row in self.rows:
                 points = count_points(row)
                 scores = {row["entries"][team]: one for team, one in row["scores"].items()}
@@ -179,7 +196,7 @@ class Table:
                     first = pair[0]
                     second = pair[1]
                     value = points[first], scores[first] - scores[second]
-                    games.setdefault((first, second), {}).setdefault(row["seed"], []).append(value)
+                    games.setdefault((first, second), {}).setdefault(identify_seed(row), []).append(value)
             self._payoffs = {pair: _estimate_payoff(by_seed) for pair, by_seed in sorted(games.items())}
         return self._payoffs
 
@@ -228,13 +245,10 @@ class Table:
             ).rstrip()
             for line in lines
         )
-        notes = [f"{make_printable_line(name)} cannot play: {reason}" for name, reason in self.not_ready.items()]
-        if self.not_enforced:
-            notes.append(f"Not enforced on this system: {'; '.join(self.not_enforced)}.")
-        return "\n".join([text, *notes])
+        return "\n".join([text, *list_notes(self)])
 
 
-def _estimate_payoff(by_seed: dict[int, list[tuple[float, float]]]) -> Payoff:
+def _estimate_payoff(by_seed: dict[object, list[tuple[float, float]]]) -> Payoff:
     games = sum(map(len, by_seed.values()))
     points = [fmean(point for point, _ in some) for some in by_seed.values()]
     scores = [fmean(score for _, score in some) for some in by_seed.values()]

@@ -23,6 +23,7 @@ class TournamentSettings(NamedTuple):
 
     Attributes:
         scenario: the scenario of the games.
+        secret: the secret of the run, from which the seeds follow.
         map: the file of its map.
         scratch: the folder for the scratch folders of entries.
         allowed: the resources that an entry may use.
@@ -32,6 +33,7 @@ class TournamentSettings(NamedTuple):
     """
 
     scenario: Scenario
+    secret: str
     map: Path
     scratch: Path
     allowed: ResourceLimits
@@ -92,7 +94,7 @@ def _play_fixture(settings: TournamentSettings, fixture: Fixture, launchers: dic
     if settings.games is not None:
         settings.games.mkdir(exist_ok=True)
         record = remove_link(settings.games / f"{fixture.id}.ggr")
-    row, logs = games.play(settings.scenario, fixture, launchers, record)
+    row, logs = games.play(settings.scenario, settings.secret, fixture, launchers, record)
     for team in row["faults"]:
         if logs[team]:
             settings.logs.mkdir(exist_ok=True)
@@ -127,13 +129,14 @@ def run_trial(
         settings: the pickled `TournamentSettings`.
         entry: the entry.
         sides: the team that the entry plays, and the other one.
-        seed: the seed of the trial game.
+        seed: the label of the trial game.
         keeps_launchers: see `Task`.
     """
     known: TournamentSettings = load_settings(settings)
     with allowing(known.memory):
         launcher = _make_launcher(settings, entry)
-        found = TrialResult(games.try_entry(known.scenario, seed, sides, launcher), launcher.list_missing())
+        reason = games.try_entry(known.scenario, known.secret, seed, sides, launcher)
+        found = TrialResult(reason, launcher.list_missing())
     if not keeps_launchers:
         close_launchers()
     return found
