@@ -1,8 +1,10 @@
-"""One game between two entries: the questions to each entry, and the row of the game."""
+"""One game between two entries: its seeds, the questions to each entry, and the row of the game."""
 
+import hmac
 import re
 from collections.abc import Mapping
 from contextlib import ExitStack
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple, NotRequired, TypedDict
 
@@ -13,7 +15,6 @@ from gamms.scenario.code import name_private_package
 from gamms.text import make_printable, make_printable_line, remove_addresses, shown
 from gamms.tournament.host import frame_question
 from gamms.tournament.players import Answer, EntryFault, EntryProcess, Fault, Launcher
-from gamms.tournament.runs import hash_secret, make_seed
 from gamms.typing.agent_engine import AgentType
 from gamms.typing.sensor_engine import SensorType
 
@@ -76,6 +77,40 @@ class Row(TypedDict):
     scores: dict[str, float]
     faults: dict[str, str]
     details: dict[str, str]
+
+
+class Run(TypedDict):
+    """One run of a tournament.
+
+    Attributes:
+        sha256: the SHA-256 of the secret.
+        secret: the secret; None: the run has not ended.
+        is_given: whether the caller gave the secret.
+        entries: name -> digest of the entry.
+        seeds: the labels of the games of each pair of entries.
+        rounds: the number of rounds of a Swiss tournament; None: every entry plays every other.
+    """
+
+    sha256: str
+    secret: str | None
+    is_given: bool
+    entries: dict[str, str]
+    seeds: list[int]
+    rounds: int | None
+
+
+def make_seed(secret: str, *names: str | int) -> int:
+    """Return the first 62 bits of the HMAC-SHA-256 of the names, joined by "/", under the secret.
+
+    Neither the secret nor other seeds can be computed from them.
+    """
+    digest = hmac.digest(secret.encode(), "/".join(map(str, names)).encode(), "sha256")
+    return int.from_bytes(digest[:8], "big") >> 2
+
+
+def hash_secret(secret: str) -> str:
+    """Return the SHA-256 of a secret, which is published before its games."""
+    return sha256(secret.encode()).hexdigest()
 
 
 def _stay(states: Mapping[str, dict[str, Any]]) -> None:

@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import pickle
+import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
@@ -17,16 +18,15 @@ from gamms.experiment.digests import compute_digest
 from gamms.experiment.folders import JOURNAL, Journal, read_journal
 from gamms.experiment.running import InProcessExecutor, get_executor
 from gamms.experiment.variants import compute_row_id
-from gamms.folders import lock_folder, read_json, refuse_link, remove_link, write_whole
+from gamms.folders import lock_folder, read_bytes, read_json, refuse_link, remove_link, write_whole
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import show_progress
 from gamms.scenario import Scenario
 from gamms.text import make_printable_line, shown
 from gamms.tournament.entries import SCRATCH, Entry, EntrySpec, find_entries, publish
-from gamms.tournament.games import MOST_TURNS, Fixture, Row
+from gamms.tournament.games import MOST_TURNS, Fixture, Row, Run, hash_secret
 from gamms.tournament.page import write_page
 from gamms.tournament.players import ResourceLimits
-from gamms.tournament.runs import SUFFIX, Run, begin_run, check_runs
 from gamms.tournament.scratch import remove_folder
 from gamms.tournament.table import Table
 from gamms.tournament.workers import Task, TournamentSettings, TrialResult, close_launchers, play, run_trial
@@ -37,6 +37,8 @@ MANIFEST = "tournament.json"
 _FORMAT = "gamms tournament 2"
 _LEAST_MB = 64
 _MAP = "map.gamms"
+_SUFFIX = ".secret"  # of the file that has the secret of a run until the run has ended
+_SECRET_BYTES = 16
 _FOLDERS = (SCRATCH, "entries", "games", "logs")
 _GAMES_OF_A_TASK = 10
 _ATTEMPTS = 3  # attempts at a task whose process dies
@@ -218,7 +220,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
         manifest = {"scenario": compute_digest(scenario), **game}
         runs = _find_runs(where, manifest)
-        check_runs(runs, read_journal(where / JOURNAL, Row).values())
+        _check_runs(runs, read_journal(where / JOURNAL, Row).values())
         remove_folder(where / SCRATCH)  # of an interrupted tournament
         runner = None
         try:
@@ -227,7 +229,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
                 ctx.graph.save(remove_link(where / _MAP))
             plan = _Schedule([_EntryKey(one.name, one.digest) for one in found], teams, numbers, number, manifest)
             planned = {"entries": dict(plan.entries), "seeds": numbers, "rounds": number}
-            key = begin_run(where, runs, planned, given)
+            key = _begin_run(where, runs, planned, given)
             settings = TournamentSettings(
                 scenario, key, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory()
             )
@@ -268,7 +270,7 @@ def load(out: str | os.PathLike[str]) -> Table:
     plan = _Schedule(players, (manifest["sides"][0], manifest["sides"][1]), manifest["seeds"], rounds, game)
     rows = list[Row]()
     known = read_journal(where / JOURNAL, Row)
-    check_runs(manifest.get("runs", []), known.values())
+    _check_runs(manifest.get("runs", []), known.values())
     for _ in plan.list_fixtures(known, rows):
         pass
     table = Table(rows, [one.name for one in players])
@@ -332,7 +334,7 @@ def _play_run(
     publish(entries, where)
     table.runs[-1]["secret"] = secret
     write_whole(where / MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode())
-    for file in where.glob(f"*{SUFFIX}"):
+    for file in where.glob(f"*{_SUFFIX}"):
         file.unlink()
     return table
 
@@ -347,6 +349,57 @@ def _find_runs(where: Path, game: Mapping[str, Any]) -> list[Run]:
     if changed:
         raise WriteConflict(f"{str(where)!r} has a tournament with another {changed[0]}. Choose another folder.")
     return before.get("runs", [])
+
+
+def _begin_run(folder: Path, runs: list[Run], plan: Mapping[str, Any], given: str | None) -> str:
+    """Return the secret of the last run if it has this plan; else end it, append a new run and return its secret.
+
+    Args:
+        folder: the folder of the tournament.
+        runs: its runs.
+        plan: the keys `entries`, `seeds` and `rounds` of a `Run`.
+        given: the secret that the caller gave.
+
+    Raises:
+        BadFile: the secret of an interrupted run is lost.
+    """
+    for last in runs[-1:]:
+        file = folder / f"{last['sha256']}{_SUFFIX}"
+        known = last["secret"]
+        if known is None:
+            known = read_bytes(file).decode(errors="replace") if file.exists() else ""
+        if hash_secret(known) != last["sha256"]:
+            raise BadFile(
+                f"The secret of the interrupted run is not in {str(file)!r}. Put it back, or use another folder."
+            )
+        if {**last, **plan} == last and given in (None, known):
+            return known
+        last["secret"] = known
+    secret = secrets.token_hex(_SECRET_BYTES) if given is None else given
+    hashed = hash_secret(secret)
+    file = folder / f"{hashed}{_SUFFIX}"
+    file.unlink(missing_ok=True)
+    with open(file, "xb", opener=partial(os.open, mode=0o600)) as stream:
+        stream.write(secret.encode())
+    runs.append({"sha256": hashed, "secret": None, "is_given": given is not None, **plan})  # type: ignore[typeddict-item] # the plan has the other keys
+    return secret
+
+
+def _check_runs(runs: Sequence[Run], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Check that published secrets have their SHA-256, and that each row belongs to a run.
+
+    Raises:
+        BadFile: the folder has been tampered with.
+    """
+    for run in runs:
+        if run["secret"] is not None and hash_secret(run["secret"]) != run["sha256"]:
+            raise BadFile(
+                f"The secret of a run does not have its SHA-256, {shown(run['sha256'])}: tampered or damaged."
+            )
+    hashes: set[str | None] = {run["sha256"] for run in runs} or {None}
+    for row in rows:
+        if row.get("run") not in hashes:
+            raise BadFile(f"The row {shown(row['id'])} belongs to no run of the tournament: tampered or damaged.")
 
 
 class _Runner:

@@ -13,8 +13,7 @@ from gamms.arguments import as_items, as_known
 from gamms.experiment.statistics import Interval, estimate_mean, estimate_rate_of_seeds
 from gamms.ir.graph import FloatArray
 from gamms.text import make_printable_line
-from gamms.tournament.games import Row
-from gamms.tournament.runs import Run
+from gamms.tournament.games import Row, Run
 
 WIN = 1.0
 DRAW = 0.5
