@@ -389,3 +389,10 @@ def test_impossible_arguments_are_refused(tag, options, error, words):
 def test_an_action_for_no_agent_is_refused(tag):
     with pytest.raises(UnknownName, match="Did you mean 'ann'"):
         play(tag, lambda state: Model(state).play(1, {"anna": 3}), 1)
+
+
+def test_the_seed_of_a_fork_for_deciders_does_not_follow_from_that_of_the_game(tag):
+    def look(state):
+        return state["fork"](3).game.ctx.seed
+
+    assert play(tag, look, turns=1, seed=4711) == play(tag, look, turns=1, seed=4712)

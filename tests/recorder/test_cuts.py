@@ -56,6 +56,12 @@ def test_others_are_there_while_sensors_of_the_team_see_them():
     assert names_in(data) == [alone, both, alone, both, both]  # nothing was sensed behind the last turn
 
 
+def test_a_cut_has_no_seed():
+    whole = recorded(lambda ctx: ctx.game.run(4), pair_on_a_grid(seed=471100004711), sensed=True)
+    assert "471100004711" in everything_in(whole)
+    assert "471100004711" not in everything_in(cut_of(whole, "red"))
+
+
 def test_a_teammate_that_comes_before_the_agents_look_is_in_the_cut():
     ctx = pair_on_a_grid()
 

@@ -32,7 +32,7 @@ import hmac
 import os
 from pathlib import Path
 
-GUESSES = 1000
+LABELS = range(4000, 5000)
 TEAMS = ("red", "blue")
 
 
@@ -44,7 +44,7 @@ def list_hashes(label, team):
 
 
 def spy(ctx):
-    numbers = {size: {int.from_bytes(one[:size], "big") for label in range(GUESSES) for team in TEAMS
+    numbers = {size: {int.from_bytes(one[:size], "big") for label in LABELS for team in TEAMS
                       for one in list_hashes(label, team)} for size in (6, 7, 8)}
     found = [ctx.seed in numbers[size] or ctx.seed in {one >> 2 for one in numbers[size]} for size in (6, 7, 8)]
     opened = []
