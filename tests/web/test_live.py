@@ -20,6 +20,7 @@ from shown_game import ShownGame
 import gamms
 from gamms import recorder, scenario, strategies, web
 from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
+from gamms.ir.packing import to_bytes
 from gamms.knowledge.sides import list_sides
 from gamms.recorder.errors import Damaged
 from gamms.typing import OpCodes
@@ -172,19 +173,70 @@ def test_all_are_told_how_many_others_watch_as_they_come_and_go_at_most_once_a_s
         assert max(len(watching(client)) for client in clients) <= 2 + seconds  # one of them when it joined
 
 
-def test_who_comes_late_begins_with_a_keyframe(join):
-    with web.serve(HUNT, is_paused=True) as live:
-        admin = join(live.links["admin"])
-        admin.say(type="step")
-        admin.read_turns(1)
-        for link in (live.url, live.links["red"]):
-            late = join(link)
-            known = [(0, True), (1, False)], [(1, True)]  # the first where another has been sent it
-            late.read(lambda client, known=known: client.bytes and client.parts() in known)
-        admin.say(type="step")
-        admin.say(type="step")  # a turn is shown to a team when it senses, as the next one begins
-        late.read(lambda client: not client.parts()[-1][1])
-        assert late.parts()[-1][0] == 2
+def test_who_comes_late_receives_all_that_those_received_who_came_early(join):
+    short = HUNT.replace(max_turns=15)
+    audiences = [web.links.Audience(), web.links.Audience("red"), web.links.Audience(agents=frozenset({"blue_1"}))]
+    with web.serve(short, speed=None, is_paused=True) as live:
+        links = [live.link(web.links.LinkPermissions(f"link {one}", one)) for one in audiences]
+        early = [join(link) for link in links]
+        for client in early:
+            client.read(lambda client: client.bytes)
+        live.pace.pause(is_paused=False)
+        known = [contents(client.read_turns(15)) for client in early]
+        early[1].socket.close()
+        for link, one in zip(links, known, strict=True):
+            again = join(link)
+            assert contents(again.read_turns(15)) == one
+        live.link(web.links.LinkPermissions("blue", web.links.Audience("blue")))
+        late = join(live.links["blue"])  # the first of its audience
+        assert contents(late.read_turns(15))[0][-1][0] == places(list(late.game())[-1].agents)
+        assert [state.agents["name"].tolist()[:2] for state in late.game()] == [["blue_0", "blue_1"]] * 16
+        last = late.game()
+    with short.build() as ctx:
+        following = streams.Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        following.get_stream(web.links.Audience("blue"))
+        for _ in range(15):
+            ctx.game.step()
+            following.get_stream(web.links.Audience("blue"))
+        following.end()
+        assert contents(sent_by(following.get_stream(web.links.Audience("blue")))) == contents(last)
+
+
+def contents(game):
+    """What a page shows of a game: agents and slots after each turn, and captions; no turn twice, and none missing."""
+    following = [(part["first"], part["is_whole"]) for part in game.sent]
+    ends = [part["first"] + part["turns"] for part in game.sent]
+    for (first, is_whole), end in zip(following[1:], ends, strict=False):
+        assert first == end - is_whole
+    assert following[0][1], "it begins with a part that is whole"
+    states = [(places(state.agents), {slot: to_bytes(value, slot) for slot, value in state.slots.items()}) for state in game]
+    return states, list(game.captions())
+
+
+def test_who_comes_late_to_a_long_game_receives_its_last_turns(monkeypatch):
+    monkeypatch.setattr(streams, "_MOST_BYTES", 10_000)
+    monkeypatch.setattr(streams, "_MOST_PARTS", 32)
+    red = web.links.Audience("red")
+    with HUNT.build() as ctx:
+        following = streams.Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        for turn in range(70):
+            if turn == 5:
+                ctx.graph.graph.remove_edge(0)
+            if turn == 50:
+                early = following.get_stream(red)
+            ctx.game.step()
+        following.end()
+        nodes = [agent.current_node_id for agent in ctx.agent.create_iter()]
+        sent = {}
+        for audience in (red, web.links.Audience()):
+            sent[audience] = sent_by(get_whole_stream(following, audience))
+            states, _ = contents(sent[audience])
+            assert 20 < len(states) < 50
+            assert all("world" in slots for _, slots in states[1:]), "the map has changed before"
+        assert following.get_stream(red) is early
+    assert list(sent[web.links.Audience()])[-1].agents["node"].tolist() == nodes
 
 
 @pytest.mark.parametrize(("turns", "most_bytes", "first"), [(200, 1 << 20, 192), (1, 1000, 199)])
@@ -199,12 +251,19 @@ def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch, turns
         assert (sent(stream, messages).sent[0]["is_whole"], place.turns, dropped) == (True, 0, 0)
         for _ in range(200 // turns):
             ctx.game.run(max_turns=turns)
-            assert following.get_stream(web.links.Audience()) is stream
+            assert get_whole_stream(following, web.links.Audience()) is stream
         messages, place, dropped = stream.read(place)
         again = sent(stream, messages).sent[0]
         assert (again["is_whole"], again["first"]) == (True, first)
         assert (dropped, place.turns) == (first, 200)
         assert sum(len(message) for messages, _ in stream._parts for message in messages) < 8000
+
+
+def get_whole_stream(following, audience):
+    """The stream of an audience, with all turns that are played."""
+    for _ in range(following.count_pieces(audience)):
+        stream = following.get_stream(audience)
+    return stream
 
 
 def sent(stream, messages):

@@ -466,10 +466,10 @@ class Live(Handle):
         self._count.request()
 
     def left(self, connection: Connection) -> None:
-        """End the stream of the connection's audience if no other connection reads it (called by the server)."""
+        """Encode no turns for the audience that no other connection reads (called by the server)."""
         audience = connection.grant.audience
-        if not connection.grant.may_play and all(one.grant.audience != audience for one in self.connections):
-            self.streams.drop(audience)
+        if all(one.grant.audience != audience for one in self.connections):
+            self.streams.leave(audience)
         self._players.left(connection)
         self._count.request()
 

@@ -656,6 +656,7 @@ async def _send_all(websocket: "WebSocket", connection: Connection, talk: Socket
             for piece in talk.news(connection):
                 async with asyncio.timeout(_MOST_STUCK_S):
                     await websocket.send_bytes(piece)
+                await asyncio.sleep(0)  # the turns of a long game must not keep the others waiting
 
 
 def _make_page_route(page: Page) -> Callable[["Request"], Any]:

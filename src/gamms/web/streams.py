@@ -1,12 +1,13 @@
 """The streams of a live game, one for each audience: a header, and parts with the columns of one or several turns.
 
-The game thread only queues the events of each turn. They are encoded when a connection asks for data, as one part with
-all turns since the last request, so that spectators do not slow down a game that waits between turns. Each message is
-compressed separately, once for all connections.
+The game thread only packs the events of each turn into a history. They are encoded for an audience when one of its
+connections asks for data, a few turns at a time, so that spectators do not slow down a game that waits between turns.
+Each message is compressed separately, once for all connections.
 
-A stream stores only the parts of the last turns, among them at least one keyframe, which can be read without earlier
-parts. All connections of an audience read the same bytes. A connection that falls behind continues at the last
-keyframe, and the turns in between are counted as dropped. No connection has its own queue, and none can delay the game.
+A stream begins where the history begins: whoever joins late receives all turns, encoded as for those who have watched
+them. Of a long game, the history and each stream store the last turns, 4 MB each. A stream begins with a keyframe,
+which can be read without earlier parts. All connections of an audience read the same bytes. A connection that falls
+behind continues at the last keyframe, and the turns in between are counted as dropped. No connection has its own queue.
 """
 
 import zlib
@@ -21,7 +22,8 @@ from typing import Any, NamedTuple
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, list_events
 from gamms.ir.graph import GraphColumns
-from gamms.knowledge.looks import Nearest, make_nearest
+from gamms.ir.packing import from_bytes, to_bytes
+from gamms.knowledge.looks import make_nearest
 from gamms.knowledge.sides import list_sides
 from gamms.recorder.cut import KnowledgeFilter, cut_header
 from gamms.recorder.detached import DetachedState
@@ -32,10 +34,12 @@ from gamms.web.painter import Painter
 from gamms.web.server import Connection
 
 _KEYFRAME_TURNS = 64
-_MOST_WAITING = 1 << 11  # agents, summed over the queued logs
-_MOST_PARTS = 256  # queued logs
+_MOST_WAITING = 1 << 11  # agents, summed over the logs that a followed stream lacks
+_MOST_PARTS = 256  # these logs
+_PIECES = 8  # into which these logs are divided for the server thread
 _KEYFRAME_BYTES = 1 << 20  # of parts after a keyframe, before the next keyframe
-_MOST_BYTES = 1 << 22  # of stored parts
+_MOST_BYTES = 1 << 22  # of the history, and of the stored parts of a stream
+_END = b""  # in place of a log: the game has ended
 _PIECE = 1 << 18  # bytes, before compression, of one message
 
 Keyframe = dict[str, Any]
@@ -57,12 +61,13 @@ class AudienceStream:
         header: the header of the recording of the game.
         state: the complete state at the beginning, from which the first keyframe is made.
         turns: the number of turns played before.
-        nearest: returns the id of the node nearest to a position (x, y).
         get_map: returns the map in the header.
+        number: the number in the history of the first log after the state.
 
     Attributes:
         opening: the messages with the magic bytes and the header.
-        last_keyframe: the position of the last keyframe.
+        number: the number in the history of the next log.
+        is_followed: whether connections read the stream.
     """
 
     def __init__(
@@ -71,17 +76,21 @@ class AudienceStream:
         header: Keyframe,
         state: Keyframe,
         turns: int,
-        nearest: Nearest,
         get_map: Callable[[], GraphColumns],
+        number: int,
     ) -> None:
         is_everything = audience.is_everything
         visuals = header.get("visuals")
+        nearest = make_nearest(get_map)
         self._cut = None if is_everything else KnowledgeFilter(state, audience.has, nearest, get_map, visuals)
         if self._cut is not None:
             state = self._cut.make_keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
             header |= {"agents": sorted(audience.agents)} if audience.agents else {}
+        self.number = number
+        self.is_followed = True
         self._painter = Painter(header, state, turns)
+        self._since: Log = []  # events after the last complete turn
         self._turns = turns  # that were written
         self._begun_at = turns
         self._is_seen = False  # whether what agents see at the beginning was written
@@ -89,22 +98,33 @@ class AudienceStream:
         self._lock = Lock()
         self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and the number of turns played after them
         self._first = 0  # the number of the first stored part
-        self.last_keyframe = StreamPosition(self, 0, turns)
+        self._keyframes = deque[StreamPosition]()  # among the stored parts; the first part is one
         self._size = 0  # bytes
         self._since_keyframe = 0
         self._add_keyframe()
 
-    def hear(self, log: Log, whole: Log, *, is_over: bool) -> None:
+    @property
+    def first_keyframe(self) -> StreamPosition:
+        """The position of the first stored part, at which new connections begin."""
+        return self._keyframes[0]
+
+    @property
+    def last_keyframe(self) -> StreamPosition:
+        """The position of the last keyframe."""
+        return self._keyframes[-1]
+
+    def hear(self, log: Log, *, is_over: bool) -> None:
         """Add events; `write` encodes them.
 
         Args:
             log: the events since the last call.
-            whole: the events since the end of the last turn.
             is_over: whether the turn has ended.
         """
         if self._cut is None:
+            self._since += log
             if is_over:
-                self._add_turn(whole)
+                self._add_turn(self._since)
+                self._since = []
             return
         cut = self._cut
         for given in cut.add(log, is_end=is_over):
@@ -152,10 +172,12 @@ class AudienceStream:
             self._size += size
             self._since_keyframe = 0 if is_keyframe else self._since_keyframe + size
             if is_keyframe:
-                self.last_keyframe = StreamPosition(self, self._first + len(self._parts) - 1, self._turns)
-            while self._size > _MOST_BYTES and self._first < self.last_keyframe.number:
-                self._size -= sum(map(len, self._parts.popleft()[0]))
-                self._first += 1
+                self._keyframes.append(StreamPosition(self, self._first + len(self._parts) - 1, self._turns))
+            while self._size > _MOST_BYTES and len(self._keyframes) > 1:
+                self._keyframes.popleft()
+                while self._first < self.first_keyframe.number:
+                    self._size -= sum(map(len, self._parts.popleft()[0]))
+                    self._first += 1
 
     def read(self, place: StreamPosition) -> tuple[list[bytes], StreamPosition, int]:
         """Read messages from a position on.
@@ -176,7 +198,7 @@ class AudienceStream:
 
 
 class Streams(PartOfServer):
-    """The streams of a running game by audience; a `Follower` of `ctx.record`.
+    """The history of a running game, and its streams by audience; a `Follower` of `ctx.record`.
 
     Args:
         columns: returns the columns of the map.
@@ -189,141 +211,187 @@ class Streams(PartOfServer):
         self.turns = 0
         self._columns = columns
         self._lock = Lock()
-        self._waiting: deque[tuple[Log, bool]] = deque()  # logs that are in no stream yet, and whether they end a turn
-        self._most_waiting = 0
+        self._history = list[bytes]()  # packed logs, and whether they end a turn
+        self._first = 0  # the number of the first log in the history
+        self._size = 0  # bytes
+        self._most_waiting = 1
+        self._piece = 1  # logs that `get_stream` encodes
         self._error: Exception | None = None  # raised by a log
-        self._state: DetachedState | None = None  # after the last complete turn in the streams
-        self._turns = 0  # the number of turns in the streams
-        self._since: Log = []  # events after the last complete turn
+        self._state: DetachedState | None = None  # before the history; None: no game has begun
+        self._turns = 0  # the number of turns before the history
         self._header: Keyframe = {}
         self._first_map: GraphColumns  # that in the header
-        self._drawings: dict[str, Any] = {}  # artist -> its last drawing
+        self._world: Log = []  # the last change of the map before the history
+        self._drawings: dict[str, Any] = {}  # artist -> its last drawing before the history
         self._sides: Callable[[Callable[[str, Any], bool]], Any]  # returns the sides that some agents know
-        self._streams: dict[Audience, AudienceStream | None] = {}  # None: no game has begun
+        self._streams: dict[Audience, AudienceStream] = {}
 
     def begin(self, header: Keyframe, state: Keyframe) -> None:
         """Begin a game with new streams for all audiences; see `Follower`."""
         with self._lock:
-            self._waiting.clear()
             self._most_waiting = min(max(_MOST_WAITING // max(len(state["names"]), 1), 1), _MOST_PARTS)
+            self._piece = max(self._most_waiting // _PIECES, 1)
             self._header = header
             self._first_map = self._columns()
-            self._since = []
+            self._history = []
+            self._first = 0
+            self._size = 0
             self.turns = 0
             self._turns = 0
+            self._world = []
             self._drawings = {one["artist"]: one for one in header.get("drawings", [])}
             self._sides = partial(list_sides, header, {name: state[name] for name in ("names", "teams")})
             self._state = DetachedState(deepcopy(state))
             self._error = None
             self._close()
-            self._streams = {audience: self._begin_stream(audience) for audience in self._streams}
 
     def hear(self, log: Log, *, is_over: bool) -> None:
-        """Queue events for the next reader; encode them now if the queue is full. See `Follower`.
+        """Add events to the history; encode them now if followed streams lack many. See `Follower`.
 
         Raises:
-            Damaged: an event does not fit the state; it may have been queued by an earlier call.
+            Damaged: an event does not fit the state; it may have been added by an earlier call.
         """
         if self._error is not None:
             raise self._error
+        packed = to_bytes([log, is_over], "A turn of a live game")
         self.turns += is_over
-        self._waiting.append((log, is_over))
-        if len(self._waiting) >= self._most_waiting:
+        self._size += len(packed)
+        self._history.append(packed)
+        if self._end % self._most_waiting == 0:
             with self._lock:
-                self._catch_up()
+                self._catch_up_followed()
+                self._drop_turns()
 
-    def _catch_up(self) -> None:
-        """Add the queued events to all streams."""
-        if not self._waiting or self._state is None:
-            return
-        streams = [stream for stream in self._streams.values() if stream is not None]
+    @property
+    def _end(self) -> int:
+        """The number of the log that comes next."""
+        return self._first + len(self._history)
+
+    def _catch_up_followed(self) -> None:
+        """Add as many logs to each followed stream as come in between, so that none falls further behind."""
+        for stream in list(self._streams.values()):
+            if stream.is_followed and stream.number >= self._first:
+                self._catch_up(stream, self._most_waiting)
+
+    def _catch_up(self, stream: AudienceStream, most: int) -> None:
+        """Add the next logs of the history to a stream, and encode them."""
+        begin = stream.number - self._first
         try:
-            while self._waiting:
-                self._add(self._state, streams, *self._waiting.popleft())
+            for packed in self._history[begin : begin + most]:
+                stream.number += 1
+                if packed == _END:
+                    stream.end()
+                else:
+                    log, is_over = from_bytes(packed)
+                    stream.hear(log, is_over=is_over)
+            stream.write()
         except Exception as error:
-            self._close()
             self._error = error
             self._state = None
-            self._streams = dict.fromkeys(self._streams)
+            self._close()
             raise
-        for stream in streams:
-            stream.write()
 
-    def _add(self, state: DetachedState, streams: list[AudienceStream], log: Log, is_over: bool) -> None:
-        self._since += log
-        if is_over:
-            state.apply(self._since)
+    def _drop_turns(self) -> None:
+        """Drop the first turns of a history that is too large."""
+        state = self._state
+        dropped = 0
+        while state is not None and self._size > _MOST_BYTES and self._turns < self.turns:
+            turn: Log = []
+            is_over = False
+            while not is_over:
+                packed = self._history[dropped]
+                dropped += 1
+                self._size -= len(packed)
+                log, is_over = ([], False) if packed == _END else from_bytes(packed)
+                turn += log
+            state.apply(turn)
             self._turns += 1
-            for kind, data in list_events(self._since):
+            for kind, data in list_events(turn):
                 if kind == kinds.VISUALS:
                     self._header = self._header | {"visuals": data}
                 elif kind == kinds.VISUAL_COMMANDS:
                     self._drawings[data["artist"]] = data
-        for stream in streams:
-            stream.hear(log, self._since, is_over=is_over)
-        if is_over:
-            self._since = []
+                elif kind == kinds.WORLD:
+                    self._world = [(kind, data)]
+        self._first += dropped
+        del self._history[:dropped]
 
     def end(self) -> None:
-        """Encode the last turn of the game in all streams."""
+        """End the game in all streams: no sensing follows the last turn."""
+        self._history.append(_END)
         with self._lock:
-            self._catch_up()
-            for stream in filter(None, self._streams.values()):
-                stream.end()
+            self._catch_up_followed()
 
     def get_stream(self, audience: Audience) -> AudienceStream | None:
-        """Return the stream of an audience, and begin it if needed; None before a game begins."""
+        """Return the stream of an audience with a few more turns, and begin it if needed; None before a game begins."""
         with self._lock:
-            self._catch_up()
-            if self._streams.get(audience) is None:
-                self._streams[audience] = None if self._state is None else self._begin_stream(audience)
-            return self._streams[audience]
+            if self._state is None:
+                return None
+            stream = self._streams.get(audience)
+            if stream is None or stream.number < self._first:
+                self._drop(audience)
+                stream = self._begin_stream(audience, self._state)
+                self._streams[audience] = stream
+            stream.is_followed = True
+            self._catch_up(stream, self._piece)
+            return stream
+
+    def count_pieces(self, audience: Audience) -> int:
+        """Return how often `get_stream` is to be called until the stream has all turns that are played now."""
+        stream = self._streams.get(audience)
+        missing = self._end - (self._first if stream is None else stream.number)
+        return 1 + missing // self._piece
 
     @property
     def have_cuts(self) -> bool:
         """Return whether an audience receives only a part of the game."""
         return any(not audience.is_everything for audience in list(self._streams))
 
-    def drop(self, audience: Audience) -> None:
-        """End the stream of an audience; `get_stream` begins a new one."""
+    def leave(self, audience: Audience) -> None:
+        """Encode nothing for an audience until `get_stream` is called."""
         with self._lock:
-            stream = self._streams.pop(audience, None)
-            if stream is not None:
-                stream.close()
+            if (stream := self._streams.get(audience)) is not None:
+                stream.is_followed = False
 
     def close(self) -> None:
         """End all streams."""
         with self._lock:
             self._close()
-            self._streams = {}
             self._state = None
 
     def _close(self) -> None:
-        for stream in filter(None, self._streams.values()):
+        for audience in list(self._streams):
+            self._drop(audience)
+
+    def _drop(self, audience: Audience) -> None:
+        stream = self._streams.pop(audience, None)
+        if stream is not None:
             stream.close()
 
-    def _begin_stream(self, audience: Audience) -> AudienceStream:
-        assert self._state is not None  # noqa: S101 - callers look
-        state = self._state.make_keyframe(self._turns)
+    def _begin_stream(self, audience: Audience, before: DetachedState) -> AudienceStream:
+        state = before.make_keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
         header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
         first_map = self._first_map
-        stream = AudienceStream(audience, header, state, self._turns, make_nearest(self._columns), lambda: first_map)
-        if self._since:
-            stream.hear(self._since, self._since, is_over=False)
-            stream.write()
+        stream = AudienceStream(audience, header, state, self._turns, lambda: first_map, self._first)
+        stream.hear(self._world, is_over=False)
         return stream
 
 
 def list_news(streams: Streams, connection: Connection) -> Iterator[bytes]:
     """Yield the messages that a connection has not received yet, and update its position."""
-    stream = streams.get_stream(connection.grant.audience)
-    if stream is None:
-        return
+    audience = connection.grant.audience
+    for _ in range(streams.count_pieces(audience)):
+        stream = streams.get_stream(audience)
+        if stream is not None:
+            yield from _list_new_messages(stream, connection)
+
+
+def _list_new_messages(stream: AudienceStream, connection: Connection) -> Iterator[bytes]:
     place = connection.place
     if place is None or place.stream is not stream:
         yield from stream.opening
-        place = stream.last_keyframe
+        place = stream.first_keyframe
         connection.place = place
     while True:
         messages, place, dropped = stream.read(place)

@@ -29,6 +29,7 @@ export class Live {
     /** @type {any} */ this.asked = null; // the questions that came last, to who plays
     this.wait = AGAIN_MS;
     this.taken = Promise.resolve(); // once the messages that have come were taken, one after the other
+    this.waiting = 0; // messages that have come and were not taken
     this.strip = new LiveStrip(this);
     refill(root, element("p", { class: "waiting", role: "status", text: "Waiting for the game." }));
     this.#connect();
@@ -49,13 +50,17 @@ export class Live {
     this.socket = socket;
     socket.binaryType = "arraybuffer";
     socket.addEventListener("open", () => socket.send(JSON.stringify({ type: "join", token: location.hash.slice(1) })));
-    socket.addEventListener("message", (event) => { this.taken = this.taken.then(() => this.#take(event.data)); });
+    socket.addEventListener("message", (event) => {
+      this.waiting++;
+      this.taken = this.taken.then(() => this.#take(event.data));
+    });
     socket.addEventListener("close", (event) => this.#closed(event));
   }
 
   /** @param {ArrayBuffer | string} data */
   async #take(data) {
     this.wait = AGAIN_MS;
+    this.waiting--;
     try {
       if (typeof data === "string") this.#hear(JSON.parse(data));
       else this.#feed(await inflated(new Uint8Array(data)));
@@ -85,7 +90,7 @@ export class Live {
   #feed(bytes) {
     if (Recording.begins(bytes)) this.recording = new Recording();
     this.recording.feed(bytes);
-    if (this.recording.parts.length === 0) return;
+    if (this.recording.parts.length === 0 || this.waiting > 0) return; // who comes late is sent many turns, and sees them together
     const shown = this.app?.views[0].replay.recording;
     if (this.app === null) this.#begin();
     else if (shown !== this.recording) this.app.replace(new Replay(this.recording));
@@ -160,7 +165,8 @@ class LiveStrip {
     const isOpen = socket?.readyState === WebSocket.OPEN;
     this.next.hidden = !(this.study && status?.over);
     const words = this.next.hidden ? wordsOfStatus(status) : "This round is over.";
-    this.words.textContent = this.refused || (isOpen ? words : "connecting again");
+    const first = this.live.recording.first;
+    this.words.textContent = this.refused || (isOpen ? [words, first ? `since turn ${first}` : ""].filter(Boolean).join(" · ") : "connecting again");
     this.control.hidden = !status?.control || !isOpen;
     if (!status?.control) return;
     refill(this.pause, icon(status.paused ? "play" : "pause"));
