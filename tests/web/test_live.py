@@ -210,8 +210,11 @@ def contents(game):
     for (first, is_whole), end in zip(following[1:], ends, strict=False):
         assert first == end - is_whole
     assert following[0][1], "it begins with a part that is whole"
-    states = [(places(state.agents), {slot: to_bytes(value, slot) for slot, value in state.slots.items()}) for state in game]
-    return states, list(game.captions())
+    return [(places(state.agents), pack_values(state.slots)) for state in game], list(game.captions())
+
+
+def pack_values(slots):
+    return {slot: to_bytes(value, slot) for slot, value in slots.items()}
 
 
 def test_who_comes_late_to_a_long_game_receives_its_last_turns(monkeypatch):
@@ -350,6 +353,62 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
         admin.read(lambda client: client.bytes and client.game().turns == 12)
         again = live.wait(60)
     assert (again.turns, again.seed, len(again.agents)) == (12, 9, 5)
+
+
+def test_numbers_that_cannot_be_built_are_refused_in_one_page_and_the_game_goes_on(join):
+    limited = HUNT.replace(rules=[{"rule": "time_limit", "with": {"turns": 8}}])
+    with web.serve(limited, is_paused=True) as live:
+        admin, other = join(live.links["admin"]), join(live.links["admin"])
+        admin.say(type="step")
+        other.read_turns(1)
+        playing = live.ctx
+        for path, words in (
+            (
+                "rules.0.with.turns",
+                r"item 1 of rules \(time_limit\): time_limit raised BadValue: turns must be at least 1",
+            ),
+            ("teams.red.within", r"teams\.red: only 1 of 2 agents could be placed, within 0"),
+        ):
+            admin.told.clear()
+            admin.say(type="restart", numbers={path: 0})
+            admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
+            [refused] = [one["words"] for one in admin.told if one["type"] == "refused"]
+            assert re.match(rf"Not restarted: {words}", refused)
+            with live._trying:
+                assert live.ctx is playing
+        assert live.scenario is limited
+        other.say(type="step")
+        admin.read_turns(2)
+        other.read_turns(2)
+        assert all(one["type"] == "status" and one["error"] is None for one in other.told)
+        admin.say(type="restart", numbers={"rules.0.with.turns": 3})
+        admin.say(type="pause", paused=False)
+        admin.say(type="speed", speed=None)
+        assert live.wait(60) is not None
+        other.read(lambda client: client.game().turns == 3)
+        assert len(contents(other.game())[0]) == 4
+
+
+def test_an_error_in_a_game_that_a_page_has_restarted_is_shown_and_the_next_restart_plays(join):
+    faults = []
+
+    def err_later(state):
+        if state["turn"] == 2 and faults:
+            raise ZeroDivisionError(faults.pop())
+
+    heard = []
+    with web.serve(HUNT.replace(max_turns=4), speed=None, strategies={"red": err_later}) as live:
+        live.when_failed.append(heard.append)
+        assert live.wait(60).turns == 4
+        faults.append("too fast")
+        admin = join(live.links["admin"])
+        admin.say(type="restart", numbers={"max_turns": 5})
+        admin.read(lambda client: client.told and "too fast" in str(client.told[-1].get("error")))
+        assert "too fast" in str(heard[0].__cause__ or heard[0])
+        assert live.wait(0.0) is None
+        admin.say(type="restart", numbers={"max_turns": 6})
+        admin.read(lambda client: client.bytes and client.game().turns == 6)
+        assert live.wait(60).turns == 6
 
 
 def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_keys_with_dots():

@@ -250,6 +250,7 @@ class Live(Handle):
         self._is_closed = threading.Event()
         self._wanted = threading.Event()
         self._asking = threading.Lock()
+        self._trying = threading.Lock()  # held while a restart that a page has requested is tried
         self._is_following = False
         self._tokens = dict[LinkPermissions, str]()
         self._server: Host = self._make_server(game, options) if host is None else host
@@ -310,7 +311,8 @@ class Live(Handle):
         """Wait until the game ends, and return its result; None after the timeout in seconds, or after `close`.
 
         Raises:
-            Any exception raised by the game of a scenario. With `watch=`, the method waits for corrected files instead.
+            Any exception raised by the game of a scenario. With `watch=`, the method waits for corrected files instead,
+                and after a restart for the next one.
         """
         ends = None if timeout is None else monotonic() + timeout
         while not (self._is_over.is_set() or self._is_closed.is_set()):
@@ -402,6 +404,7 @@ class Live(Handle):
 
     def _play_on(self, begun: threading.Event) -> None:
         """Play the scenario, and play it again whenever a restart is requested."""
+        survives = bool(self._options.get("watch"))
         while not self._is_closed.is_set():
             with self._asking:
                 self._wanted.clear()
@@ -411,13 +414,14 @@ class Live(Handle):
                 self._play(begun)
             except BaseException as error:  # noqa: BLE001 - it is for the thread that waits, and for the page
                 self._error = error
-            if self._error is not None and self._options.get("watch") and begun.is_set():
+            if self._error is not None and survives and begun.is_set():
                 self._say_failed(self._error)
             elif not self._wanted.is_set():
                 self._is_over.set()
             begun.set()
             self._tell_all()
             self._wanted.wait()
+            survives = True  # the numbers of a page end no program
 
     def _play(self, begun: threading.Event) -> None:
         scenario = self.scenario
@@ -538,9 +542,25 @@ class Live(Handle):
         chosen = message.get("numbers", {})
         if seed is not None and not (isinstance(seed, int) and not isinstance(seed, bool) and abs(seed) < 1 << 53):
             raise Refused("A seed is a whole number.")
-        self.scenario = _replace_numbers(self.scenario, chosen)
-        self._seed = seed
-        self._play_again()
+        scenario = _replace_numbers(self.scenario, chosen)
+        if not self._trying.acquire(blocking=False):
+            raise Refused("Another restart is being tried.")
+        args = connection, scenario, seed
+        threading.Thread(target=self._restart_if_possible, args=args, name="gamms restart", daemon=True).start()
+
+    def _restart_if_possible(self, connection: Connection, scenario: Scenario, seed: int | None) -> None:
+        """Restart the game, or tell the page that requested it why the new one cannot be built."""
+        try:
+            with scenario.build(seed, self._options.get("strategies")) as ctx:
+                People.open(ctx)
+        except BaseException as error:  # noqa: BLE001 - the code of a scenario may raise anything
+            connection.tell({"type": "refused", "words": f"Not restarted: {reason(error)}"})
+        else:
+            self.scenario = scenario
+            self._seed = seed
+            self._play_again()
+        finally:
+            self._trying.release()
 
     def _play_again(self) -> None:
         """Make the game thread end the current game, if it is running, and begin a new one."""

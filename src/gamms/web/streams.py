@@ -34,13 +34,12 @@ from gamms.web.painter import Painter
 from gamms.web.server import Connection
 
 _KEYFRAME_TURNS = 64
-_MOST_WAITING = 1 << 11  # agents, summed over the logs that a followed stream lacks
-_MOST_PARTS = 256  # these logs
-_PIECES = 8  # into which these logs are divided for the server thread
+_MOST_WAITING = 1 << 10  # agents, summed over the logs that are encoded at once
+_MOST_PARTS = 64  # these logs
 _KEYFRAME_BYTES = 1 << 20  # of parts after a keyframe, before the next keyframe
 _MOST_BYTES = 1 << 22  # of the history, and of the stored parts of a stream
-_END = b""  # in place of a log: the game has ended
 _PIECE = 1 << 18  # bytes, before compression, of one message
+_OF_HEADER = (kinds.VISUALS, kinds.VISUAL_COMMANDS, kinds.WORLD)  # `artist` says which one is drawn
 
 Keyframe = dict[str, Any]
 
@@ -211,18 +210,16 @@ class Streams(PartOfServer):
         self.turns = 0
         self._columns = columns
         self._lock = Lock()
-        self._history = list[bytes]()  # packed logs, and whether they end a turn
+        self._history = list[bytes]()  # packed logs, and whether they end a turn; None: the game
         self._first = 0  # the number of the first log in the history
         self._size = 0  # bytes
         self._most_waiting = 1
-        self._piece = 1  # logs that `get_stream` encodes
         self._error: Exception | None = None  # raised by a log
         self._state: DetachedState | None = None  # before the history; None: no game has begun
         self._turns = 0  # the number of turns before the history
         self._header: Keyframe = {}
         self._first_map: GraphColumns  # that in the header
-        self._world: Log = []  # the last change of the map before the history
-        self._drawings: dict[str, Any] = {}  # artist -> its last drawing before the history
+        self._lasting: dict[Any, Any] = {}  # the last events before the history that change what is in the header
         self._sides: Callable[[Callable[[str, Any], bool]], Any]  # returns the sides that some agents know
         self._streams: dict[Audience, AudienceStream] = {}
 
@@ -230,7 +227,6 @@ class Streams(PartOfServer):
         """Begin a game with new streams for all audiences; see `Follower`."""
         with self._lock:
             self._most_waiting = min(max(_MOST_WAITING // max(len(state["names"]), 1), 1), _MOST_PARTS)
-            self._piece = max(self._most_waiting // _PIECES, 1)
             self._header = header
             self._first_map = self._columns()
             self._history = []
@@ -238,8 +234,7 @@ class Streams(PartOfServer):
             self._size = 0
             self.turns = 0
             self._turns = 0
-            self._world = []
-            self._drawings = {one["artist"]: one for one in header.get("drawings", [])}
+            self._lasting = {}
             self._sides = partial(list_sides, header, {name: state[name] for name in ("names", "teams")})
             self._state = DetachedState(deepcopy(state))
             self._error = None
@@ -253,14 +248,17 @@ class Streams(PartOfServer):
         """
         if self._error is not None:
             raise self._error
-        packed = to_bytes([log, is_over], "A turn of a live game")
         self.turns += is_over
-        self._size += len(packed)
-        self._history.append(packed)
+        self._hold(log, is_over=is_over)
         if self._end % self._most_waiting == 0:
             with self._lock:
                 self._catch_up_followed()
                 self._drop_turns()
+
+    def _hold(self, log: Log, *, is_over: bool | None) -> None:
+        packed = to_bytes([log, is_over], "A turn of a live game")
+        self._size += len(packed)
+        self._history.append(packed)
 
     @property
     def _end(self) -> int:
@@ -271,18 +269,18 @@ class Streams(PartOfServer):
         """Add as many logs to each followed stream as come in between, so that none falls further behind."""
         for stream in list(self._streams.values()):
             if stream.is_followed and stream.number >= self._first:
-                self._catch_up(stream, self._most_waiting)
+                self._catch_up(stream)
 
-    def _catch_up(self, stream: AudienceStream, most: int) -> None:
+    def _catch_up(self, stream: AudienceStream) -> None:
         """Add the next logs of the history to a stream, and encode them."""
         begin = stream.number - self._first
         try:
-            for packed in self._history[begin : begin + most]:
+            for packed in self._history[begin : begin + self._most_waiting]:
                 stream.number += 1
-                if packed == _END:
+                log, is_over = from_bytes(packed)
+                if is_over is None:
                     stream.end()
                 else:
-                    log, is_over = from_bytes(packed)
                     stream.hear(log, is_over=is_over)
             stream.write()
         except Exception as error:
@@ -302,23 +300,19 @@ class Streams(PartOfServer):
                 packed = self._history[dropped]
                 dropped += 1
                 self._size -= len(packed)
-                log, is_over = ([], False) if packed == _END else from_bytes(packed)
+                log, is_over = from_bytes(packed)
                 turn += log
             state.apply(turn)
             self._turns += 1
             for kind, data in list_events(turn):
-                if kind == kinds.VISUALS:
-                    self._header = self._header | {"visuals": data}
-                elif kind == kinds.VISUAL_COMMANDS:
-                    self._drawings[data["artist"]] = data
-                elif kind == kinds.WORLD:
-                    self._world = [(kind, data)]
+                if kind in _OF_HEADER:
+                    self._lasting[kind, data.get("artist")] = kind, data
         self._first += dropped
         del self._history[:dropped]
 
     def end(self) -> None:
         """End the game in all streams: no sensing follows the last turn."""
-        self._history.append(_END)
+        self._hold([], is_over=None)
         with self._lock:
             self._catch_up_followed()
 
@@ -333,14 +327,14 @@ class Streams(PartOfServer):
                 stream = self._begin_stream(audience, self._state)
                 self._streams[audience] = stream
             stream.is_followed = True
-            self._catch_up(stream, self._piece)
+            self._catch_up(stream)
             return stream
 
     def count_pieces(self, audience: Audience) -> int:
         """Return how often `get_stream` is to be called until the stream has all turns that are played now."""
         stream = self._streams.get(audience)
         missing = self._end - (self._first if stream is None else stream.number)
-        return 1 + missing // self._piece
+        return 1 + missing // self._most_waiting
 
     @property
     def have_cuts(self) -> bool:
@@ -371,10 +365,10 @@ class Streams(PartOfServer):
     def _begin_stream(self, audience: Audience, before: DetachedState) -> AudienceStream:
         state = before.make_keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
-        header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
+        header = self._header | {"sides": sides}
         first_map = self._first_map
         stream = AudienceStream(audience, header, state, self._turns, lambda: first_map, self._first)
-        stream.hear(self._world, is_over=False)
+        stream.hear(list(self._lasting.values()), is_over=False)
         return stream
 
 
