@@ -937,6 +937,10 @@ def test_the_page_follows_the_game_and_shows_a_team_no_more_than_it_knows(chromi
         page.key("Home")
         assert page.value("[gamms.turn == gamms.first, gamms.isLive]") == [True, False]
         assert page.messages == []
+        page = chromium.open(live.url)  # late
+        page.wait(f"gamms.first == 0 && gamms.turns == {turn + 1} && gamms.isLive")
+        assert "since" not in page.value("document.querySelector('.live .words').textContent")
+        assert [page.value(f"gamms.seek({turn}); gamms.turn"), page.messages] == [turn, []]
         chromium.open(live.links["red"], 390, 800, touch=True, scale=2)
         assert page.value("document.querySelector('.live .control').hidden")
         assert page.value("document.documentElement.scrollWidth") == 390

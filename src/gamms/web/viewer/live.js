@@ -30,6 +30,7 @@ export class Live {
     this.wait = AGAIN_MS;
     this.taken = Promise.resolve(); // once the messages that have come were taken, one after the other
     this.waiting = 0; // messages that have come and were not taken
+    this.hasMore = false; // turns that are not shown
     this.strip = new LiveStrip(this);
     refill(root, element("p", { class: "waiting", role: "status", text: "Waiting for the game." }));
     this.#connect();
@@ -64,6 +65,7 @@ export class Live {
     try {
       if (typeof data === "string") this.#hear(JSON.parse(data));
       else this.#feed(await inflated(new Uint8Array(data)));
+      if (this.hasMore && this.waiting === 0) this.#show(); // who comes late is sent many turns, and sees them together
     } catch (error) {
       this.#say(`This game cannot be shown: ${error instanceof Error ? error.message : error}`);
       this.socket?.close();
@@ -90,7 +92,11 @@ export class Live {
   #feed(bytes) {
     if (Recording.begins(bytes)) this.recording = new Recording();
     this.recording.feed(bytes);
-    if (this.recording.parts.length === 0 || this.waiting > 0) return; // who comes late is sent many turns, and sees them together
+    this.hasMore = this.recording.parts.length > 0;
+  }
+
+  #show() {
+    this.hasMore = false;
     const shown = this.app?.views[0].replay.recording;
     if (this.app === null) this.#begin();
     else if (shown !== this.recording) this.app.replace(new Replay(this.recording));
