@@ -2,9 +2,13 @@
 
 import csv
 import json
+import sqlite3
+from contextlib import closing
 from itertools import pairwise
 from math import cos, pi, sin
+from xml.etree import ElementTree as ET
 
+import networkx as nx
 import numpy as np
 import pytest
 import shapely
@@ -189,6 +193,39 @@ def test_the_isochrone_of_a_mode_has_the_edges_and_times_of_the_mode(world, tmp_
     with (tmp_path / "cars_edges.csv").open(newline="") as file:
         (car,) = csv.DictReader(file)
     assert (car["id"], car["speed_kph"], car["travel_time"]) == ("0", "50.0", "7.2")
+
+
+@pytest.mark.parametrize(
+    "name", ["cars.csv", "cars.gpkg", "cars.graphml", "cars.net.xml", "cars.geojson", "cars.osmnx.graphml"]
+)
+def test_a_file_of_a_mode_has_the_nodes_of_the_mode_only(world, tmp_path, name):
+    places = [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0), (100.0, 100.0)]
+    add_roads(
+        world, [(385_000.0 + x, 6_672_000.0 + y) for x, y in places], [(0, 1, {"drive": 0.0}), (1, 3, {"drive": 50.0})]
+    )
+    world.graph.graph.crs = "EPSG:32635"
+    world.graph.graph.update_node({"id": 3, "signal": "red"})
+    path = world.graph.export(tmp_path / name, mode="drive")[0]
+    assert read_nodes(path) == {1: None, 3: "red"}
+
+
+def read_nodes(path):
+    """Return node -> its attribute `signal` in a file."""
+    if path.suffix == ".csv":
+        with path.open(newline="") as file:
+            return {int(row["id"]): row["signal"] or None for row in csv.DictReader(file)}
+    if path.suffix == ".gpkg":
+        with closing(sqlite3.connect(path)) as database:
+            return dict(database.execute("SELECT id, signal FROM nodes"))
+    if path.suffix == ".graphml":
+        return {int(node): data.get("signal") for node, data in nx.read_graphml(path).nodes(data=True)}
+    if path.suffix == ".xml":
+        junctions = {int(one.get("id")) for one in ET.parse(path).iter("junction")}
+        return {node: {3: "red"}.get(node) for node in junctions}  # SUMO knows no attributes of junctions
+    points = (
+        one["properties"] for one in json.loads(path.read_text())["features"] if one["geometry"]["type"] == "Point"
+    )
+    return {one["id"]: one.get("signal") for one in points}
 
 
 def test_the_error_for_a_time_of_a_mode_says_where_the_time_may_be(world):

@@ -482,7 +482,8 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         Args:
             path: the file.
-            mode: write the graph of a mode of travel, with its edges, speeds and times; None: the whole graph.
+            mode: write the graph of a mode of travel, with its edges, their nodes, its speeds and times; None: the
+                whole graph.
 
         Returns:
             The paths of the files; existing files are replaced.
@@ -496,7 +497,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         """
         from gamms.graph import export
 
-        return export.export(path, self._select_mode(mode).columns(), self.attribution)
+        return export.export(path, self._select_mode(mode).columns(), self.attribution, has_all_nodes=mode is None)
 
     @property
     def frames(self) -> "Frames":

@@ -71,8 +71,10 @@ class GraphTables(NamedTuple):
         return np.column_stack((np.array(self.nodes["x"], float), np.array(self.nodes["y"], float)))
 
 
-def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str | None) -> list[Path]:
-    """Write a graph in the format named by the suffix, and return the files.
+def export(
+    path: str | os.PathLike[str], columns: GraphColumns, attribution: str | None, *, has_all_nodes: bool = True
+) -> list[Path]:
+    """Write a graph, or only its nodes with edges, in the format named by the suffix, and return the files.
 
     Raises:
         UnknownType (ValueError): the suffix names no supported format.
@@ -85,7 +87,14 @@ def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str
     if suffix is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
         raise UnknownType(f"Cannot write a graph as {target.suffix or 'a file without a suffix'!r}.{hint}")
-    return _FORMATS[suffix](target, make_layers(columns, attribution))
+    layers = make_layers(columns, attribution)
+    return _FORMATS[suffix](target, layers if has_all_nodes else _drop_lone_nodes(layers, columns))
+
+
+def _drop_lone_nodes(layers: GraphTables, columns: GraphColumns) -> GraphTables:
+    kept = np.unique((columns.sources, columns.targets))
+    nodes = {name: [values[row] for row in kept] for name, values in layers.nodes.items()}
+    return layers._replace(nodes=nodes, points=layers.points[kept])
 
 
 def make_layers(columns: GraphColumns, attribution: str | None) -> GraphTables:
