@@ -450,6 +450,20 @@ def as_range(value: object, name: str) -> float:
     return number
 
 
+_FINER_UNITS = (("milliseconds", 1e14, "1,000"), ("microseconds", 1e17, "1,000,000"), ("nanoseconds", math.inf, "1e9"))
+_LATEST_S = 1e11  # seconds since 1970 in the year 5138; milliseconds since 1970 are more from 1973 on
+
+
+def refuse_finer_time(seconds: float, name: str) -> None:
+    """Refuse a time that is too large for seconds since 1970, because it has a finer unit (BadValue)."""
+    for unit, most, divisor in _FINER_UNITS:
+        if _LATEST_S <= abs(seconds) < most:
+            raise BadValue(
+                f"{name} is {seconds:.0f}, which is no number of seconds since 1970; it may be {unit}. Divide times by "
+                f"{divisor}, or write them like 2025-06-15T15:06:40Z."
+            )
+
+
 def as_numbers(value: object, name: str, form: str) -> list[float]:
     """Return a list of finite floats, one for each name in `form`, such as "(x, y, z)".
 

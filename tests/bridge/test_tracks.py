@@ -206,6 +206,28 @@ def test_a_bad_value_in_a_csv_file_is_named_with_the_file(town, tmp_path, monkey
         recording_from_tracks(["ride.csv"], town, "game.ggr")
 
 
+@pytest.mark.parametrize(
+    ("digits", "unit"), [("{}000", "milliseconds"), ("{}000000", "microseconds"), ("{}000000000", "nanoseconds")]
+)
+@pytest.mark.parametrize("is_file", [True, False])
+def test_times_in_a_finer_unit_than_seconds_are_refused(town, tmp_path, digits, unit, is_file):
+    times = [digits.format(1_774_745_990 + i) for i in range(3)]
+    lines = [f"{time},{385_000 + 20 * i},6672000" for i, time in enumerate(times)]
+    (tmp_path / "ride.csv").write_text("\n".join(["time,x,y", *lines]), encoding="utf-8")
+    given = [{"t": float(time), "x": 385_000.0 + 20 * i, "y": 6_672_000.0} for i, time in enumerate(times)]
+    tracks = [tmp_path / "ride.csv"] if is_file else {"ride": given}
+    with pytest.raises(BadValue, match=f"time of the track of 'ride' is 17747.* it may be {unit}. Divide times by 1"):
+        recording_from_tracks(tracks, town, tmp_path / "game.ggr")
+    assert not (tmp_path / "game.ggr").exists()
+
+
+def test_digits_in_a_gpx_file_are_no_date(town, tmp_path):
+    place = '<trkpt lat="60.17" lon="24.94"><time>1712101012345</time></trkpt>'  # not 10 October 1712
+    (tmp_path / "ride.gpx").write_text(f"<gpx><trk><trkseg>{place}</trkseg></trk></gpx>", encoding="utf-8")
+    with pytest.raises(BadFile, match="no point with both a time and a position"):
+        recording_from_tracks([tmp_path / "ride.gpx"], town, tmp_path / "game.ggr")
+
+
 def test_errors_for_wrong_arguments_name_right_ones(town, tmp_path):
     cases = [
         (lambda: recording_from_tracks([], town, "x"), BadValue, "There are no tracks"),

@@ -83,9 +83,12 @@ def test_an_unknown_version_is_refused(ctx, tmp_path, options):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("options", [{"provenance": object()}, {"created": "yesterday"}])
-def test_an_impossible_header_is_refused_before_a_file_is_made(ctx, tmp_path, options):
-    with pytest.raises(BadType):
+@pytest.mark.parametrize(
+    ("options", "kind"),
+    [({"provenance": object()}, BadType), ({"created": "yesterday"}, BadType), ({"created": 10**12}, BadValue)],
+)
+def test_an_impossible_header_is_refused_before_a_file_is_made(ctx, tmp_path, options, kind):
+    with pytest.raises(kind):
         ctx.record.start(tmp_path / "game", **options)
     assert list(tmp_path.iterdir()) == []
 

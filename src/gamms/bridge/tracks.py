@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_float, as_name, as_path, as_positive, explain_call_errors
+from gamms.arguments import as_float, as_name, as_path, as_positive, explain_call_errors, refuse_finer_time
 from gamms.bridge.feeds import FixLike
 from gamms.bridge.lines import as_fix
 from gamms.context import Context, create_context
@@ -68,7 +68,8 @@ def recording_from_tracks(
     Raises:
         FileNotFoundError: a file does not exist.
         BadFile (ValueError): a file is not GPX or CSV, is damaged or too large, or has no times.
-        BadValue (ValueError): a track does not touch a road, or an argument is impossible.
+        BadValue (ValueError): a track does not touch a road, its times are in milliseconds or a finer unit, or an
+            argument is impossible.
     """
     seconds, noise, within = (
         as_positive(value, name)
@@ -141,6 +142,7 @@ def _sort_parts(name: str, parts: list[TrackPoints]) -> TrackPoints:
     if not is_usable.any():
         raise BadFile(f"The track of {shown(name)} has no point with both a time and a position.")
     found, first = np.unique(times[is_usable], return_index=True)
+    refuse_finer_time(float(found[np.abs(found).argmax()]), f"A time of the track of {shown(name)}")
     return TrackPoints(name, found, xy[is_usable][first])
 
 

@@ -638,7 +638,8 @@ def parse_seconds(text: str) -> float:
     Raises:
         ValueError: `text` is not a time.
     """
-    if len(text) > _LONG:
+    is_count = text.isdigit() and len(text) > len("20250615")  # of some unit, which might read as another date
+    if len(text) > _LONG or is_count:
         raise ValueError(f"{text[:40]!r} is no time")
     moment = datetime.fromisoformat(text)
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

@@ -7,7 +7,7 @@ from contextlib import ExitStack, nullcontext
 from copy import deepcopy
 from typing import Any, BinaryIO
 
-from gamms.arguments import as_bool, as_int, as_name
+from gamms.arguments import as_bool, as_int, as_name, refuse_finer_time
 from gamms.compat import Surface
 from gamms.deciding import ContextPart, get_phase, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
@@ -414,7 +414,9 @@ def _check_options(version: object, created: object, provenance: Plain) -> dict[
         raise BadValue(f"version must be {' or '.join(map(str, ENCODERS))}, not {shown(version)}.")
     if flaw := describe_flaw(provenance):
         raise BadType(f"provenance must be plain values, not {shown(provenance)}: it{flaw}.")
-    return {"created": None if created is None else as_int(created, "created"), "provenance": to_plain(provenance)}
+    seconds = None if created is None else as_int(created, "created")
+    refuse_finer_time(seconds or 0, "created")
+    return {"created": seconds, "provenance": to_plain(provenance)}
 
 
 __all__ = ["Recorder", "RecorderBusy", "RecordingError"]
