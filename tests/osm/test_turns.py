@@ -425,3 +425,89 @@ def test_a_strategy_can_ask_for_routes_with_turns(signed):
     ctx.game.step()
     assert not ctx.game.errors
     assert asked == 2 * [ctx.graph.shortest_path(at[1], at[8], turns="drive")]
+
+
+ONE_WAY = {**STREET, "oneway": "yes"}
+# A loop 1, 2, 3, 4, and a street from 2 to 5 that leads nowhere.
+LOOP = {1: (0.0, 0.0), 2: (0.0, 0.001), 3: (0.001, 0.001), 4: (0.001, 0.0), 5: (0.0, 0.002), 6: (0.0, 0.003)}
+LOOP_WAYS = [([1, 2], ONE_WAY), ([2, 3], ONE_WAY), ([3, 4], STREET), ([4, 1], STREET), ([2, 5, 6], ONE_WAY)]
+
+
+def find_edges_without_turn(graph):
+    """Return the edges from which `edges_onward` leads nowhere."""
+    ctx = loaded(graph)
+    ids = [edge for edge in ctx.graph.graph.get_edges() if ctx.graph.edge_attributes(edge).get("drive", 1.0) > 0.0]
+    ends = {edge: ctx.graph.graph.get_edge(edge).target for edge in ids}
+    routes = ctx.graph.routes
+    return [edge for edge, end in ends.items() if not routes.edges_onward(end, driven=[edge], turns="drive")]
+
+
+@pytest.mark.parametrize("osm_type", ["drive", ["walk", "drive"]])
+@pytest.mark.parametrize("value", ["only_straight_on", "only_straight_on;no_left_turn"])
+def test_a_sign_that_permits_only_a_way_which_is_left_out_does_not_hold(signed, osm_type, value):
+    path = signed(LOOP, LOOP_WAYS, sign(value, [100], [2], [104]))
+    graph = graph_from_file(path, NO_CUT, osm_type=osm_type, tolerance=0.0)
+    assert find_edges_without_turn(graph) == []
+    found = report(graph, path)
+    assert (found.turn_restrictions, found.turn_restrictions_ignored, found.turn_restrictions_out) == (0, 1, 1)
+    assert found.edges_without_turn == 0
+    assert "1 that permit only ways which are not there, 0 unclear" in str(found)
+    everything = graph_from_file(path, NO_CUT, osm_type=osm_type, tolerance=0.0, retain_all=True)
+    assert report(everything, path).turn_restrictions == 1
+
+
+def test_a_sign_before_the_edge_of_a_clip_does_not_hold(signed):
+    path = signed(LOOP, LOOP_WAYS, sign("only_straight_on", [100], [2], [104]))
+    graph = graph_from_file(path, NO_CUT, osm_type="drive", tolerance=0.0, clip=(-0.0005, -0.0005, 0.0015, 0.0015))
+    assert find_edges_without_turn(graph) == []
+    assert report(graph, path).turn_restrictions_out == 1
+
+
+def test_a_sign_with_ways_between_that_leads_out_does_not_hold(signed):
+    nodes = LOOP | {7: (-0.001, 0.0)}
+    ways = [*LOOP_WAYS, ([7, 1], ONE_WAY), ([1, 7], {**STREET, "oneway": "-1"}), ([4, 7], STREET)]
+    path = signed(nodes, ways, sign("only_straight_on", [105], [100], [104]))
+    graph = graph_from_file(path, NO_CUT, osm_type="drive", tolerance=0.0)
+    assert (find_edges_without_turn(graph), report(graph, path).turn_restrictions_out) == ([], 1)
+
+
+def test_a_sign_of_which_one_way_stays_holds(signed):
+    path = signed(LOOP, LOOP_WAYS, sign("only_straight_on", [100], [2], [104, 101]))
+    graph = graph_from_file(path, NO_CUT, osm_type="drive", tolerance=0.0)
+    found = report(graph, path)
+    assert (found.turn_restrictions, found.turn_restrictions_out, find_edges_without_turn(graph)) == (1, 0, [])
+
+
+@pytest.mark.parametrize("osm_type", ["drive", ["walk", "drive"]])
+def test_edges_after_which_no_turn_is_legal_are_counted(signed, osm_type):
+    path = signed(LOOP, LOOP_WAYS, sign("no_left_turn", [100], [2], [101]))
+    graph = graph_from_file(path, NO_CUT, osm_type=osm_type, tolerance=0.0)
+    (edge,) = find_edges_without_turn(graph)
+    for one in (graph, loaded(graph).graph):
+        found = report(one, path, resolution=NO_CUT, tolerance=0.0, osm_type=osm_type)
+        assert found.edges_without_turn == 1
+        assert "no legal turn" in str(found)
+    graph.nodes  # noqa: B018 # fills the graph
+    assert report(graph, path).edges_without_turn == 1
+
+
+@pytest.mark.parametrize("value", ["no_", "only_", "no_;only_", "only_ ", "no__", "restrictions"])
+def test_a_sign_with_nothing_behind_no_or_only_is_unclear(signed, value):
+    path = signed(CROSSING, ARMS, sign(value, [100], [2], [102]))
+    assert turns(path) == set()
+    found = report(graph_from_file(path, osm_type="drive"), path)
+    assert (found.turn_restrictions, found.turn_restrictions_ignored) == (0, 1)
+    assert "0 of others" in str(found)
+
+
+def test_a_key_that_only_begins_like_a_sign_is_unclear(signed):
+    path = signed(CROSSING, ARMS, sign("", [100], [2], [102], restrictions="no_left_turn"))
+    found = report(graph_from_file(path, osm_type="drive"), path)
+    assert (found.turn_restrictions_ignored, found.turn_restrictions_of_others) == (1, 0)
+
+
+def test_a_sign_with_a_node_and_ways_between_counts_as_ignored(signed):
+    path = signed(CROSSING, ARMS, sign("no_left_turn", [100], [2, 101, 3], [102]))
+    assert turns(path) == set()
+    found = report(graph_from_file(path, osm_type="drive"), path)
+    assert (found.turn_restrictions, found.turn_restrictions_ignored) == (0, 1)

@@ -70,6 +70,7 @@ from gamms.kernels.paths import (
     ShortestPath,
     TurnStates,
     compute_route_tables,
+    find_edges_without_turn,
     find_least_matching,
     find_simple_paths,
     make_arcs,

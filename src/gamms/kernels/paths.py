@@ -295,6 +295,17 @@ def make_turn_states(
     )
 
 
+def find_edges_without_turn(
+    sources: IntArray, targets: IntArray, lengths: FloatArray, is_open: BoolArray, paths: Iterable[tuple[int, ...]]
+) -> IntArray:
+    """Return the open edges after which traffic that obeys forbidden paths may take no edge; see `make_turn_states`."""
+    states = make_turn_states(sources, targets, lengths, is_open, ForbiddenPaths(paths))
+    count = len(states.edges)
+    is_last = is_open[states.edges] & (np.bincount(states.starts, minlength=count) == 0)
+    is_last[len(sources) :] &= np.bincount(states.ends, minlength=count)[len(sources) :] > 0
+    return np.unique(states.edges[is_last])
+
+
 def find_least_matching(costs: FloatArray) -> list[int]:
     """Return a different column for each row, so that the sum of the costs is minimal.
 

@@ -106,7 +106,9 @@ class Report(NamedTuple):
     turn_restrictions: int  # that hold for the mode of travel, on its roads
     turn_restrictions_ignored: int
     turn_restrictions_conditional: int  # of these, ones that hold at some times only
-    turn_restrictions_of_others: int  # … ones for other vehicles; the rest is unclear, or on other roads
+    turn_restrictions_of_others: int  # … ones for other vehicles
+    turn_restrictions_out: int  # … ones that permit only ways that are not there; the rest is unclear or elsewhere
+    edges_without_turn: int  # of a mode that obeys turns, after which it may take no edge
     ignored_values: dict[str, int]  # tags for access, direction or speed that have no known meaning -> ways with them
     barriers: int  # where agents cannot pass, such as bollards on streets for cars
     filtered: float  # of open ways that the caller's filter refuses
@@ -188,6 +190,7 @@ class Report(NamedTuple):
                 f"{self.turn_restrictions_ignored:,} turn restrictions, {self.conditional_ignored:,} conditional",
             ),
             ("turns", self._describe_turns()),
+            ("no legal turn", f"after {self.edges_without_turn:,} edges"),
             ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
             ("deviation", f"{self.deviation_max:.2f} m at most, {self.deviation_mean:.4f} m on average"),
             ("off the map", f"{self.surplus_max:.2f} m at most"),
@@ -213,8 +216,10 @@ class Report(NamedTuple):
         """Return how many turn restrictions hold, and why others do not."""
         conditional = self.turn_restrictions_conditional
         of_others = self.turn_restrictions_of_others
-        rest = self.turn_restrictions_ignored - conditional - of_others
-        ignored = f"{conditional:,} conditional, {of_others:,} of others, {rest:,} unclear or elsewhere"
+        out = self.turn_restrictions_out
+        rest = self.turn_restrictions_ignored - conditional - of_others - out
+        ignored = f"{conditional:,} conditional, {of_others:,} of others, {out:,} that permit only ways which are not "
+        ignored += f"there, {rest:,} unclear or elsewhere"
         return f"{self.turn_restrictions:,} restrictions hold; ignored are {ignored}"
 
     def _describe_closed(self, key: str) -> str:
@@ -331,6 +336,8 @@ def _compare_networks(edges: RoadNetwork, source: RoadNetwork, about: dict[str, 
         turn_restrictions_ignored=sum(signs) - source.turn_restrictions,
         turn_restrictions_conditional=signs.conditional,
         turn_restrictions_of_others=signs.others,
+        turn_restrictions_out=source.turn_restrictions_out,
+        edges_without_turn=_count_edges_without_turn(edges),
         ignored_values=about.get("ignored_values", {}),
         barriers=source.left_out.barriers,
         filtered=about.get("filtered", 0.0),
@@ -541,6 +548,17 @@ def _group(why: str) -> str:
     """Return the group of a closing tag: `highway`, `area`, or "" for others."""
     key = why.partition("=")[0]
     return key if key in ("highway", "area") else ""
+
+
+def _count_edges_without_turn(edges: RoadNetwork) -> int:
+    """Return the number of edges after which a mode that obeys turn restrictions may take no edge."""
+    found = 0
+    for mode, paths in edges.turns.items():
+        speeds = np.array([parse_number(of_edge.get(mode, 1.0)) for of_edge in edges.tags], np.float64)[edges.ways]
+        rows = [tuple(road >> 1 for road in path) for path in paths]
+        lone = kernels.find_edges_without_turn(edges.sources, edges.targets, edges.lengths, speeds > 0.0, rows)
+        found += len(lone)
+    return found
 
 
 def _count_parallel_roads(roads: RoadNetwork) -> int:

@@ -58,6 +58,7 @@ from gamms.osm.network import (
     Rule,
     Stops,
     add_stated_times,
+    add_turns,
     connect_polylines,
     cut_segments,
     describe_read_ways,
@@ -577,9 +578,9 @@ def read_network(file: Path, show: Show, selection: RoadSelection, *, is_geojson
         raise BadFile(f"{str(file)!r} {_explain_no_roads(ways, selection)}")
     show(f"Projecting {len(segments.lonlat)} nodes")
     if selection.retain_all:
-        network = make_network_of_segments(segments, ways.tags)
+        network = make_network_of_segments(add_turns(segments, ways), ways.tags)
     else:
-        network = make_network_of_part(segments, ways.tags, strong=selection.strong)
+        network = make_network_of_part(segments, ways, strong=selection.strong)
     if not len(network.sources):
         raise BadFile(f"{str(file)!r} {_explain_no_way_back('')}")
     if ways.nodes is None and network.left_out.other_parts_m:
@@ -627,10 +628,15 @@ def _read_modes(file: Path, show: Show, selection: RoadSelection) -> RoadNetwork
         if not len(segments.sources):
             raise BadFile(f"{str(file)!r} {_explain_no_roads(ways, one)}")
         parts.append(ModeRoads(one.mode, ways, segments))
-    roads = unite(parts, both_ways=selection.both_ways)
     if selection.retain_all:
-        return project_to_metres(roads.network)
+        parts = [part._replace(segments=add_turns(part.segments, part.ways)) for part in parts]
+        return project_to_metres(unite(parts, both_ways=selection.both_ways).network)
     kept = [part.are_in_largest(strong=selection.strong) for part in parts]
+    with_turns = [
+        part._replace(segments=add_turns(part.segments, part.ways, of_mode))
+        for part, of_mode in zip(parts, kept, strict=True)
+    ]
+    roads = unite(with_turns, both_ways=selection.both_ways)
     for part, of_mode in zip(parts, kept, strict=True):
         if not of_mode.any():
             raise BadFile(f"{str(file)!r} {_explain_no_way_back(part.name)}")

@@ -147,6 +147,7 @@ class RoadSegments:
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids
     turns: ForbiddenTurns = field(default_factory=dict)
     turn_restrictions: int = 0  # of the map that hold on these roads
+    turn_restrictions_out: int = 0  # of the map that permit no way on these roads
 
 
 def is_upright(tags: Mapping[str, Any]) -> bool:
@@ -321,16 +322,25 @@ def cut_segments(ways: OsmRoads) -> RoadSegments:
     targets = rows[1::2]
     firsts = positions.ravel()[firsts]
     refs = None if ways.nodes is None else ways.refs[firsts]
-    segments = RoadSegments(ways.lonlat[firsts], sources, targets, way, refs)
-    return _add_turns(segments, ways) if ways.restrictions else segments
+    return RoadSegments(ways.lonlat[firsts], sources, targets, way, refs)
 
 
-def _add_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
-    """Return the segments of ways with the paths that turn restrictions forbid."""
+def add_turns(segments: RoadSegments, ways: OsmRoads, kept: BoolArray | None = None) -> RoadSegments:
+    """Return the segments of ways with the paths that turn restrictions forbid.
+
+    Args:
+        segments: the segments.
+        ways: their ways.
+        kept: (segments,) the segments that stay on the map: a restriction that permits only other ones does not hold,
+            because it would trap traffic. None: all.
+    """
+    if not ways.restrictions:
+        return segments
     named = {id for held in ways.restrictions.values() for one in held for id in one.list_ways()}
     rows = [row for row, id in enumerate(ways.ids) if id in named]
     of_way: dict[int, list[int]] = {}
-    for segment in np.flatnonzero(np.isin(segments.ways, rows)).tolist():
+    is_named = np.isin(segments.ways, rows)
+    for segment in np.flatnonzero(is_named if kept is None else is_named & kept).tolist():
         of_way.setdefault(ways.ids[segments.ways[segment]], []).append(segment)
     vias = {id for held in ways.restrictions.values() for one in held for id in one.list_nodes()}
     places: dict[int, list[int]] = {}
@@ -343,8 +353,9 @@ def _add_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
     found = {mode: pieces.find_forbidden(held) for mode, held in ways.restrictions.items()}
     return replace(
         segments,
-        turns={mode: paths for mode, (paths, _) in found.items()},
-        turn_restrictions=sum(count for _, count in found.values()),
+        turns={mode: paths for mode, (paths, _, _) in found.items()},
+        turn_restrictions=sum(held for _, held, _ in found.values()),
+        turn_restrictions_out=sum(leading_out for _, _, leading_out in found.values()),
     )
 
 
@@ -383,7 +394,6 @@ def _select_segments(segments: RoadSegments, inside: BoolArray) -> RoadSegments:
         targets=row[segments.targets[kept]],
         ways=segments.ways[kept],
         refs=None if segments.refs is None else segments.refs[inside],
-        turns=choose(segments.turns, np.flatnonzero(kept), len(kept)),
     )
 
 
@@ -578,17 +588,18 @@ class RoadNetwork:
     tunnels: IntArray | None = None  # (nodes,)  number of the tunnel in which a node lies; 0: on the surface
     turns: ForbiddenTurns = field(default_factory=dict)
     turn_restrictions: int = 0  # of the map that hold on these roads
+    turn_restrictions_out: int = 0  # of the map that permit no way on these roads
 
 
-def make_network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
+def make_network_of_part(segments: RoadSegments, ways: OsmRoads, *, strong: bool) -> RoadNetwork:
     """Project the largest part of a map to meters; `left_out` of the result counts the rest.
 
     Args:
         segments: pieces of road; at least one.
-        tags: (ways,) of the map.
+        ways: their ways.
         strong: whether every node of the part has to be reachable from every other, in the directions of the roads.
     """
-    inside = find_nodes_in_largest(segments, find_one_way_segments(segments, tags) if strong else None)
+    inside = find_nodes_in_largest(segments, find_one_way_segments(segments, ways.tags) if strong else None)
     out = ~(inside[segments.sources] & inside[segments.targets])
     sources = segments.sources[out]
     targets = segments.targets[out]
@@ -596,7 +607,8 @@ def make_network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any
     joined = find_components(segments.sources, segments.targets, len(segments.lonlat))
     near = joined[sources] == joined[inside.argmax()]
     left_out = CoverageGaps(float(metres[~near].sum()), float(metres[near].sum()))
-    return replace(make_network_of_segments(_select_segments(segments, inside), tags), left_out=left_out)
+    part = add_turns(_select_segments(segments, inside), ways)
+    return replace(make_network_of_segments(part, ways.tags), left_out=left_out)
 
 
 def make_network_of_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:
@@ -630,7 +642,12 @@ def make_network_in_degrees(
     lengths = measure_on_ellipsoid(segments.lonlat[segments.sources], segments.lonlat[segments.targets])
     roads = make_network_of_lines(segments.lonlat, (segments.sources, segments.targets), {}, lengths, tags, None)
     roads = replace(roads, two_way=two_way, ways=segments.ways, back_ways=back_ways, refs=segments.refs)
-    return replace(roads, turns=segments.turns, turn_restrictions=segments.turn_restrictions)
+    return replace(
+        roads,
+        turns=segments.turns,
+        turn_restrictions=segments.turn_restrictions,
+        turn_restrictions_out=segments.turn_restrictions_out,
+    )
 
 
 def project_to_metres(network: RoadNetwork) -> RoadNetwork:

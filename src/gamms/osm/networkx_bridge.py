@@ -259,7 +259,7 @@ def find_waiting_columns(graph: object, names: Collection[str]) -> tuple[GraphCo
     codes = np.array(rows, np.int64)
     back = None if network.back_ways is None else codes[network.back_ways]
     bare = replace(network, tags=tags, ways=codes[network.ways], back_ways=back)
-    bare = replace(bare, refs=None, tunnels=None, z=None, turns={})
+    bare = replace(bare, refs=None, tunnels=None, z=None)
     return to_columns(bare), roads.about
 
 

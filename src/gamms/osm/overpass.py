@@ -45,6 +45,7 @@ from gamms.osm.network import (
     RoadSegments,
     Rule,
     add_stated_times,
+    add_turns,
     cut_segments,
     describe_read_ways,
     find_largest_part,
@@ -67,7 +68,7 @@ from gamms.osm.reader import read_buildings, read_footprints, read_lines, read_w
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import get_setting
 from gamms.osm.topology import remove_unused_nodes, simplify
-from gamms.osm.turns import choose, parse_restrictions
+from gamms.osm.turns import parse_restrictions
 from gamms.progress import Show, show_progress
 from gamms.text import shown
 
@@ -260,7 +261,7 @@ def _make_network(
         mode = honour_traffic(one) if one is not None and options.bidirectional is False else one
         ways = add_stated_times(_read_ways(found, mode, options, show))
         ways = add_ways_across(replace(ways, buildings=buildings))
-        segments = _select_segments(cut_segments(ways), area, options)
+        segments = add_turns(_select_segments(cut_segments(ways), area, options), ways)
         if not len(segments.sources):
             return None
         parts.append(ModeRoads("" if mode is None else get_mode_name(mode), ways, segments))
@@ -297,8 +298,7 @@ def _select_segments(segments: RoadSegments, area: "BaseGeometry", options: Stre
         kept[segments.sources[crossing]] = kept[segments.targets[crossing]] = True
     inside = kept[segments.sources] & kept[segments.targets]
     ends = segments.sources[inside], segments.targets[inside]
-    turns = choose(segments.turns, np.flatnonzero(inside), len(inside))
-    part = replace(segments, sources=ends[0], targets=ends[1], ways=segments.ways[inside], turns=turns)
+    part = replace(segments, sources=ends[0], targets=ends[1], ways=segments.ways[inside])
     return part if options.retain_all or not inside.any() else find_largest_part(part)
 
 

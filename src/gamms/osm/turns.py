@@ -5,6 +5,7 @@ is a number: `2 * road` from source to target, and `2 * road + 1` back.
 """
 
 import heapq
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
@@ -32,6 +33,7 @@ _MOST_MEMBERS = 100  # of a restriction; real ones have a few
 _MOST_IN_ANY_ORDER = 6  # ways between
 _MOST_BY_ROAD = 8  # forbidden paths; a real map has fewer paths than roads
 _MOST_ON_FEW_ROADS = 10_000
+_SIGN = re.compile("(no|only)_[a-z]")
 _AT_SIGNALS = "_on_red"  # end of signs that hold while a signal is red
 
 
@@ -95,7 +97,9 @@ def read_restriction(
     signs = [plain[key] for key in keys if key in plain]
     if not signs:
         is_timed = any(f"{key}:{CONDITIONAL}" in plain for key in keys)
-        return CONDITIONAL if is_timed else (OTHERS if any(key.startswith(KIND) for key in plain) else UNCLEAR)
+        if is_timed:
+            return CONDITIONAL
+        return OTHERS if any(key.partition(":")[0] == KIND for key in plain) else UNCLEAR
     if not set(split_words(plain.get("except"))).isdisjoint(vehicles):
         return OTHERS
     if not _PERIODS.isdisjoint(plain):
@@ -105,7 +109,7 @@ def read_restriction(
 
 def _parse_restriction(signs: Sequence[str], members: Sequence[Member]) -> TurnRestriction | str:
     """Return the restriction with these signs, of which the first that is known counts."""
-    known = (sign for sign in signs if sign.startswith(("no_", "only_")) and not sign.endswith(_AT_SIGNALS))
+    known = (sign for sign in signs if _SIGN.match(sign) and not sign.endswith(_AT_SIGNALS))
     sign = next(known, "")
     ways = {role: tuple(ref for kind, ref, of in members if kind[0] == "w" and of == role) for role in ("from", "to")}
     through = tuple((kind[0], ref) for kind, ref, role in members if role == "via" and kind[0] in "nw")
@@ -144,7 +148,7 @@ class RoadPieces:
         sources: (pieces,) node rows.
         targets: (pieces,) node rows.
         nodes: the number of nodes.
-        of_way: id of a way -> the rows of its pieces.
+        of_way: id of a way -> the rows of its pieces that signs may be about.
         places: id of a node of the map -> its rows.
         is_one_way: (pieces,)
     """
@@ -165,15 +169,18 @@ class RoadPieces:
         self._places = places
         self._is_one_way = is_one_way
 
-    def find_forbidden(self, restrictions: Iterable[TurnRestriction]) -> tuple[Paths, int]:
-        """Return the paths that restrictions forbid, and the number of restrictions whose roads are on the map.
+    def find_forbidden(self, restrictions: Iterable[TurnRestriction]) -> tuple[Paths, int, int]:
+        """Return the paths that restrictions forbid, and how many restrictions hold and lead out.
+
+        Restrictions hold if their roads are on the map. They lead out if none of the ways that they permit is there.
 
         Raises:
             BadFile: they forbid absurdly many.
         """
         found: dict[tuple[int, ...], None] = {}
         only: dict[tuple[int, ...], set[int]] = {}  # part of a path that is the only one allowed -> the next roads
-        count = 0
+        held = 0
+        leading_out = 0
         for one in restrictions:
             paths = [*self._find_paths(one)]
             if one.is_only:
@@ -184,14 +191,15 @@ class RoadPieces:
             else:
                 found.update(dict.fromkeys(paths))
                 self._refuse_above_most(found)
-            count += bool(paths)
+            held += bool(paths)
+            leading_out += one.is_only and not paths and not self._of_way.keys().isdisjoint(one.starts)
         for begin, allowed in only.items():
             at = self._tails[begin[-1] ^ 1]
             leaving = self._leaving[self._offsets[at] : self._offsets[at + 1]].tolist()
             others = (road for road in leaving if road not in allowed and road ^ 1 != begin[-1])
             found.update(((*begin, road), None) for road in others)
             self._refuse_above_most(found)
-        return tuple(found), count
+        return tuple(found), held, leading_out
 
     def _refuse_above_most(self, found: Collection[tuple[int, ...]]) -> None:
         pieces = len(self._is_one_way)
