@@ -303,3 +303,27 @@ def test_an_answer_of_overpass_in_json_is_named(write):
     answer = {"version": 0.6, "elements": [], "remark": "runtime error: Query timed out"}
     with pytest.raises(BadFile, match=r"answer of Overpass.*the server reports 'runtime error: Query.*\[out:xml\]"):
         load(write(answer))
+
+
+OVERTURE = {"subtype": "road", "class": "residential", "connectors": [{"connector_id": "c1", "at": 0.0}]}
+
+
+@pytest.mark.parametrize(
+    ("properties", "words"),
+    [
+        (OVERTURE, "feature 2 has 'connectors': these are roads of Overture Maps, whose speeds, directions, access"),
+        ({"class": "motorway", "access_restrictions": "[]"}, "has 'access_restrictions': .* Overture"),
+        ({"class": "motorway", "speed_limits": None}, "has 'speed_limits': .* Overture"),
+        ({"id": 3, "startid": 0, "endid": 1}, "has 'startid': these are edges of a route graph of Nav2, whose frame"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["LineString", "MultiLineString"])
+def test_roads_of_another_format_are_refused_by_its_name(tmp_path, properties, words, kind):
+    line = [[24.94, 60.17], [24.95, 60.17]]
+    shape = {"type": kind, "coordinates": line if kind == "LineString" else [line]}
+    point = {"type": "Feature", "properties": {"id": 0, "frame": "map"}, "geometry": None}
+    features = [point, {"type": "Feature", "properties": properties, "geometry": shape}]
+    path = tmp_path / "roads.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    with pytest.raises(BadFile, match=f"{words}.*Convert it first"):
+        graph_from_geojson(path)

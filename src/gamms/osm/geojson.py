@@ -30,6 +30,12 @@ _NO_TAGS = frozenset(("id", "osmid", "linestring", "geometry", "length", "revers
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")  # names of WGS 84 in files older than RFC 7946
 _WAY_OUT = "Give a GeoJSON file with LineString or MultiLineString geometries in longitude and latitude."
 _EAST = 180.0  # degrees
+_OVERTURE = "roads of Overture Maps, whose speeds, directions, access and connectors are not read yet"
+_NAV2 = "edges of a route graph of Nav2, whose frame, in meters, and directions are not read yet"
+_FOREIGN = {
+    **dict.fromkeys(("connectors", "access_restrictions", "speed_limits", "prohibited_transitions"), _OVERTURE),
+    **dict.fromkeys(("startid", "endid"), _NAV2),
+}  # properties of other formats -> the format
 _ID = re.compile(r"(?:way/)?(-?\d{1,18})", re.ASCII)
 _Line = list[Annotated[list[float], Meta(min_length=2)]]
 
@@ -59,7 +65,7 @@ def read_lines(
     Ends of lines join other lines that are at most `snap` meters away.
 
     Raises:
-        BadFile: the file is not GeoJSON, is damaged, too large, without lines, or not in degrees.
+        BadFile: the file is not GeoJSON, is damaged, too large, without lines, not in degrees, or of another format.
     """
     show(f"Reading {file.name}")
     refuse_above(_MEMORY_PER_BYTE * file.stat().st_size, f"reading {str(file)!r}")
@@ -67,7 +73,7 @@ def read_lines(
         ways = _read_ways(file.read_bytes().removeprefix(b"\xef\xbb\xbf"))
         return snap_ends(ways, snap) if snap else ways
     except (ValueError, RecursionError, MemoryError, msgspec.MsgspecError) as error:
-        raise BadFile(f"{str(file)!r} cannot be used: {str(error)[:200]}. {_WAY_OUT}") from None
+        raise BadFile(f"{str(file)!r} cannot be used: {str(error)[:250]}. {_WAY_OUT}") from None
 
 
 def is_geojson(filepath: str | os.PathLike[str]) -> bool:
@@ -94,6 +100,8 @@ def _read_ways(text: bytes) -> OsmRoads:
     tags = []
     against = []
     for number, feature in enumerate(features, 1):
+        if mark := next((name for name in _FOREIGN if name in (feature.properties or {})), None):
+            raise ValueError(f"feature {number} has {mark!r}: these are {_FOREIGN[mark]}. Convert it first")
         oneway = normalize_tags(feature.properties or {}).get("oneway")
         for line in _list_lines(feature.geometry):
             try:
