@@ -442,7 +442,8 @@ class Batch(Surface, Immutable, NotPickled):
             max_turns: the largest number of turns that each game plays now; None: until the total of the settings is
                 reached, which ends a game in any case.
             progress: whether to show the progress on a line of stderr, if it is a terminal.
-            warn: whether to log once the teams without a strategy, and the part that makes the batch slow.
+            warn: whether to log once the teams without a strategy, the agents that cannot move, and the part that makes
+                the batch slow.
             threads: the number of threads, if the core plays all parts; the results do not depend on it. Other games
                 use one thread.
 
@@ -459,6 +460,7 @@ class Batch(Surface, Immutable, NotPickled):
             raise BadValue("These games have no rule that could end them: give run(max_turns=…) or add a rule.")
         if as_bool(warn, "warn"):
             game.internals.warn_of_idle_teams()
+            game.internals.warn_of_stuck_agents()
             self._say_what_is_slow()
         with self._lock_for_playing(), progress_line() as line:
             show = line if is_shown else None

@@ -379,6 +379,8 @@ class Game(Surface, RuleVerbs):
             if self._phase.are_moves_unread:
                 self._phase.leave_unread(None)  # the run may replace it, see `native`
             self._internals.warn_of_idle_teams()
+            if not self.turn:
+                self._internals.warn_of_stuck_agents()
             if record is not None:
                 if self._in_core is not None:
                     self._in_core.make_last_turn()

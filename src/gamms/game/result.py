@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text, refuse_suffix
 from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import as_kind, read_bytes, write_whole
 from gamms.game.strategy_specs import draw_members
 from gamms.ir.game_state import CollectedNumbers, cut_log, describe_reason, is_shown_number
+from gamms.ir.graph import find_usable_edges, list_forbidden_paths, split_mode
 from gamms.ir.messages import make_message_table
 from gamms.ir.tables import add_latlon, make_frame, make_table
 from gamms.limits import refuse_above
@@ -372,6 +374,63 @@ def warn_of_idle(
             f"No strategy decides for: {listed}. They stay where they are. Give them a strategy, or "
             "gamms.strategies.stay if this is intended."
         )
+
+
+_MOST_NAMED = 3  # agents, in a warning
+_IS_NAMED = ("agents that cannot move",)
+
+
+def warn_of_stuck_agents(ctx: HostContext, named: set[Hashable], *, has_learners: bool = False) -> None:
+    """Log a warning with agents that decide but cannot move on the map as it is, once.
+
+    Args:
+        ctx: the context.
+        named: what was named before; this warning is added.
+        has_learners: whether agents without a strategy get their actions from outside.
+    """
+    found = [] if _IS_NAMED in named else [*_list_stuck_agents(ctx, has_learners), *_list_traps(ctx)]
+    if found:
+        named.add(_IS_NAMED)
+        more = f" and {len(found) - _MOST_NAMED:,} more" if len(found) > _MOST_NAMED else ""
+        ctx.logger.warning(
+            f"Agents cannot move: {', '.join(found[:_MOST_NAMED])}{more}. Start them elsewhere, such as at "
+            "ctx.graph.place(…, mode=…), open roads, load a larger map, or give a speed; or give them "
+            "gamms.strategies.stay if this is intended."
+        )
+
+
+def _list_stuck_agents(ctx: HostContext, has_learners: bool) -> Iterator[str]:
+    block = ctx.agent.block
+    columns = ctx.graph.columns()
+    strategies = ctx.agent.storage.list_strategies()
+    ids = np.asarray(block.get_ids(block.node))
+    stays = np.zeros(len(ids), np.bool_)
+    for mode in {*block.modes}:
+        leads_away = columns.sources != columns.targets
+        if mode is not None:
+            leads_away &= find_usable_edges(columns, mode)
+        may_leave = np.isin(ids, columns.node_ids[columns.sources[leads_away]])
+        stays |= ~may_leave & [one == mode for one in block.modes]
+    stays[block.flyers] = False
+    for row in np.flatnonzero(stays | (np.asarray(block.speed) == 0.0)).tolist():
+        strategy = strategies[row]
+        is_deciding = strategy is not None or has_learners or block.teams[row] in ctx.game.plans
+        if is_deciding and block.alive[row] and getattr(strategy, "__name__", "") != "stay":
+            mode = block.modes[row]
+            whose = "" if mode is None else f" for its mode {split_mode(mode)[0]!r}"
+            why = f"no open edge{whose} leads away from node {ids[row]}" if stays[row] else "its speed is 0"
+            yield f"{block.names[row]!r} ({why})"
+
+
+def _list_traps(ctx: HostContext) -> Iterator[str]:
+    columns = ctx.graph.columns()
+    for mode in sorted({mode for mode in ctx.agent.block.modes if mode is not None and split_mode(mode)[1]}):
+        paths = list_forbidden_paths(columns).get(split_mode(mode)[0], [])
+        rows = [tuple(kernels.find_rows(columns.edge_ids, np.array(path), columns.edge_order)) for path in paths]
+        ends = (columns.sources, columns.targets, columns.lengths)
+        edges = kernels.find_edges_without_turn(*ends, find_usable_edges(columns, mode), rows)
+        if len(edges) and paths:
+            yield f"any {mode!r} after edge {columns.edge_ids[edges[0]]} (no legal turn, as after {len(edges):,} edges)"
 
 
 MANY_TURNS = 100_000  # after which a game that nothing limits may never end

@@ -14,7 +14,7 @@ from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, get_facts
 from gamms.game.lasting import copy_doing, drop_deed, put_doing
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.result import CollectorMark, Collectors, warn_of_idle
+from gamms.game.result import CollectorMark, Collectors, warn_of_idle, warn_of_stuck_agents
 from gamms.game.settings import MapNodeIds, NamedRule, Plan, RuleSet, RuleTable, Settings, refuse_misfits
 from gamms.game.strategy_specs import get_strategy_spec
 from gamms.game.turn import Observer, TurnEngine
@@ -639,7 +639,7 @@ class GameInternals(ContextPart):
         map_number, map_spec: the number of the map among those of a batch, 0 if there is one; and its entry in `maps`,
             or under the key `map` of the scenario; None: a program built the game.
         kept: caches of rules, by name; copies and snapshots do not contain them.
-        named_idle: the teams that `warn_of_idle_teams` has named.
+        named_idle: the teams, agents and modes that warnings have named.
         checks_start: whether the next turn begins with `refuse_misfits`: rules and strategies may be added after a
             recording was resumed.
         left_as: the number of the game in the batch from which it was made under way; None: it knows its start.
@@ -709,6 +709,10 @@ class GameInternals(ContextPart):
         strategies = ctx.agent.storage.list_strategies()
         decided = {team for team, strategy in zip(teams, strategies, strict=True) if strategy is not None}
         warn_of_idle(teams, decided.union(ctx.game.plans), self.named_idle, ctx.logger.warning)
+
+    def warn_of_stuck_agents(self, *, has_learners: bool = False) -> None:
+        """Log a warning that names agents which decide but cannot move, once; see there."""
+        warn_of_stuck_agents(self._parts.ctx, self.named_idle, has_learners=has_learners)
 
     @property
     def parts(self) -> SnapshotTaker:

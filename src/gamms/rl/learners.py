@@ -209,6 +209,7 @@ class Learners:
         try:
             self._set_learners((teams,) if isinstance(teams, str) else teams, agent)
             self._refuse_learners(first_others)
+            self.games.game.internals.warn_of_stuck_agents(has_learners=True)
         except BaseException:
             self.games.close()
             raise
