@@ -301,7 +301,8 @@ def find_edges_without_turn(
     """Return the open edges after which traffic that obeys forbidden paths may take no edge; see `make_turn_states`."""
     states = make_turn_states(sources, targets, lengths, is_open, ForbiddenPaths(paths))
     count = len(states.edges)
-    is_last = is_open[states.edges] & (np.bincount(states.starts, minlength=count) == 0)
+    is_taken = is_open & (sources != targets)
+    is_last = is_taken[states.edges] & (np.bincount(states.starts, minlength=count) == 0)
     is_last[len(sources) :] &= np.bincount(states.ends, minlength=count)[len(sources) :] > 0
     return np.unique(states.edges[is_last])
 

@@ -106,8 +106,9 @@ class Report(NamedTuple):
     turn_restrictions: int  # that hold for the mode of travel, on its roads
     turn_restrictions_ignored: int
     turn_restrictions_conditional: int  # of these, ones that hold at some times only
-    turn_restrictions_of_others: int  # … ones for other vehicles
-    turn_restrictions_out: int  # … ones that permit only ways that are not there; the rest is unclear or elsewhere
+    turn_restrictions_of_others: (
+        int  # … ones for other vehicles; the rest is unclear, or permits or forbids other roads
+    )
     edges_without_turn: int  # of a mode that obeys turns, after which it may take no edge
     ignored_values: dict[str, int]  # tags for access, direction or speed that have no known meaning -> ways with them
     barriers: int  # where agents cannot pass, such as bollards on streets for cars
@@ -216,10 +217,8 @@ class Report(NamedTuple):
         """Return how many turn restrictions hold, and why others do not."""
         conditional = self.turn_restrictions_conditional
         of_others = self.turn_restrictions_of_others
-        out = self.turn_restrictions_out
-        rest = self.turn_restrictions_ignored - conditional - of_others - out
-        ignored = f"{conditional:,} conditional, {of_others:,} of others, {out:,} that permit only ways which are not "
-        ignored += f"there, {rest:,} unclear or elsewhere"
+        rest = self.turn_restrictions_ignored - conditional - of_others
+        ignored = f"{conditional:,} conditional, {of_others:,} of others, {rest:,} unclear or for roads left out"
         return f"{self.turn_restrictions:,} restrictions hold; ignored are {ignored}"
 
     def _describe_closed(self, key: str) -> str:
@@ -336,7 +335,6 @@ def _compare_networks(edges: RoadNetwork, source: RoadNetwork, about: dict[str, 
         turn_restrictions_ignored=sum(signs) - source.turn_restrictions,
         turn_restrictions_conditional=signs.conditional,
         turn_restrictions_of_others=signs.others,
-        turn_restrictions_out=source.turn_restrictions_out,
         edges_without_turn=_count_edges_without_turn(edges),
         ignored_values=about.get("ignored_values", {}),
         barriers=source.left_out.barriers,

@@ -104,7 +104,6 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
         segments,
         turns=_join_turns(parts, of_modes, refs),
         turn_restrictions=max(part.segments.turn_restrictions for part in parts),
-        turn_restrictions_out=max(part.segments.turn_restrictions_out for part in parts),
     )
     network = make_network_in_degrees(segments, two_way=two_way, tags=tags, back_ways=row[:, 1])
     barriers = {ref for part in parts for ref in part.ways.barriers}

@@ -147,7 +147,6 @@ class RoadSegments:
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids
     turns: ForbiddenTurns = field(default_factory=dict)
     turn_restrictions: int = 0  # of the map that hold on these roads
-    turn_restrictions_out: int = 0  # of the map that permit no way on these roads
 
 
 def is_upright(tags: Mapping[str, Any]) -> bool:
@@ -353,9 +352,8 @@ def add_turns(segments: RoadSegments, ways: OsmRoads, kept: BoolArray | None = N
     found = {mode: pieces.find_forbidden(held) for mode, held in ways.restrictions.items()}
     return replace(
         segments,
-        turns={mode: paths for mode, (paths, _, _) in found.items()},
-        turn_restrictions=sum(held for _, held, _ in found.values()),
-        turn_restrictions_out=sum(leading_out for _, _, leading_out in found.values()),
+        turns={mode: paths for mode, (paths, _) in found.items()},
+        turn_restrictions=sum(count for _, count in found.values()),
     )
 
 
@@ -588,7 +586,6 @@ class RoadNetwork:
     tunnels: IntArray | None = None  # (nodes,)  number of the tunnel in which a node lies; 0: on the surface
     turns: ForbiddenTurns = field(default_factory=dict)
     turn_restrictions: int = 0  # of the map that hold on these roads
-    turn_restrictions_out: int = 0  # of the map that permit no way on these roads
 
 
 def make_network_of_part(segments: RoadSegments, ways: OsmRoads, *, strong: bool) -> RoadNetwork:
@@ -642,12 +639,7 @@ def make_network_in_degrees(
     lengths = measure_on_ellipsoid(segments.lonlat[segments.sources], segments.lonlat[segments.targets])
     roads = make_network_of_lines(segments.lonlat, (segments.sources, segments.targets), {}, lengths, tags, None)
     roads = replace(roads, two_way=two_way, ways=segments.ways, back_ways=back_ways, refs=segments.refs)
-    return replace(
-        roads,
-        turns=segments.turns,
-        turn_restrictions=segments.turn_restrictions,
-        turn_restrictions_out=segments.turn_restrictions_out,
-    )
+    return replace(roads, turns=segments.turns, turn_restrictions=segments.turn_restrictions)
 
 
 def project_to_metres(network: RoadNetwork) -> RoadNetwork:

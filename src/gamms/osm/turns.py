@@ -169,18 +169,15 @@ class RoadPieces:
         self._places = places
         self._is_one_way = is_one_way
 
-    def find_forbidden(self, restrictions: Iterable[TurnRestriction]) -> tuple[Paths, int, int]:
-        """Return the paths that restrictions forbid, and how many restrictions hold and lead out.
-
-        Restrictions hold if their roads are on the map. They lead out if none of the ways that they permit is there.
+    def find_forbidden(self, restrictions: Iterable[TurnRestriction]) -> tuple[Paths, int]:
+        """Return the paths that restrictions forbid, and the number of restrictions whose roads are on the map.
 
         Raises:
             BadFile: they forbid absurdly many.
         """
         found: dict[tuple[int, ...], None] = {}
         only: dict[tuple[int, ...], set[int]] = {}  # part of a path that is the only one allowed -> the next roads
-        held = 0
-        leading_out = 0
+        count = 0
         for one in restrictions:
             paths = [*self._find_paths(one)]
             if one.is_only:
@@ -191,15 +188,14 @@ class RoadPieces:
             else:
                 found.update(dict.fromkeys(paths))
                 self._refuse_above_most(found)
-            held += bool(paths)
-            leading_out += one.is_only and not paths and not self._of_way.keys().isdisjoint(one.starts)
+            count += bool(paths)
         for begin, allowed in only.items():
             at = self._tails[begin[-1] ^ 1]
             leaving = self._leaving[self._offsets[at] : self._offsets[at + 1]].tolist()
             others = (road for road in leaving if road not in allowed and road ^ 1 != begin[-1])
             found.update(((*begin, road), None) for road in others)
             self._refuse_above_most(found)
-        return tuple(found), held, leading_out
+        return tuple(found), count
 
     def _refuse_above_most(self, found: Collection[tuple[int, ...]]) -> None:
         pieces = len(self._is_one_way)
