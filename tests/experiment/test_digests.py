@@ -6,8 +6,8 @@ import pytest
 
 from gamms import experiment
 from gamms.errors import BadValue, WriteConflict
-from gamms.experiment import digests
-from gamms.experiment.digests import compute_digest, hash_function
+from gamms.experiment import variants
+from gamms.experiment.variants import compute_digest, hash_function
 from gamms.scenario import Scenario, ScenarioError, load
 
 GAME = """
@@ -71,7 +71,7 @@ def test_hidden_folders_environments_and_results_hold_no_code_of_a_scenario(fold
 
 
 def test_a_folder_of_too_many_files_is_refused(folder, monkeypatch):
-    monkeypatch.setattr(digests, "_MOST_FILES", 2)
+    monkeypatch.setattr(variants, "_MOST_FILES", 2)
     with pytest.raises(BadValue, match="has more than 2 files and folders: give the scenario"):
         play(folder)
 
@@ -165,7 +165,7 @@ def test_functions_count_by_code_defaults_and_all_values_that_they_use():
 
 def test_functions_have_the_same_digest_in_every_process():
     text = "class A: x = {'a', 'b', 'c'}\ndef f(s, k=frozenset('xyz')): return s in {'k', 'l', 'm'}, A, print"
-    program = f"from gamms.experiment.digests import hash_function\n{text}\nprint(hash_function(f))"
+    program = f"from gamms.experiment.variants import hash_function\n{text}\nprint(hash_function(f))"
     found = {subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout for _ in range(2)}
     assert found == {f"{hash_function(make_function(text))}\n".encode()}
 
@@ -185,7 +185,7 @@ def test_functions_of_a_program_that_change_give_other_rows(tmp_path):
 def test_rows_of_the_first_format_are_read_and_verified_and_not_continued(folder, monkeypatch):
     code = folder
     with monkeypatch.context() as old:  # a folder as older versions wrote it
-        old.setattr("gamms.experiment.running.compute_digest", lambda one, *_: digests.compute_first_digest(one))
+        old.setattr("gamms.experiment.running.compute_digest", lambda one, *_: variants.compute_first_digest(one))
         old.setattr("gamms.experiment.running._GamePlan.list_collectors", lambda plan: [*plan.collect])
         old.setattr("gamms.experiment.folders.FORMAT", experiment.folders.FIRST_FORMAT)
         play(code)

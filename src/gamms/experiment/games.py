@@ -8,8 +8,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from gamms.errors import BadValue, TooLarge
-from gamms.experiment.digests import find_other_module, list_undeclared, watch_files
-from gamms.experiment.variants import Variant
+from gamms.experiment.variants import Variant, find_other_module, list_undeclared, watch_files
 from gamms.game.result import Result
 from gamms.limits import allowing
 from gamms.plain import Plain, as_json, to_plain

@@ -13,7 +13,6 @@ from gamms.arguments import as_count, as_float, as_int, as_items, as_known, as_p
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment import verification
-from gamms.experiment.digests import compute_digest, compute_first_digest, hash_code
 from gamms.experiment.folders import FORMAT, SeriesLine, as_columns, list_series_lines, read_rows
 from gamms.experiment.games import ExperimentSettings, Row, VariantPlayer
 from gamms.experiment.statistics import (
@@ -30,7 +29,7 @@ from gamms.experiment.statistics import (
     estimate_sobol_indices,
 )
 from gamms.experiment.tables import Table, plot
-from gamms.experiment.variants import Variant
+from gamms.experiment.variants import Variant, compute_digest, compute_first_digest, hash_code
 from gamms.game.result import Result
 from gamms.ir.tables import make_frame, make_table
 from gamms.limits import max_memory

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 from gamms.arguments import as_bool, as_count, as_function_of, as_ids, as_mapping, as_path, explain_call_errors
 from gamms.errors import BadType, BadValue, MissingExtra, WriteConflict
 from gamms.experiment import folders
-from gamms.experiment.digests import compute_digest, hash_code, hash_function, list_undeclared, watch_files
 from gamms.experiment.games import (
     Collect,
     ExperimentSettings,
@@ -32,7 +31,17 @@ from gamms.experiment.games import (
 )
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
-from gamms.experiment.variants import Variant, Vary, compute_row_id, make_variants
+from gamms.experiment.variants import (
+    Variant,
+    Vary,
+    compute_digest,
+    compute_row_id,
+    hash_code,
+    hash_function,
+    list_undeclared,
+    make_variants,
+    watch_files,
+)
 from gamms.experiment.verification import Provenance
 from gamms.folders import lock_folder
 from gamms.limits import max_memory, refuse_above

@@ -14,10 +14,9 @@ from typing import Any, Literal, NamedTuple, NotRequired, TypedDict, TypeVar
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive, as_text
 from gamms.errors import BadFile, BadType, BadValue, GammsError, WriteConflict
-from gamms.experiment.digests import compute_digest
 from gamms.experiment.folders import JOURNAL, Journal, read_journal
 from gamms.experiment.running import InProcessExecutor, get_executor
-from gamms.experiment.variants import compute_row_id
+from gamms.experiment.variants import compute_digest, compute_row_id
 from gamms.folders import lock_folder, read_bytes, read_json, refuse_link, remove_link, write_whole
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import show_progress
