@@ -32,4 +32,4 @@ def compare(taggers, runners, games=200):
     """Play trained policies, given as files, and random walks against each other in games of other seeds."""
     strategies = {"random walk": random_walk, "trained": rl.policy(taggers, sample=True)}
     opponents = {"random walk": random_walk, "trained": rl.policy(runners, sample=True)}
-    return rl.evaluate(SCENARIO, strategies, team="taggers", opponents=opponents, games=games, seed=1_000_000)
+    return rl.evaluate(SCENARIO, strategies, team="taggers", opponents=opponents, games=games)

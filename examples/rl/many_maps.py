@@ -45,14 +45,14 @@ def learn(file, seed=1, iterations=40, num_games=256):
     """Train a policy on some maps, and save it; return the share of games won in each iteration."""
     others = {"blue": rl.opponents({"flee": flee, "walk": random_walk}, weights=[3, 1])}
     learner = {"team": "red", "observation": observe, "reward": lambda turn: turn.gains["red"][:, None] - [[0.03] * 2]}
-    env = rl.vector_env(PURSUIT, num_games=num_games, others=others, maps=DISTRICTS[:12], **learner)
+    env = rl.vector_env(PURSUIT, num_games=num_games, others=others, maps=DISTRICTS[:12], seed=seed, **learner)
     return train(env, file, seed, iterations, shared=1)
 
 
 def compare(file, games=100):
     """Evaluate a policy on maps that it has not seen."""
     strategies = {"chase": chase, "policy": rl.policy(file, observation=observe)}
-    new = {"maps": DISTRICTS[12:], "games": games, "seed": 1_000_000, "exact": exact_pursuers}
+    new = {"maps": DISTRICTS[12:], "games": games, "exact": exact_pursuers}
     return rl.evaluate(PURSUIT, strategies, team="red", opponents={"flee": flee, "exact": exact_evader}, **new)
 
 

@@ -136,6 +136,6 @@ if __name__ == "__main__":
     learner = {"num_games": given.games, "team": "red", "observation": observe, "reward": reward}
 
     def train_one(seed, file):
-        train(rl.vector_env(SCENARIO, seed=seed * 1000, **learner), file, seed, given.iterations)
+        train(rl.vector_env(SCENARIO, seed=seed, **learner), file, seed, given.iterations)
 
     compare(train_one, given)

@@ -17,7 +17,7 @@ TURNS = 32  # of each game in an iteration
 
 def train(seed, file, iterations, games):
     """Train a policy with one seed, and save it."""
-    env = rl.sb3_env(SCENARIO, num_games=games, team="red", observation=observe, reward=reward, seed=seed * 1000)
+    env = rl.sb3_env(SCENARIO, num_games=games, team="red", observation=observe, reward=reward, seed=seed)
     model = MaskablePPO(
         "MultiInputPolicy",
         env,

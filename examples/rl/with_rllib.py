@@ -26,7 +26,7 @@ class TeamsEnv(ParallelPettingZooEnv):
     """A game for RLlib, which ends when no agent of PettingZoo is left."""
 
     def __init__(self, config=None):
-        super().__init__(rl.parallel_env(SCENARIO, reward=reward, seed=getattr(config, "worker_index", 0) * 1_000_000))
+        super().__init__(rl.parallel_env(SCENARIO, reward=reward, seed=getattr(config, "worker_index", 0)))
 
     def step(self, action_dict):
         observations, rewards, terminated, truncated, infos = super().step(action_dict)

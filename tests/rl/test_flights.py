@@ -102,7 +102,7 @@ def test_saved_policies_act_alone_as_in_their_environment(team, deeds, tmp_path)
     tag = {"rule": "tag", "with": {**TAG["with"], "taggers": "drones"}}
     game = scene(teams={**teams, "blue": runner}, rules=[tag], settings={"deeds": deeds})
     env = rl.parallel_env(game, team=team)
-    observed, _ = env.reset(seed=3)
+    observed, _ = env.reset(seed=[3])
     name = env.agents[0]
     entries = len(observed[name]["observation"])
     numbers = 3 if team == "drones" else env.learners.num_actions

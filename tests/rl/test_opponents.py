@@ -16,7 +16,7 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 pytest.importorskip("safetensors", reason="safetensors is not installed")
 
 import gamms
-from gamms import array_strategy, rl
+from gamms import array_strategy, kernels, rl
 from gamms.errors import BadType, BadValue, MissingFile, UnknownName
 from gamms.scenario import Scenario, ScenarioError
 from gamms.strategies import chase, flee, pool, random_walk
@@ -62,7 +62,8 @@ def test_infos_of_many_games_name_the_opponents_also_at_the_end(blue, workers):
     others = {"blue": blue["all kinds"]}
     env = rl.vector_env(scene(), num_games=6, team="red", others=others, workers=workers)
     _, infos = env.reset(seed=0)
-    drawn = [scene().play(seed=seed, strategies=others).row()["opponent.blue"] for seed in range(12)]
+    seeds = kernels.compute_run_seeds([0] * 12, [*range(6)] * 2, [0] * 6 + [1] * 6)
+    drawn = [scene().play(seed=seed, strategies=others).row()["opponent.blue"] for seed in seeds]
     assert infos["opponent.blue"].tolist() == np.repeat(drawn[:6], 2).tolist()
     for _ in range(4):
         *_, infos = env.step(np.zeros(12, int))
@@ -88,7 +89,7 @@ def test_infos_of_one_game_name_the_opponent():
     others = {"blue": pool([chase, flee])}
     env = rl.single_agent_env(scene(), agent="red_0", others=others)
     for seed in range(4):
-        _, info = env.reset(seed=seed)
+        _, info = env.reset(seed=[seed])
         drawn = scene().play(seed=seed, strategies=others).row()["opponent.blue"]
         assert info["opponent.blue"] == drawn
         assert env.step(0)[4]["opponent.blue"] == drawn
@@ -149,7 +150,7 @@ def play_lives(sets, turns=18, **options):
                 going[game] = _begin_life(learners, game, turn // 4 % len(sets))
     for life in lives:
         with rl.Learners(scene(9), others=sets[life["set"]], **options) as learners:
-            learners.begin_all(life["seed"])
+            learners.begin_all([life["seed"]])
             found = _begin_life(learners, 0, life["set"])
             for taken, *_ in life["turns"]:
                 rewards = learners.step(np.array([taken])).rewards

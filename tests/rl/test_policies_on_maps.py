@@ -127,7 +127,7 @@ def test_a_policy_acts_on_a_narrow_map_as_in_the_environment_of_its_training(sav
     env.step(actions)
     ends = env.learners.games.observe("red", map=0)
     env.close()
-    with scene().batch(3, strategies={"red": rl.policy(saved)}) as games:
+    with scene().batch(seeds=env.learners.games.seeds, strategies={"red": rl.policy(saved)}) as games:
         games.step()
         assert games.observe("red").node[ends.games].tolist() == ends.node.tolist()
 

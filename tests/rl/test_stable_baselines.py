@@ -14,7 +14,7 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor
 
-from gamms import rl
+from gamms import kernels, rl
 from gamms.errors import BadValue
 from gamms.scenario import Scenario
 from gamms.strategies import random_walk, stay
@@ -60,7 +60,7 @@ def test_models_of_agents_that_fly_are_saved_and_fly_as_they_predict(kind, tmp_p
     rl.save_policy(model, tmp_path / "it.safetensors", env)
     env.seed(3)
     observed = env.reset()
-    with game.build(3, {"red": rl.policy(tmp_path / "it.safetensors")}) as ctx:
+    with game.build(env.learners.games.seeds[0], {"red": rl.policy(tmp_path / "it.safetensors")}) as ctx:
         for _ in range(5):
             observed, *_ = env.step(model.predict(observed, deterministic=True)[0])
             ctx.game.step()
@@ -147,7 +147,7 @@ def weigh(turn):
 def lives_of(scenario, seed, actions):
     """Return the lengths and returns of the agents' lives in a game alone by these actions, (turns, agents)."""
     env = rl.parallel_env(scenario, team="blue", reward=weigh)
-    env.reset(seed=seed)
+    env.reset(seed=[seed])
     earned = dict.fromkeys(env.agents, 0.0)
     lives = []
     for turn, chosen in enumerate(actions, 1):
@@ -176,11 +176,14 @@ def test_the_log_of_a_model_has_the_true_lives_of_agents_that_go_out(tmp_path):
     taken = np.array(taken).reshape(turns, games, 4)
     lives = []
     for game in range(games):
-        seed, first = 1 + game, 0
-        while first < turns:
+        first = 0
+        for episode in range(turns):
+            [seed] = kernels.compute_run_seeds([1], [game], [episode])
             played, ended = lives_of(hunted(), seed, taken[first:, game])
             lives += ended
-            seed, first = seed + games, first + played
+            first += played
+            if first == turns:
+                break
     lengths, returns = np.array(lives).T
     assert len({*lengths}) > 5
     assert len(lives) > 20
@@ -197,18 +200,19 @@ def test_a_life_names_the_opponent_and_the_map_of_its_game(workers):
     env.seed(3)
     env.reset()
     alone = rl.Learners(scene(), 1, teams=["red"], others=others, maps=maps)
-    seeds, found = [3, 4, 5, 6], set()
+    episodes = [0] * 4
+    found = set()
     for _ in range(25):
         *_, ends, infos = env.step(np.zeros(8, int))
         for slot in np.flatnonzero(ends).tolist():
             game = slot // 2
-            alone.begin(np.array([0]), [seeds[game]])
+            alone.begin(np.array([0]), kernels.compute_run_seeds([3], [game], [episodes[game]]))
             for key, column in alone.drawn.items():
                 assert infos[slot][key] == column[0]
             found.add((infos[slot]["opponent.blue"], infos[slot]["map"]))
             assert infos[slot]["map_spec"] == maps[infos[slot]["map"]]
         for game in np.flatnonzero(ends[::2]).tolist():
-            seeds[game] += 4
+            episodes[game] += 1
     assert len(found) == 4
     alone.close()
     env.close()
@@ -218,13 +222,13 @@ def test_a_callback_changes_the_opponents_of_games_that_begin_later():
     env = VecMonitor(rl.sb3_env(scene(), num_games=2, team="red", others={"blue": random_walk}))
     env.reset()
     named = []
-    for turn in range(21):
+    for turn in range(30):
         if turn == 5:
             env.set_others({"blue": stay})
         *_, ends, infos = env.step(np.zeros(4, int))
         named.append([infos[slot]["opponent.blue"] for slot in np.flatnonzero(ends).tolist()])
     assert {name for names in named[:5] for name in names} <= {"random_walk"}
-    assert {name for names in named[14:] for name in names} == {"stay"}
+    assert {name for names in named[16:] for name in names} == {"stay"}
     env.close()
 
 
@@ -250,7 +254,7 @@ def test_a_model_is_saved_as_a_policy_that_plays_as_it_does(tmp_path):
     trusted = rl.policy(tmp_path / "red.zip", trusted=True)
     env.seed(9)
     observed = env.reset()
-    with scene().batch(4, seed=9, strategies={"red": red}) as games:
+    with scene().batch(seeds=env.learners.games.seeds, strategies={"red": red}) as games:
         for _ in range(3):
             chosen, _ = model.predict(observed, action_masks=get_action_masks(env), deterministic=True)
             observed, *_ = env.step(chosen)

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 
-from gamms import rl
+from gamms import kernels, rl
 from gamms.errors import BadType, BadValue
 from gamms.rl.learners import Learners
 from gamms.scenario import Scenario, ScenarioError
@@ -179,7 +179,7 @@ def test_games_that_begin_in_a_step_are_those_that_reset_begins(mode, maps):
     rng = np.random.default_rng(5)
     number = 0
     for _ in range(40):
-        actions = rng.integers(-1, 6, size=learners.masks.shape[:2])
+        actions = rng.integers(0, learners.num_actions, size=learners.masks.shape[:2])
         was_over = others.is_over
         played, wanted = learners.step(actions, begins=mode), others.step(actions)
         assert written(tuple(played)) == written(tuple(wanted))
@@ -208,16 +208,17 @@ def test_games_that_begin_in_a_step_are_those_that_reset_begins(mode, maps):
 
 
 def test_agents_that_do_not_fit_are_reported_when_their_game_begins():
-    """The seeds 0 to 2 leave room for blue, far from red; the seed 3 does not."""
     game = scene(max_turns=2).replace(**{"teams.blue.from": {"team": "red", "at_least": 25.0}})
     env = rl.vector_env(game, num_games=1, team="red")
-    env.reset(seed=0)
+    run = 4  # the first with room for blue, far from red, in three games but not in the fourth
+    seeds = kernels.compute_run_seeds([run] * 4, [0] * 4, range(4))
+    env.reset(seed=run)
     stay = np.zeros(env.num_envs, np.int64)
-    seeds = []
+    played = []
     for _ in range(5):
         env.step(stay)
-        seeds += env.learners.games.seeds
-    assert seeds == [0, 1, 1, 2, 2]
-    with pytest.raises(ScenarioError, match="with the seed 3"):
+        played += env.learners.games.seeds
+    assert played == [seeds[number] for number in (0, 1, 1, 2, 2)]
+    with pytest.raises(ScenarioError, match=f"with the seed {seeds[3]}"):
         env.step(stay)
     env.close()

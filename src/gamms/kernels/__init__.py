@@ -32,6 +32,7 @@ from gamms.kernels.draws import (
     compute_name_keys,
     compute_purpose_key,
     compute_purpose_keys,
+    compute_run_seeds,
     compute_turn_key_rows,
     convert_to_fractions,
     convert_to_integers,

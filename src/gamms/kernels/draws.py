@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or hashes of names
+_LEAST_RUN_SEED = 1 << 62
 _MOST_NAMES = 1 << 16  # whose hashes are kept
 
 
@@ -35,6 +36,22 @@ def compute_purpose_keys(seeds: Sequence[int], purposes: Sequence[tuple[str | in
     texts = (b"(%d%b" % (seed, end) for seed in seeds for end in ends)
     digests = b"".join([blake2b(text, digest_size=8).digest() for text in texts])
     return np.frombuffer(digests, "<u8").astype(np.uint64).reshape(len(seeds), len(ends))
+
+
+def compute_run_seeds(runs: Iterable[int], games: Iterable[int], episodes: Iterable[int]) -> list[int]:
+    """Return the seeds of the episodes of games of training runs: 2 ** 62 plus 62 bits of a hash of the three numbers.
+
+    Games of different runs share no seed, and smaller seeds are never drawn in training: they are for tests.
+
+    Args:
+        runs: the seed of each run.
+        games: the number of each game in its run.
+        episodes: the number of earlier episodes of each game.
+    """
+    from hashlib import sha256
+
+    texts = [b"%d/%d/%d" % numbers for numbers in zip(runs, games, episodes, strict=True)]
+    return [_LEAST_RUN_SEED + (int.from_bytes(sha256(text).digest()[:8], "big") >> 2) for text in texts]
 
 
 def _encode_names(names: Sequence[tuple[str | int, ...]]) -> list[bytes]:

@@ -53,7 +53,8 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         observation: maps an `ArrayView` to numbers for the agents of a team, (games, agents, …); None:
             `default_observation`.
         reward: maps a `Turn` to numbers, (games, agents) or (games,); None: the change of the score of the team.
-        seed: the seed of the first game; each further game has the next seed.
+        seed: the seed of the run, from which the seeds of all its games are derived; runs share no game. The seeds of
+            games are 2 ** 62 and larger: test with smaller ones. `reset(seed=[7])` begins the game of `play(seed=7)`.
         most_agents: the most agents of each team over a game, or team -> number or names; docs/batches.md. Agents that
             a rule creates take these names, and learn with their team.
         mask: "observation": observations are dicts with the mask; "info": observations are numbers alone, in a plain
@@ -182,7 +183,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         others: see `parallel_env`.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
-        seed: the seed of the first game; the others have the next ones.
+        seed: see `parallel_env`.
         most_agents: see `parallel_env`.
         mask: see `parallel_env`.
         actions: see `parallel_env`.
@@ -302,7 +303,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
         others: see `parallel_env`.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
-        seed: the seed of the first game; the others have the next ones.
+        seed: see `parallel_env`.
         most_agents: see `parallel_env`.
         threads: see `vector_env`.
         maps: see `vector_env`.

@@ -1,6 +1,6 @@
 """The environments of Gymnasium: one learning agent, and many games at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -60,10 +60,16 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         self.observation_space = interface.make_observation_space()
         self.action_space = interface.make_action_space()
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
-        """Reset the game to a seed; None: the next seed."""
-        super().reset(seed=seed, options=options)
-        self.learners.begin_next(seed)
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
+        """Reset the game.
+
+        Args:
+            seed: the seed of a run, whose first game begins; or a list with the seed of the game itself, as in
+                `Scenario.play`; None: the next game of the run.
+            options: ignored.
+        """
+        super().reset(seed=None if isinstance(seed, Iterable) else seed, options=options)
+        self.learners.begin_all(seed)
         found = self._list_columns()
         return self._interface.convert(found), make_mask_infos(found) | self._list_drawn()
 
@@ -173,11 +179,11 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
-        """Reset games: game i to the seed `seed + i`, and at each later reset to a seed larger by `num_games`.
+        """Reset games, at first to those of a run, and later to the next ones; see `Learners.begin_from`.
 
         Args:
-            seed: an integer; or a list with one for each game, or for each slot, with equal seeds for the slots of a
-                game. None, also in the list: the next seeds.
+            seed: the seed of a run; or a list with the seed of each game itself, or of each slot, with equal seeds for
+                the slots of a game. None, also in the list: the next game of the run.
             options: `{"reset_mask": booleans (slots,)}` resets only the games whose agents still playing are all
                 named. In other games, the slots of agents that are out keep waiting. Other options are ignored.
 

@@ -1,7 +1,7 @@
 """The learning agents in the games of a batch: the basis of all environments of this package."""
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain, pairwise
@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.array_functions.given import OutsideActions
@@ -84,9 +85,9 @@ class GamesCheckpoint(NamedTuple):
 
     Attributes:
         seeds: the seeds of the current games; None: no game has begun.
-        first: (games,) the first seed of each game.
-        episodes: (games,) the number of resets since then.
-        seed: the seed of the game that `begin_next` began last.
+        runs: (games,) the run of each game, or the named seed of its first episode.
+        is_named: (games,) whether it is a named seed.
+        episodes: (games,) the number of episodes since then.
         prefix: the actions.
         set_of: (games,) the number of the others that each game plays against, see `Learners.set_others`; 0: those with
             which the learners were made.
@@ -95,9 +96,9 @@ class GamesCheckpoint(NamedTuple):
     """
 
     seeds: tuple[int, ...] | None
-    first: IntArray
+    runs: IntArray
+    is_named: BoolArray
     episodes: IntArray
-    seed: int | None
     prefix: ActionHistory
     set_of: IntArray
     newest: int
@@ -115,7 +116,7 @@ class Learners:
         others: strategies by team or agent, which replace the scenario's.
         observation: the observation function; None: `default_observation`.
         reward: the reward function; None: the change of the score of the agent's team.
-        seed: the seed of the first game; the others have the next ones.
+        seed: the seed of the run, from which those of all games are derived; see `begin_from`.
         one_by_one: deprecated, without effect.
         vis_engine: shows the games, one by one.
         record: deprecated, without effect: actions are kept, so that `games.record` can write recordings.
@@ -140,7 +141,7 @@ class Learners:
         reach_m: (agents,) the reach of flying agents in a turn, map units; 0 for the others.
         is_there: (games, agents) whether agents are in the game, dead or alive; the others do not exist yet.
         has_begun: whether games have begun; before that, environments play no turn.
-        stride: the number of games, including those of other processes.
+        first_game: the number of the first game in its run, of which other processes may play earlier games.
         may_return: whether a rule brings back agents that are out; then they wait, and end with their games.
         begun: the numbers of the games that have begun again in the last step; see `step`.
         drawn: what each game plays with, for infos, each (games,): "opponent.<team>", the name of the strategy of each
@@ -186,11 +187,13 @@ class Learners:
         first_others = dict(as_mapping(others or {}, "others"))
         self.agent = agent
         self._scripted = None if agent is None else ScriptedActions()
-        first = as_int(seed, "seed")
         number = as_count(num_games, "num_games")
+        self.first_game = 0
+        self._runs = np.full(number, as_int(seed, "seed"))
+        self._is_named = np.zeros(number, np.bool_)
+        self._episodes = np.zeros(number, np.int64)
         self.games: Batch = scenario.batch(
-            number,
-            seed=first,
+            seeds=self._make_seeds(np.arange(number), self._episodes),
             strategies=self._add_scripted(first_others),
             record=True,
             one_by_one=one_by_one,
@@ -201,9 +204,6 @@ class Learners:
         self._sets: dict[int, Mapping[str, Any]] = {0: first_others}  # of others: those that games play, and the newest
         self._newest = 0
         self._set_of = np.zeros(number, np.int64)
-        self._first = first + np.arange(number)
-        self._episodes = np.zeros(number, np.int64)
-        self.stride = number
         self.begun: IntArray = np.zeros(0, np.int64)
         self._num_used = 0  # how many games have begun since their next starts were drawn
         try:
@@ -237,7 +237,6 @@ class Learners:
         if self._scripted is not None:
             self._scripted.begin(self.games, self.deeds, by_edges=self.by_edges)
         self.has_begun = False
-        self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
         self._columns = [slice(first, last) for first, last in pairwise(ends)]  # columns of the agents of each team
         self._shape = (len(self.games), ends[-1])
@@ -448,7 +447,7 @@ class Learners:
         pairs = [(np.flatnonzero(left <= later), later) for later in range(_STARTS_AHEAD)]
         which = np.concatenate([games for games, _ in pairs])
         later = np.concatenate([np.full_like(games, number) for games, number in pairs])
-        seeds = (self._first[which] + (self._episodes[which] + later) * self.stride).tolist()
+        seeds = self._make_seeds(which, self._episodes[which] + later)
         with suppress(GammsError):  # agents do not fit in a game; `begin` raises the error when that game is reached
             prepare_starts(self.games, which, later, seeds, _STARTS_AHEAD)
             left[:] = _STARTS_AHEAD
@@ -485,41 +484,53 @@ class Learners:
         found: BoolArray = (actions >= 0) & (actions < counts)
         return found
 
-    def begin_all(self, seed: int | None = None) -> None:
-        """Begin all games: game i with the seed `seed + i`; None: with their next seeds; see `begin_again`."""
+    def begin_all(self, seed: int | Sequence[int | None] | None = None) -> None:
+        """Begin all games: those of a run, or with named seeds, see `begin_from`; None: with their next seeds."""
         if seed is not None:
             self.begin_from(seed)
         self.begin_again(np.arange(len(self.games)))
 
     def begin_from(self, seed: int | Sequence[int | None], which: IntArray | None = None) -> None:
-        """Set the seeds of the games' next start: `seed + i` for game i, or the i-th of several seeds.
+        """Set the run of games, or the seeds of their next episode.
+
+        Episode e of game i of a run has a seed derived from the three numbers. Derived seeds are 2 ** 62 or larger, so
+        that no smaller one occurs in training. A seed in a list is that of a game itself, as in `Scenario.play`;
+        the game's later episodes are those of the run of this number.
 
         Args:
-            seed: an integer, or one for each game of the batch; None in the list: the next seed of the game.
+            seed: the seed of the run; or a list with the seed of each game of the batch, in which None keeps the run of
+                the game.
             which: the numbers of games; None: all.
+
+        Raises:
+            BadType, BadValue: these are not seeds, or not one for each game.
         """
         games = np.arange(len(self.games)) if which is None else which
-        if isinstance(seed, Sequence):
-            games = np.array([game for game in games.tolist() if seed[game] is not None], np.int64)
-            self._first[games] = [seed[game] for game in games.tolist()]
+        if isinstance(seed, Iterable):
+            given = [None if one is None else as_int(one, "seed") for one in as_items(seed, "seed", "seeds")]
+            if len(given) != len(self.games):
+                raise BadValue(f"seed has {len(given)} seeds for {len(self.games)} games: give one for each.")
+            games = np.array([game for game in games.tolist() if given[game] is not None], np.int64)
+            self._runs[games] = [given[game] for game in games.tolist()]
         else:
-            self._first[games] = as_int(seed, "seed") + games
+            self._runs[games] = as_int(seed, "seed")
+        self._is_named[games] = isinstance(seed, Iterable)
         self._episodes[games] = 0
         self._turn.may_begin[games] = 0
 
     def begin_again(self, which: IntArray) -> None:
-        """Begin games with their first seeds, and at each later start with a seed larger by `stride`."""
-        seeds = self._first[which] + self._episodes[which] * self.stride
+        """Begin the next episodes of games; see `begin_from`."""
+        seeds = self._make_seeds(which, self._episodes[which])
         self._episodes[which] += 1
-        self.begin(which, seeds.tolist())
+        self.begin(which, seeds)
 
-    def begin_next(self, seed: int | None) -> None:
-        """Begin the first game with a seed; None: with its own seed at first, then with the next one."""
-        if seed is not None:
-            self._seed = as_int(seed, "seed")
-        else:
-            self._seed = self.games.seeds[0] if self._seed is None else self._seed + 1
-        self.begin(np.array([0]), [self._seed])
+    def _make_seeds(self, which: IntArray, episodes: IntArray) -> list[int]:
+        """Return the seeds of episodes of games."""
+        runs = self._runs[which].tolist()
+        seeds = kernels.compute_run_seeds(runs, (self.first_game + which).tolist(), episodes.tolist())
+        for place in np.flatnonzero(self._is_named[which] & (episodes == 0)).tolist():
+            seeds[place] = runs[place]
+        return seeds
 
     def _refuse_closed(self) -> None:
         if self.games.is_closed:
@@ -582,7 +593,8 @@ class Learners:
         seeds = tuple(self.games.seeds) if self.has_begun else None
         others = {number: one for number, one in self._sets.items() if number}
         played = self._prefix.cut(), self._set_of.copy(), self._newest, others
-        return GamesCheckpoint(seeds, self._first.copy(), self._episodes.copy(), self._seed, *played)
+        begun = self._runs.copy(), self._is_named.copy(), self._episodes.copy()
+        return GamesCheckpoint(seeds, *begun, *played)
 
     def restore(self, carried: GamesCheckpoint) -> None:
         """Replay games up to a checkpoint, so that all reach it in the same step.
@@ -608,9 +620,9 @@ class Learners:
         if carried.newest and (carried.seeds is None or carried.newest not in carried.set_of):
             self.set_others(carried.others[carried.newest])
         self._turn.may_begin[:] = 0
-        self._first[:] = carried.first
+        self._runs[:] = carried.runs
+        self._is_named[:] = carried.is_named
         self._episodes[:] = carried.episodes
-        self._seed = carried.seed
 
     def whole(self) -> Float32Array:
         """Return the full state of the games as numbers, (games, entries), for a centralized critic.

@@ -78,7 +78,8 @@ class Population:
         out: a folder that keeps the rows (`games`) and trained policies (`policies`); None: a temporary one.
         maps: name -> map, or maps that are named by their numbers; see `evaluate`.
         games: the number of games of each pair on each map, with the seeds `seed`, `seed + 1`, …
-        seed: the first seed, which is also that of responses.
+        seed: the first seed, which is also that of exact responses. Trainings have runs of their own, so that no
+            policy has played the games that value it.
         metric: the payoff of the first team, which the other one pays: `wins.<team>`, or a column of numbers; None: its
             lead in score. A learner gets it as reward, but for other columns, which need `env={"reward": …}`.
         exact: the function that responds exactly, `gamms.solve.best_response` or one with its keywords; it must count
@@ -352,7 +353,7 @@ class Population:
             "num_games": _GAMES,
             "reward": self._find_reward(team),
             "maps": list(self._maps.values()) or None,
-            "seed": self._seeds[0],
+            "seed": kernels.compute_purpose_key(self._seeds[0], "training", str(team), path.stem) >> 1,
         }
         others = {str(other): self.mixture(other, to)}
         env = vector_env(self._scenario, team=str(team), others=others, **{**options, **self._env})

@@ -53,9 +53,9 @@ class ProcessesEnv(GamesEnv):
         autoreset_mode: see `GamesEnv`.
         render_mode: see `GamesEnv`; the first process renders game 0.
         num_games: the number of games.
-        seed: the seed of the first game.
+        seed: the seed of the run.
         workers: the number of processes, at most one for each game.
-        make: returns an environment of `num_games=` games, the first of which has the seed `seed=`.
+        make: returns an environment of `num_games=` games of the run `seed=`.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class ProcessesEnv(GamesEnv):
         for first, last in pairwise(self._first):
             games = which[(which >= first) & (which < last)] - first
             of_games = seeds[first:last] if isinstance(seeds, Sequence) else seeds
-            tasks.append(_pickle_task(begin_games, games, of_games + first if isinstance(of_games, int) else of_games))
+            tasks.append(_pickle_task(begin_games, games, of_games))
         self._drawn_in = self._ask(tasks)
         self.learners.has_begun = True
         return self._get_observations(_OBSERVED), self._arrays["valid"].copy()
@@ -174,8 +174,8 @@ class ProcessesEnv(GamesEnv):
         first, last = share
         agents = self.num_agents
         mode = self.render_mode if first == 0 else None
-        share_of_games = partial(make, num_games=last - first, seed=seed + first, render_mode=mode)
-        return _pickle_task(begin, file, columns, slice(first * agents, last * agents), self.num_games, share_of_games)
+        share_of_games = partial(make, num_games=last - first, seed=seed, render_mode=mode)
+        return _pickle_task(begin, file, columns, slice(first * agents, last * agents), first, share_of_games)
 
     def _get_observations(self, prefix: str) -> Columns:
         return {key: self._arrays[prefix + key].copy() for key in _KEYS if prefix + key in self._arrays}
@@ -292,13 +292,13 @@ _games_here: _WorkerGames | None = None  # in a worker process
 
 
 def begin(
-    file: Path, columns: Sequence[SharedColumn], slots: slice, num_games: int, make: Callable[[], GamesEnv]
+    file: Path, columns: Sequence[SharedColumn], slots: slice, first_game: int, make: Callable[[], GamesEnv]
 ) -> None:
-    """Create the games of some slots in this process by `make`; `num_games` counts the games of all processes."""
+    """Create the games of some slots in this process by `make`; see `Learners.first_game`."""
     global _games_here  # noqa: PLW0603 - a process plays in one environment
     games = make()
     arrays = _map_file(file, columns)
-    games.learners.stride = num_games
+    games.learners.first_game = first_game
     _games_here = _WorkerGames(games, {name: array[slots] for name, array in arrays.items()})
 
 

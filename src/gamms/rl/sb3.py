@@ -13,6 +13,7 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
+from gamms import kernels
 from gamms.arguments import as_known
 from gamms.errors import BadValue
 from gamms.ir.obstacles import BoolArray
@@ -137,7 +138,13 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         return observed
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Set the seed of the games for the next `reset`."""
+        """Set the run of the games for the next `reset`: models call this with their own `seed=`.
+
+        If the environment has another seed, not 0, the seed of the run is derived from both.
+        """
+        own = self._games.recipe.options["seed"]
+        if own and seed is not None and seed != own:
+            [seed] = kernels.compute_run_seeds([own], [seed], [0])
         self._seed = seed
         return [seed] * self.num_envs
 

@@ -74,15 +74,20 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         """Return the action space of an agent: the index of a legal node, 0 to stay, and optionally a deed."""
         return self.action_spaces[self._check_agent(agent)]
 
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
-        """Reset the game to a seed; None: the next seed.
+    def reset(self, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
+        """Reset the game.
+
+        Args:
+            seed: the seed of a run, whose first game begins; or a list with the seed of the game itself, as in
+                `Scenario.play`; None: the next game of the run.
+            options: ignored.
 
         Returns:
             The observations and the infos by agent.
         """
-        self.learners.begin_next(seed)
+        self.learners.begin_all(seed)
         if seed is not None:
-            self.np_random = np.random.default_rng(abs(int(seed)))  # NumPy has no negative seeds
+            self.np_random = np.random.default_rng(abs(self.learners.games.seeds[0]))  # NumPy has no negative seeds
         self.agents = self._list_agents_in_game()
         return self._make_answers(self.agents)
 

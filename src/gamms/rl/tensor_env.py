@@ -105,7 +105,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         self.learners.set_others(others)
 
     def _set_seed(self, seed: int | None) -> None:
-        """Set the seed of game i to `seed + i` for the next reset."""
+        """Set the run of the games for the next reset; see `Learners.begin_from`."""
         if seed is not None:
             self.learners.begin_from(seed)
 

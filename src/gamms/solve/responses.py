@@ -47,7 +47,6 @@ _SEARCHED = 20  # games that estimate its value; few, because each turn takes lo
 _TRAINED = 50_000  # turns of training
 _TRAINED_GAMES = 16  # at once
 _PLAYED = 200  # games that estimate the value of a strategy
-_HELD_OUT = 1 << 32  # added to the seeds of games that were not used for training
 
 
 @dataclass(frozen=True)
@@ -153,7 +152,8 @@ def best_response(
         reward: the reward of the team, see `solve`; in games of more than two teams its score less the average of the
             others. "search" supports "score"; "learn" supports "score" and "turns".
         turns: the number of turns after which the game is cut; None: as in the scenario.
-        seed: the seed of the start and of the training; None: that of the scenario, or 0.
+        seed: the seed of the start, of the run of the training (see `gamms.rl.vector_env`), and of the first game that
+            estimates the value; None: that of the scenario, or 0.
         budget: the most states for "exact", the iterations of a decision for "search", the turns of
             training.
 
@@ -408,7 +408,7 @@ def _search_response(
     if not others:
         raise BadValue("method='search' needs to know how the others play: give against=, a strategy or several.")
     plays = planning.mcts(budget, depth=_DEPTH, opponents=others, seed=seed, discount=1.0)
-    values = _play_for_rewards(scenario, team, {**others, team: plays}, reward, seed + _HELD_OUT, _SEARCHED)
+    values = _play_for_rewards(scenario, team, {**others, team: plays}, reward, seed, _SEARCHED)
     return _make_response(team, "search", values, plays)
 
 
@@ -437,7 +437,7 @@ def _learn_response(
             strategy = rl.policy(Path(folder) / "response.safetensors", other_scenario=True)
     finally:
         env.close()
-    values = _play_for_rewards(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT, _PLAYED)
+    values = _play_for_rewards(scenario, team, {**others, team: strategy}, reward, seed, _PLAYED)
     return _make_response(team, "learn", values, strategy)
 
 

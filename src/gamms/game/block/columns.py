@@ -342,7 +342,9 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
         if num_games is None:
             raise BadValue("batch needs the number of games, or seeds=.")
         first = as_int(seed, "seed")
-        return range(first, first + as_count(num_games, "num_games"))
+        seeds_of_games = range(first, first + as_count(num_games, "num_games"))
+        as_int(seeds_of_games[-1], "the seed of the last game")
+        return seeds_of_games
     if as_int(seed, "seed"):
         raise BadValue(f"batch got seed={shown(seed)} and seeds: give one of both.")
     given = tuple(as_ids(seeds, "seeds"))
