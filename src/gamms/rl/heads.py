@@ -14,7 +14,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rl.learners import Learners, are_in
+from gamms.rl.learners import Learners, are_in, check_range
 from gamms.text import shown
 
 AXES = 3  # components of a flight
@@ -70,7 +70,7 @@ def as_actions(
     """Return actions of agents, all on the ground or all flying, as an array (games, agents, …).
 
     Raises:
-        BadValue: the actions are not in the action space, or no game has begun.
+        BadValue: the actions are not in the action space, or no game has begun. Illegal ones in the space are allowed.
     """
     if not learners.has_begun:
         raise BadValue("No game has begun: call reset() before step().")
@@ -79,9 +79,14 @@ def as_actions(
     if learners.flies[agents[0]]:
         wide = AXES + choices
         return _check_numbers(actions, (*shape, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
+    count: Any = learners.num_actions * max(1, choices)
     if not choices or are_flat:
-        return _check_numbers(actions, shape, "iu", "integers, one for each")
-    return _check_numbers(actions, (*shape, 2), "iu", "integers, each a pair of a move and a deed for each")
+        found = _check_numbers(actions, shape, "iu", "integers, one for each")
+    else:
+        found = _check_numbers(actions, (*shape, 2), "iu", "integers, each a pair of a move and a deed for each")
+        count = np.array([learners.num_actions, choices])
+    check_range(found, count, [learners.names[agent] for agent in agents.tolist()])
+    return found
 
 
 def _check_numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> np.ndarray[Any, Any]:

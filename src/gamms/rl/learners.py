@@ -390,13 +390,13 @@ class Learners:
         """
         self._refuse_closed()
         turn = self._turn
-        turn.moves[:] = self._check_actions(actions)
+        turn.moves[:] = self._check_actions(actions, self.num_actions)
         heads = [turn.moves]
         given = self._given
         if self.by_edges:
             heads, given = self._take_edges(turn.moves)
         if deeds is not None and self.deeds is not None:
-            done = self._check_actions(deeds)
+            done = self._check_actions(deeds, len(self.deeds))
             heads.append(np.where(are_in(self.deed_masks, done), done, 0))
             given = self._add_deeds(given, heads[1])
         flown = None
@@ -811,14 +811,15 @@ class Learners:
             for (team, one), columns in zip(given.items(), self._columns, strict=True)
         }
 
-    def _check_actions(self, given: ActionArray) -> IntArray:
-        """Return the caller's actions as checked integers, (games, agents)."""
+    def _check_actions(self, given: ActionArray, count: int) -> IntArray:
+        """Return the caller's actions as checked integers below a count, (games, agents)."""
         found: IntArray = np.asarray(given)
         if found.shape != self._shape or found.dtype.kind not in "iu":
             raise BadValue(
                 f"Actions are integers, one for each of {self._shape[0]} games and {self._shape[1]} agents, not "
                 f"{found.dtype} of the shape {found.shape}."
             )
+        check_range(found, count, self.names)
         return found
 
     def _check_result(self, given: object, view: ArrayView, what: str) -> Any:
@@ -945,6 +946,21 @@ def limit_to_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, i
     length = np.maximum(np.sqrt((finite * finite).sum(axis=2, keepdims=True)), 1.0)
     found: FloatArray = finite / length * reach_m[:, None]
     return found
+
+
+def check_range(numbers: IntArray, count: int | IntArray, names: Sequence[str]) -> None:
+    """Refuse actions of the named agents, (games, agents, …), with numbers that are not from 0 to `count - 1`.
+
+    Raises:
+        BadValue: a number is smaller or larger.
+    """
+    wrong = (numbers < 0) | (numbers >= count)
+    if wrong.any():
+        game, agent, *_ = np.argwhere(wrong)[0].tolist()
+        raise BadValue(
+            f"Action {numbers[game, agent]} of agent {shown(names[agent])} in game {game} is not in the action space, "
+            f"of numbers from 0 to {count - 1}: illegal actions in it count as 0, and others are refused."
+        )
 
 
 def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
