@@ -53,8 +53,8 @@ def test_the_gap_closed_is_0_for_the_reference_and_1_for_exact_play():
         walk, exact, own = (
             means[row["map"], row["strategies.blue"], name] for name in ("walk", "exact", row["strategies.red"])
         )
-        if exact <= walk:
-            assert np.isnan(row["gap_closed"])
+        if np.isnan(row["gap_closed"]):
+            assert exact - walk < 0.6  # 10 games
             continue
         is_some += 1
         assert row["gap_closed"] == pytest.approx((own - walk) / (exact - walk))
@@ -70,6 +70,32 @@ def test_the_gap_closed_is_0_for_the_reference_and_1_for_exact_play():
         below.gap_closed("wlak")
     with pytest.raises(UnknownName, match=r"'other'\. There are: 'walk', 'chase', 'exact'"):
         below.gap_closed("other")
+
+
+def make_evaluation(won):
+    """Return the evaluation of games that are won by numbers of seeds: map -> strategy -> won games of 40."""
+    rows = [
+        {"id": f"{map}-{name}-{seed}", "seed": seed, "map": map, "strategies.red": name, "error": None}
+        | {"winner": "red" if seed < number else None, "turns": 1}
+        for map, numbers in won.items()
+        for name, number in numbers.items()
+        for seed in range(40)
+    ]
+    return rl.Evaluation(experiment.Rows(rows, ["map", "strategies.red"]), "red", "wins.red", "chase")
+
+
+def test_the_gap_closed_is_a_ratio_of_sums_with_an_interval_over_seeds():
+    hard = {"chase": 10, "mine": 25, "exact": 40}
+    found = make_evaluation({"hard": hard, "easy": {"chase": 39, "mine": 38, "exact": 40}})
+    by_map = {row["map"]: row for row in rows_of(found.table()) if row["strategies.red"] == "mine"}
+    assert by_map["hard"]["gap_closed"] == pytest.approx(15 / 30)
+    assert by_map["hard"]["gap_low"] < 0.5 < by_map["hard"]["gap_high"]
+    assert np.isnan([by_map["easy"][key] for key in ("gap_closed", "gap_low", "gap_high")]).all()  # one game of 40
+    assert by_map["all maps"]["gap_closed"] == pytest.approx((15 - 1) / (30 + 1))
+    assert 0.2 < by_map["all maps"]["gap_low"] < 0.45 < by_map["all maps"]["gap_high"] < 0.7
+    assert found.gap_closed("mine") == pytest.approx((15 - 1) / (30 + 1))
+    with pytest.raises(BadValue, match="no exact play beats the reference 'chase' significantly"):
+        make_evaluation({"easy": {"chase": 37, "mine": 38, "exact": 40}}).gap_closed("mine")
 
 
 def test_wrong_opponents_and_metrics_are_refused_before_games_are_played():

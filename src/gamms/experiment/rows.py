@@ -292,7 +292,7 @@ class Rows(Sequence[Row]):
             as_known(key, "varied key", self.keys)
         if a == b:
             raise BadValue(f"An interaction is of two keys, not of {a!r} with itself.")
-        values = self._find_values(name, (a, b))
+        values = find_values(self, name, (a, b))
         pairs_of = {key: list(combinations(dict.fromkeys(row[key] for row in self._rows), 2)) for key in (a, b)}
         alone = next((key for key, pairs in pairs_of.items() if not pairs), None)
         if alone is not None:
@@ -310,22 +310,11 @@ class Rows(Sequence[Row]):
         """Return the differences of paired games by seed, for each pair of values of a key."""
         name = self._as_metric(metric)
         as_known(by, "varied key", self.keys)
-        values = self._find_values(name, (by,))
+        values = find_values(self, name, (by,))
         return {
             (*first, *second): _find_contrast([values[first]], [values[second]])
             for first, second in combinations(values, 2)
         }
-
-    def _find_values(self, name: str, keys: Sequence[str]) -> dict[tuple[Any, ...], dict[tuple[Any, ...], float]]:
-        """Return the values of a metric: the values of these keys -> the seed and all other settings -> the value."""
-        others = [one for one in self.keys if one not in keys]
-        found: dict[tuple[Any, ...], dict[tuple[Any, ...], float]] = {}
-        for row in self._rows:
-            value = np.nan if row["error"] is not None else read_metric(name, row)
-            if np.isfinite(value):
-                same = (row["seed"], *(row[one] for one in others))
-                found.setdefault(tuple(row[key] for key in keys), {})[same] = value
-        return found
 
     def indices(self, metric: str, *, confidence: float = 0.95) -> Table:
         """Return first-order and total Sobol indices of the keys of a sample, with bootstrap intervals.
@@ -494,6 +483,18 @@ def read_metric(name: str, row: Row) -> float:
         return float(row["winner"] is not None and str(row["winner"]) == name.removeprefix(_WINS))
     value = row.get(name)
     return float(value) if isinstance(value, (int, float)) else np.nan
+
+
+def find_values(rows: Rows, name: str, keys: Sequence[str]) -> dict[tuple[Any, ...], dict[tuple[Any, ...], float]]:
+    """Return the values of a metric: the values of these keys -> the seed and all other settings -> the value."""
+    others = [one for one in rows.keys if one not in keys]
+    found: dict[tuple[Any, ...], dict[tuple[Any, ...], float]] = {}
+    for row in rows:
+        value = np.nan if row["error"] is not None else read_metric(name, row)
+        if np.isfinite(value):
+            same = (row["seed"], *(row[one] for one in others))
+            found.setdefault(tuple(row[key] for key in keys), {})[same] = value
+    return found
 
 
 def _find_contrast(

@@ -170,6 +170,24 @@ def compare_pairs(differences: Sequence[float] | FloatArray, confidence: float =
     return PairedComparison(*interval, effect, float(test.pvalue))
 
 
+def estimate_ratio(parts: FloatArray, wholes: FloatArray, confidence: float = 0.95) -> Interval:
+    """Return the sum of parts divided by the sum of wholes, with its percentile bootstrap interval over the pairs.
+
+    All numbers are NaN unless the wholes are significantly larger than 0, by the test of `compare_pairs`.
+
+    Raises:
+        MissingExtra: SciPy is not installed.
+    """
+    test = compare_pairs(wholes, confidence)
+    if not (test.difference > 0.0 and test.p <= 1.0 - confidence):
+        return Interval(np.nan, np.nan, np.nan)
+    pairs = len(wholes)
+    counts = np.random.default_rng(_SEED).multinomial(pairs, np.full(pairs, 1.0 / pairs), size=_RESAMPLES)
+    counts = counts[counts @ wholes > 0.0]
+    ends = np.quantile(counts @ parts / (counts @ wholes), ((1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0))
+    return Interval(float(parts.sum() / wholes.sum()), *ends.tolist())
+
+
 def count_seeds_needed(spread: float, difference: float, power: float, alpha: float) -> int:
     """Return the number of pairs that a two-sided paired test needs.
 

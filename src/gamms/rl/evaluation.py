@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Hashable, Iterable, Mapping
-from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +9,8 @@ import numpy as np
 from gamms.arguments import as_count, as_known, as_mapping
 from gamms.errors import BadValue, Duplicate
 from gamms.experiment import Rows, Table, run
+from gamms.experiment.rows import find_values
+from gamms.experiment.statistics import Interval, estimate_ratio
 from gamms.scenario import Scenario
 from gamms.text import shown
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 EXACT = "exact"
 """The name of exact play among the strategies."""
 _ALL = "all maps"
+Values = Mapping[tuple[Any, ...], float]  # the seed and settings of a game -> the metric
 
 
 class Evaluation:
@@ -46,9 +48,10 @@ class Evaluation:
     def table(self, *, confidence: float = 0.95) -> Table:
         """Return a row for each map, opponent and strategy, and means over all maps.
 
-        Columns: those of `Rows.summary`, where rates of wins have Wilson intervals; and `gap_closed`, the share of the
-        gap between the reference and exact play that the strategy closes, if exact play was evaluated: it is missing
-        where exact play is not better than the reference.
+        Columns: those of `Rows.summary`, where rates of wins have Wilson intervals. If exact play was evaluated, also
+        `gap_closed`, the share of the gap between the reference and exact play that the strategy closes, with its
+        bootstrap interval over seeds, `gap_low` and `gap_high`. They are missing where exact play is not significantly
+        better than the reference (at 1 - `confidence`). Over all maps, the share is a ratio of sums.
 
         Args:
             confidence: the confidence level of the intervals.
@@ -67,33 +70,36 @@ class Evaluation:
         own = f"strategies.{self.team}"
         columns = self.rows.summary(list(keys), [self.metric], confidence=confidence)
         rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*map(list, columns.values()), strict=True)]
-        means = {(*(row[key] for key in keys if key != own), row[own]): row["mean"] for row in rows}
         if not any(row[own] == EXACT for row in rows):
             return rows
+        others = [key for key in keys if key != own]
+        values = find_values(self.rows, self.metric, [*others, own])
         for row in rows:
-            setting = tuple(row[key] for key in keys if key != own)
-            least, most = means[(*setting, self.reference)], means[(*setting, EXACT)]
-            row["gap_closed"] = (row["mean"] - least) / (most - least) if most > least else np.nan
+            setting = tuple(row[key] for key in others)
+            played, least, most = (values.get((*setting, name), {}) for name in (row[own], self.reference, EXACT))
+            found = _estimate_gap(played, least, most, confidence)
+            row |= dict(zip(("gap_closed", "gap_low", "gap_high"), found, strict=True))
         return rows
 
     def gap_closed(self, strategy: str) -> float:
-        """Return the mean of `gap_closed` of a strategy over maps and opponents, where exact play is better.
+        """Return the share of the gap between the reference and exact play that a strategy closes.
+
+        It is a ratio of sums over all maps and opponents; see `table`.
 
         Raises:
             UnknownName (KeyError): there is no such strategy.
-            BadValue: exact play was not evaluated, or is nowhere better than the reference.
+            BadValue: exact play was not evaluated, or is not significantly better than the reference.
         """
         own = f"strategies.{self.team}"
-        rows = self._list_rows(self.rows.keys, 0.95)
-        as_known(strategy, "strategy", dict.fromkeys(str(row[own]) for row in rows))
-        shares = [row.get("gap_closed", np.nan) for row in rows if row[own] == strategy]
-        known = [float(share) for share in shares if np.isfinite(share)]
-        if not known:
+        shares = {str(row[own]): row.get("gap_closed", np.nan) for row in self._list_rows([own], 0.95)}
+        share = float(shares[as_known(strategy, "strategy", shares)])
+        if np.isnan(share):
             raise BadValue(
                 f"There is no gap for {shown(strategy)} to close, because no exact play beats the reference "
-                f"{shown(self.reference)}: give evaluate exact=…, or maps and opponents where it is better."
+                f"{shown(self.reference)} significantly: give evaluate exact=…, more games, or maps and opponents "
+                "where it is better."
             )
-        return fmean(known)
+        return share
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the metric by map, or by strategy on one map, with intervals of 95 %; return the axes.
@@ -166,6 +172,18 @@ def evaluate(  # noqa: PLR0913 - each option is independent of the others
     seeds = range(seed, seed + as_count(games, "games"))
     rows = run(scenario, seeds, vary, out=out, workers=workers)
     return Evaluation(rows, team, f"wins.{team}" if metric is None else metric, lowest)
+
+
+def _estimate_gap(played: Values, least: Values, most: Values, confidence: float) -> Interval:
+    """Return the share of the gap that a strategy closes, from games that it, the reference and exact play share.
+
+    Gains of a seed are summed over its games, so that no small gap of a single game is divided by.
+    """
+    games = [game for game in played if game in least and game in most]
+    gains = {seed: np.zeros(2) for seed, *_ in games}
+    for game in games:
+        gains[game[0]] += played[game] - least[game], most[game] - least[game]
+    return estimate_ratio(*np.reshape([*gains.values()], (-1, 2)).T, confidence)
 
 
 def name_maps(maps: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
