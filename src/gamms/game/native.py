@@ -303,11 +303,14 @@ class ShippedFinder:
         game = self._game
         slots = order.slots
         versions = _list_versions(game)
-        asked = game.internals.parts.turns.asked
+        turns = game.internals.parts.turns
+        asked = turns.asked
         if slots is not self._slots or versions != self._versions:
+            # with another seed, the turns that the core has decided before pay for the new columns
+            self._asked = asked - turns.unread_turns if slots is self._slots else asked
+            turns.unread_turns = 0
             self._slots = slots
             self._versions = versions
-            self._asked = asked
         agents = len(order.slots)
         cost = _ASKS_A_GAME + _ASKS_AN_AGENT * agents + len(game.ctx.graph.graph) // _NODES_AN_ASK
         saved = max(agents - 1, 1)  # in each turn

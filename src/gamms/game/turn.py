@@ -327,6 +327,8 @@ class TurnEngine(GameTurn):
             shows_blocked: whether an agent is blocked now, or was before.
         """
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
+        self.ask_until = 0
+        self.look_again = 0
         if self._order_of and self._order_of[-1] != self._is_public():
             self.phase.drop_plans()
         order = self.get_order() if drawn else self.order_now

@@ -459,8 +459,8 @@ class PastViews:
         seen = self._seen.setdefault(turn, {})
         if not is_early or side not in seen:
             seen[side] = frozenset(names)
-        for old in [one for one in self._seen if one <= turn - _TURNS]:
-            del self._seen[old]
+        for other in [one for one in self._seen if not turn - _TURNS < one <= turn + 1]:  # later: before a reset
+            del self._seen[other]
 
     def find_witnesses(self, event: Mapping[str, Any], side_of: Mapping[str, Side]) -> set[Side]:
         """Return the sides that know of an event of the game.
