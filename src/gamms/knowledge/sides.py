@@ -4,6 +4,7 @@ A side is a team, or an agent without a team. Each column of agents, field of a 
 audience or role in `ir`; the functions here apply these declarations. What has no declaration is left out.
 """
 
+from collections import ChainMap
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from itertools import chain
@@ -446,6 +447,7 @@ class PastViews:
 
     def __init__(self) -> None:
         self._seen: dict[int, dict[Side, frozenset[str]]] = {}  # turn -> side -> names of agents
+        self._members: tuple[Mapping[str, Side], dict[Side, dict[str, Any]]] = ({}, {})
 
     def note(self, turn: int, side: Side, names: Iterable[str], *, is_early: bool = False) -> None:
         """Note the agents of other sides that a side sees when a turn begins.
@@ -467,16 +469,21 @@ class PastViews:
 
         Args:
             event: an entry of the log of events.
-            side_of: agent -> its side.
+            side_of: agent -> its side; another mapping when sides change.
         """
-        return {side for side in set(side_of.values()) if self._is_witness(side, event, side_of)}
-
-    def _is_witness(self, side: Side, event: Mapping[str, Any], side_of: Mapping[str, Side]) -> bool:
-        seen = self._seen.get(event["turn"], {}).get(side, frozenset())
-        deleted = {event[key] for key in ("agent", "other") if isinstance(event.get(key), str)}
-
-        own = {name: its_side.team for name, its_side in side_of.items() if its_side == side}
-        return is_witnessed(GAME_EVENT, event, KnownAgents(own, seen, deleted | side_of.keys(), {}))
+        if self._members[0] is not side_of:  # NOTE: not for each event (benchmarks: films)
+            members: dict[Side, dict[str, Any]] = {}
+            for name, side in side_of.items():
+                members.setdefault(side, {})[name] = side.team
+            self._members = side_of, members
+        deleted = {event[key]: None for key in ("agent", "other") if isinstance(event.get(key), str)}
+        names = ChainMap(deleted, side_of)
+        seen = self._seen.get(event["turn"], {})
+        return {
+            side
+            for side, own in self._members[1].items()
+            if is_witnessed(GAME_EVENT, event, KnownAgents(own, seen.get(side, frozenset()), names, {}))
+        }
 
 
 def select_own(entries: Iterable[Mapping[str, Any]], names: Container[str]) -> Iterator[dict[str, Any]]:
