@@ -13,7 +13,7 @@ from gamms.core.moves import NO_EDGE
 from gamms.core.turn import LearnerStep, TurnsOfGames
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import ActionFinder
-from gamms.game.block.columns import get_or_make
+from gamms.game.block.columns import get_or_make, lock
 from gamms.game.block.sensing import (
     SHOWING_AGENTS,
     SHOWING_NODES,
@@ -104,8 +104,8 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state = state
-        self.games = games
-        self.agents = agents
+        self.games = copy_locked(games)  # other views and the batch may have it, too
+        self.agents = copy_locked(agents)
         self.streets, self._movement, self._shared = state.make_map_data(games, agents)
         if state.noted_moves is not None and state.is_apart[games].any():
             self._movement = self._movement.add_notes(state.noted_moves)
@@ -126,7 +126,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
 
     def _lock(self) -> None:
         """Make the arrays read-only for strategies."""
-        for name in ("games", "agents", "node", "mask", "turn"):
+        for name in ("node", "mask", "turn"):
             setattr(self, name, copy_locked(getattr(self, name)))
 
     def __getitem__(self, key: str) -> Any:
@@ -427,6 +427,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         if known is not None:
             return known if are_all else known.in_games(self.games)
         found = find_seen_agents(state, self.games, self.agents, self._whole, names, self._get_all_positions)
+        lock(found[1:])  # other views get them, too
         if are_all:
             state.now[key] = found
         return found

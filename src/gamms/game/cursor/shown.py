@@ -790,11 +790,13 @@ class ShownGame(GamesInContext):
 
     def _take_order(self) -> None:
         """Use the turn order of the agents of the game, and let the living ones take part."""
-        self._alive = self._pointed.alive
+        self._alive = None
+        self._pointed.shows_more = True  # if settings refuse the order, the next game takes it again
         self.ordered = self.cached.order_of(self._is_public)
         self.table = self.ordered.table
         self._turns.take_order(self.ordered.order)
         self.ordered.order.take_lives()
+        self._alive = self._pointed.alive
 
     def _make_order(self, is_public: bool) -> _OrderInGames:  # noqa: ARG002 - on which the order depends
         """Return the order of the agents of the context; they may know the same facts or not."""
