@@ -5,6 +5,7 @@ cdef extern from "Python.h":
 
 cpdef copy_deep(object value, object memo=*)
 cpdef copy_values(object each, object memo=*)
+cpdef copy_items(object values, object memo=*, str owner=*)
 cpdef copy_dict(object value, object memo=*)
 @cython.locals(made=dict)
 cpdef copy_each(object dicts, object memo=*)

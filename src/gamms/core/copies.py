@@ -5,6 +5,7 @@ This module handles Python objects and holds the GIL.
 
 from __future__ import annotations
 
+import warnings
 from copy import deepcopy
 from typing import Any
 
@@ -46,6 +47,31 @@ def copy_values(each: Any, memo: Any = None) -> Any:
         return {key: _copy_or_share(value, memo) for key, value in each.items()}
 
 
+def copy_items(values: Any, memo: Any = None, owner: str = "ctx.game.data") -> Any:
+    """Return a deep copy of a dict; values that cannot be copied are left out, with a warning that names the owner."""
+    before = {} if memo is None else dict(memo)
+    try:
+        return copy_deep(values, memo)
+    except NotPlain:
+        raise
+    except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+        if memo is not None:  # it has parts of objects
+            memo.clear()
+            memo.update(before)
+    known = {}
+    for key, value in values.items():
+        try:
+            copy_deep(value, dict(before))
+            known[key] = value
+        except Exception as error:  # noqa: BLE001 - as above
+            warnings.warn(
+                f"{owner} has {key!r}, which cannot be copied ({type(error).__name__}: {error}): snapshots, forks and "
+                "other copies of the game are without it. Make it where the key is missing.",
+                stacklevel=2,
+            )
+    return copy_deep(known, memo)
+
+
 def copy_dict(value: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copy_deep` is
     """Return a shallow copy of a dict, as a plain dict."""
     return dict(value)
@@ -60,11 +86,11 @@ def copy_each(dicts: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as 
 
 
 def copy_filled(each: Any, memo: Any = None) -> Any:
-    """Return a dict of deep copies of the values that are not empty."""
+    """Return a dict of copies of the memories of agents that are not empty; see `copy_items`."""
     made = {}
     for key, value in each.items():
         if value:
-            made[key] = copy_deep(value, memo)
+            made[key] = copy_items(value, memo, f"the memory of agent {key!r}")
     return made
 
 

@@ -18,6 +18,7 @@ from gamms.core.copies import (
     copy_each,
     copy_fields,
     copy_filled,
+    copy_items,
     refill,
     refill_counts,
     refill_each,
@@ -404,7 +405,7 @@ class GameState:
         axis="game",
         event=ChangeEvent(0x04000000, "GAME_SCORES", Audience.ALL, "scores"),
     )
-    data: dict[str, Any] = game_field(dict, copy_deep, refill=refill, captured=select_plain)
+    data: dict[str, Any] = game_field(dict, copy_items, refill=refill, captured=select_plain)
     over: dict[str, Any] | None = game_field(NoneType, copy_deep, captured=to_plain, restored=as_over, axis="game")
     turn: int = game_field(int, _return_value, captured=to_plain, restored=as_turn, axis="game")
     events: list[dict[str, Any]] = game_field(list)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from gamms.core.copies import copy_deep, copy_values
+from gamms.core.copies import copy_deep, copy_items, copy_values
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.settings import NamedRule, Plan, declared
@@ -105,7 +105,7 @@ class FirstValues(NamedTuple):
         private = copy_deep((state.agent_facts, state.team_facts))
         attributes = [copy_values(vars(agent)) for agent in game.ctx.agent.storage.share().members]
         events = [dict(event) for event in state.events]
-        return cls(dict(state.facts), copy_deep(state.data), dict(state.scores), events, attributes, *private)
+        return cls(dict(state.facts), copy_items(state.data), dict(state.scores), events, attributes, *private)
 
 
 class _Map(Protocol):

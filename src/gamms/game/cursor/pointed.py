@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from gamms.core.agents import GamePointer
-from gamms.core.copies import copy_deep, copy_filled, copy_values
+from gamms.core.copies import copy_deep, copy_filled, copy_items, copy_values
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
@@ -285,7 +285,7 @@ class RowValues:
 
     def begin(self, first: FirstValues) -> None:
         """Take the values with which this game begins, unlike others."""
-        self.data = copy_deep(first.data)
+        self.data = copy_items(first.data)
         self.facts = dict(first.facts)
         self.attributes = [copy_values(one) for one in first.attributes]
         self.agent_facts = copy_deep(first.agent_facts)

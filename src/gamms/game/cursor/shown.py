@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.core.ask import GamesInContext
-from gamms.core.copies import copy_deep, copy_values
+from gamms.core.copies import copy_deep, copy_items, copy_values
 from gamms.deciding import UNKNOWN_LOOK, get_phase
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
@@ -862,7 +862,7 @@ class ShownGame(GamesInContext):
         self.has_ended = True
 
     def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
-        values: dict[Any, Any] = {key: copy_deep(one) for key, one in dict.items(data)}
+        values: dict[Any, Any] = copy_items(dict(dict.items(data)))
         if not self._called.core_keys:
             return values
         return GuardedDict(values, self._called.core_keys, self._show_core_data)
