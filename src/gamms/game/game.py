@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import ExitStack
 from copy import copy
+from functools import cache, partial
 from threading import RLock, get_ident
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
@@ -80,6 +81,7 @@ class Game(Surface, RuleVerbs):
         self._internals = GameInternals(self._snapshots, self._phase)
         self._in_core: GameInCore | None = None  # of the last run; None: Python took part in its turns
         self._ready_at = -1  # the epoch in which a turn was begun last
+        self._draws_in = -1, True  # an epoch, and whether functions of the program take part in its turns
         self._unchecked_plans: list[Any] = []  # teams that got a plan since the last turn
         self._is_closed = True
 
@@ -348,8 +350,8 @@ class Game(Surface, RuleVerbs):
     ) -> Result:
         """Play until a rule ends the game, or for a number of turns; log errors of strategies and suspicious names.
 
-        If the context or `reset` was given a seed, the global generators `random` and `numpy.random` are seeded during
-        this call, and restored afterwards.
+        If the context or `reset` was given a seed, and functions of the program take part, the global generators
+        `random` and `numpy.random` are seeded during this call, and restored afterwards.
 
         Args:
             max_turns: the number of turns to play; None: until the total of the settings is reached.
@@ -388,15 +390,19 @@ class Game(Surface, RuleVerbs):
                 stack.callback(self.ctx.record.stop)
             began = self._internals.run_began
             self._internals.run_began = None
-            with seed_for_run(self.ctx, self._state.turn if began is None else began), progress_line() as show:
-                self._play_until(last, show if progress else None)
+            seeding = seed_for_run(self.ctx, self._state.turn if began is None else began)
+            with ExitStack() as seeded, progress_line() as show:
+                self._play_until(last, show if progress else None, cache(partial(seeded.enter_context, seeding)))
             if len(self.errors) > known:
                 self.ctx.logger.warning(summarize_errors(self.errors[known:]))
             self._warn_of_misspelt(self._state.scores.keys() - scored)
             return self.result()
 
-    def _play_until(self, last: int | None, show: Callable[[str], None] | None) -> None:
-        """Play until the last turn, or the end of the game; `show` gets the progress."""
+    def _play_until(self, last: int | None, show: Callable[[str], None] | None, seed: Callable[[], object]) -> None:
+        """Play until the last turn, or the end of the game; `show` gets the progress.
+
+        `seed` is called before Python functions may draw, perhaps several times; see `seed_for_run`.
+        """
         of = "" if last is None else f" of {last}"
         warn_at = self._state.turn + MANY_TURNS if self.last_turn is None else None
 
@@ -408,11 +414,26 @@ class Game(Surface, RuleVerbs):
                 warn_at = None
                 warn_of_no_end(self.ctx.logger)
 
+        if self._ready_at != self._phase.epoch or not self._state.has_begun:
+            seed()  # strategies and rules prepare the game
         ahead = self._step_turns(last, after_turns)
         while (last is None or self._state.turn < last) and self._begin_turn() and next(ahead):
+            if self._may_draw():
+                seed()
             if not self._take_turn():
                 return
             after_turns(self._state.turn)
+
+    def _may_draw(self) -> bool:
+        """Return whether a function of the program takes part in the next turn, and may draw random numbers."""
+        if self._in_core is not None:
+            return False
+        epoch = self._phase.epoch
+        if self._draws_in[0] != epoch:
+            from gamms.game.native import calls_functions  # as in `_step_turns`
+
+            self._draws_in = epoch, calls_functions(self)
+        return self._draws_in[1] or self.ctx.visual_engine.quiet_turns() is None
 
     def _step_turns(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         """Yield whether the turn engine has to play the next turn; the core plays the others, see `native`."""

@@ -91,6 +91,12 @@ def find_game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | N
         return None
 
 
+def calls_functions(game: PlayedGame) -> bool:
+    """Return whether functions of the program take part in the turns of a game."""
+    may_be_quiet = hasattr(game.ctx.visual_engine, "quiet_turns") and _may_be_in_core(game)
+    return not may_be_quiet or find_first_called(game, make_roster(game)) is not None
+
+
 def _may_be_in_core(game: PlayedGame) -> bool:
     """Return False if a quick look shows that Python takes part in the turns of a game."""
     settings = game.settings()
