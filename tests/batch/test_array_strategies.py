@@ -59,7 +59,8 @@ def test_a_strategy_cannot_write_into_its_view(name):
         games.step()
     with scene().batch(2) as games:
         games.step()
-        assert getattr(games.observe("red"), name).flags.writeable, "what a learner observes is its own"
+        is_own = name not in ("games", "agents")  # what a learner observes is its own; whom it observes is not
+        assert getattr(games.observe("red"), name).flags.writeable == is_own
 
 
 def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
@@ -303,3 +304,26 @@ def test_a_strategy_that_cannot_be_asked_is_refused():
     fast = {"red": {"count": 2, "speed": 3.0}}
     with scene(teams=fast).batch(2) as games, pytest.raises(BadValue, match="along one edge a turn"):
         games.observe("red").ask(strategies.random_walk)
+
+
+@pytest.mark.parametrize("target", [-1, 9, 1 << 40])
+@pytest.mark.parametrize("speed", [None, 2])
+def test_targets_that_are_no_nodes_are_refused_with_their_bounds(target, speed):
+    @gamms.array_strategy
+    def wild(view):
+        return view.towards(np.full(view.node.shape, target))
+
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_agent("a", start_node_id=0, strategy=wild, **({} if speed is None else {"speed": speed}))
+        for play in (ctx.game.step, lambda: ctx.game.batch(2).run(2)):
+            with pytest.raises(BadValue, match=f"targets: {target} is out of range; the 9 nodes are numbered from 0"):
+                play()
+
+
+def test_flows_of_earlier_builds_say_what_to_use():
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_agent("a", start_node_id=0, team="red")
+        with ctx.game.batch(1) as games, pytest.raises(AttributeError, match=r"'flows'. Use .*GamesFilter"):
+            games.observe("red").flows()

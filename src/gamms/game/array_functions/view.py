@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from typing import Any, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from gamms.arguments import as_array, as_count, as_edges, as_key, as_numbers_of
 from gamms.core import observe, sight
 from gamms.core.moves import NO_EDGE
 from gamms.core.turn import LearnerStep, TurnsOfGames
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, UnknownAttribute, UnknownName
 from gamms.game.array_functions.aims import ActionFinder
 from gamms.game.block.columns import get_or_make, lock
 from gamms.game.block.sensing import (
@@ -136,6 +136,12 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
             raise UnknownName(f"key of a view: use {_OTHERWISE[key]} instead of", key)
         raise UnknownName("key of a view", key, tuple(_VALUES))
 
+    if not TYPE_CHECKING:  # checkers report unknown names themselves
+
+        def __getattr__(self, name: str) -> object:
+            """Raise an error that says what to use."""
+            raise UnknownAttribute("A view", name, dir(type(self)), {"flows": " Use gamms.belief.GamesFilter."}.get)
+
     def __iter__(self) -> Iterator[str]:
         return iter(_VALUES)
 
@@ -237,10 +243,13 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
 
         Returns:
             The actions; -1 if there is no path.
+
+        Raises:
+            BadType, BadValue: the targets are not rows of nodes.
         """
         node = self.node[which]
         games, agents = get_numbers(self, which)
-        asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel()
+        asked = node.ravel(), np.broadcast_to(self.streets.check_rows(targets, "targets"), node.shape).ravel()
         if self._aims is not None:
             return self._aims.find_action_towards(*asked, (games.ravel(), agents.ravel()), allowed).reshape(node.shape)
         if not self._movement.acts_by_paths:
