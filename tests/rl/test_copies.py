@@ -138,3 +138,30 @@ def test_environments_that_gymnasium_has_wrapped_are_copied():
     other = copy.deepcopy(env)
     assert other.spec.id == "gamms/GridTag-v0"
     assert written(other.step(2)) == written(env.step(2))
+
+
+def list_arrays(found):
+    if isinstance(found, np.ndarray):
+        return [found]
+    parts = found.values() if isinstance(found, dict) else found if isinstance(found, (tuple, list)) else ()
+    return [array for one in parts for array in list_arrays(one)]
+
+
+@pytest.mark.parametrize("kind", ["team", "agent", "games", "games of an agent", "games one by one"])
+def test_observations_masks_and_rewards_are_the_caller_s_own(kind):
+    """Writing into them changes nothing that comes later."""
+    seen = []
+    for writes in (False, True):
+        env = MADE[kind]()
+        random = np.random.default_rng(1)
+        found = [env.reset(seed=3)]
+        texts = []
+        for _ in range(4):
+            texts.append(str(written(found[-1])))
+            for array in list_arrays(found[-1]) if writes else ():
+                if array.dtype.kind in "bif":
+                    array[...] = 1
+            found.append(env.step(next_actions(env, random)))
+        seen.append(texts)
+        env.close()
+    assert seen[0] == seen[1]
