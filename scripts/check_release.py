@@ -10,8 +10,8 @@ The wheel must have a compiled core and the bytes of a second build in another f
 unpacked sdist must have a compiled core, too. Each environment also plays a scenario, a batch, an experiment and a
 tournament, each under a timeout.
 Needs an index or a folder of wheels that pip finds; `build` and `twine` are put into an environment of their own. Where
-`uv` is found it installs, else pip. Prints a line for each environment; the exit status is 1 if a check has failed.
-What cannot be had (an interpreter, a library for it) is named and skipped.
+`uv` is found it installs, else pip. Prints a line for each environment; the exit status is 1 if a check has failed,
+or an extra cannot be installed. Interpreters that are not found are named and skipped, unless there is no other.
 """
 
 import argparse
@@ -106,9 +106,6 @@ def main() -> int:
         folder = Path(name)
         wheel, failures = _built(folder)
         for python in options.python:
-            if shutil.which(python) is None:
-                print(f"{python}: not found here, skipped")
-                continue
             for extras in _sets(options):
                 constraints = _constraints(folder, extras, options.first) if options.oldest else []
                 said = _checked(folder / "environment", python, [wheel, *constraints], extras, options.first)
@@ -129,7 +126,13 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--large", action="store_true", help=f"also {', '.join(sorted(LARGE))}")
     options = parser.parse_args()
-    options.python = options.python or [sys.executable]
+    named = options.python or [sys.executable]
+    options.python = [python for python in named if shutil.which(python) is not None]
+    for python in named:
+        if python not in options.python:
+            print(f"{python}: not found here, skipped")
+    if not options.python:
+        parser.error("there is no interpreter to check")
     return options
 
 
@@ -200,7 +203,7 @@ def _checked(folder: Path, python: str, installed: list[str | Path], extras: lis
             _install(inside, first)
         _install(inside, [named, *constraints])
     except subprocess.CalledProcessError as error:
-        return f"skipped, cannot be installed: {_last(error.stderr)}"
+        return f"FAILED, cannot be installed: {_last(error.stderr)}"
     games = folder / "games ünd spaces"
     games.mkdir()
     notes = []
@@ -213,7 +216,7 @@ def _checked(folder: Path, python: str, installed: list[str | Path], extras: lis
         if what in PROBES and what not in extras:
             if not needed:
                 return f"FAILED {what} does not ask for its extra: {_last(done.stderr) or 'no error'}"
-        elif needed and needed[1] not in extras:
+        elif needed and needed[1] not in _with_named(extras):
             notes.append(f"{what} asks for {needed[1]}")
         elif done.returncode:
             return f"FAILED {what}: {_last(done.stderr)}"

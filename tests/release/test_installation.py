@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -98,3 +99,32 @@ def test_the_notebook_plays_with_the_extras_that_it_installs(tmp_path, monkeypat
     with names["ctx"], names["recording"] as recording:
         assert recording.turns == names["result"].turns
     assert "police after 78 turns" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def check_release():
+    """The names of the script that checks a release."""
+    return runpy.run_path(str(ROOT / "scripts" / "check_release.py"))
+
+
+def test_a_release_fails_where_its_extras_cannot_be_installed(check_release, monkeypatch, tmp_path):
+    monkeypatch.setitem(check_release["_checked"].__globals__, "_environment", lambda *_: Path(sys.executable))
+    said = check_release["_checked"](tmp_path, sys.executable, [tmp_path / "no.whl"], ["docs"], [])
+    assert said.startswith("FAILED, cannot be installed: "), said
+
+
+def test_a_release_is_not_well_if_there_is_no_interpreter_to_check(check_release, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["check_release.py", "--python", "python0.1"])
+    with pytest.raises(SystemExit, match="2"):
+        check_release["main"]()
+    printed = capsys.readouterr()
+    assert "python0.1: not found here, skipped" in printed.out
+    assert "there is no interpreter to check" in printed.err
+
+
+def test_the_lower_bound_of_each_library_is_installed_by_make_lowest(check_release, tmp_path):
+    wanted = [one for name, extra in EXTRAS.items() if name != "dev" for one in extra if not one.startswith("gamms")]
+    wanted += PROJECT["dependencies"]
+    _, file = check_release["_constraints"](tmp_path, sorted(EXTRAS.keys() - {"dev"}), [])
+    names = {line.partition("==")[0] for line in file.read_text("utf-8").splitlines()}
+    assert names == {re.match(r"[\w.-]+", one)[0] for one in wanted}
