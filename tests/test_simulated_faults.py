@@ -1,5 +1,6 @@
 """Games that are played through random faults: `scripts/simulate_faults.py` plays many more."""
 
+import signal
 import sys
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -43,6 +44,19 @@ from gamms.web.people import People
 @pytest.mark.parametrize("seed", [1, 3, 7, 8])
 def test_a_game_ends_as_without_its_players_and_faults(seed):
     assert failure_of(draw_case(seed)) is None
+
+
+def test_games_are_interrupted_where_programs_do_not_hear_ctrl_c(monkeypatch, capsys):
+    case = Case(2, (), ((1, "Ctrl-C"), (2, "Ctrl-C in an experiment")))
+    monkeypatch.setattr(simulate_faults, "draw_case", lambda _: case)
+    monkeypatch.setattr(sys, "argv", ["simulate_faults.py", "--seed", "2"])
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as nohup, cron and shells in the background start programs
+    try:
+        with pytest.raises(SystemExit):
+            simulate_faults.main()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().out == "0 failures in 1 runs from seed 2\n"
 
 
 def test_each_fault_happens_and_is_one_sentence():
