@@ -4,7 +4,12 @@ import json
 import os
 import shutil
 import socket
+import subprocess
+import sys
+import threading
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -12,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import experiment, folders, limits, recorder, scenario, tournament, web
-from gamms.errors import BadFile, GammsError, TooLarge
+from gamms.errors import BadFile, GammsError, TooLarge, WriteConflict
 from gamms.game import Result
 from gamms.scenario import Scenario
 from gamms.tournament.entries import find_entries
@@ -372,3 +377,75 @@ def test_after_an_error_a_file_is_unchanged_and_nothing_is_beside_it(tmp_path):
         beside.write_text("new")
     assert file.read_text() == "old"
     assert [*tmp_path.iterdir()] == [file]
+
+
+# -- locks --------------------------------------------------------------------------------------------------------
+
+
+def test_one_of_the_threads_that_lock_a_folder_at_once_gets_it(tmp_path):
+    holders = []
+    rounds = []
+    begin = threading.Barrier(4, timeout=20)
+    end = threading.Barrier(4, action=lambda: rounds.append(len(holders)) or holders.clear(), timeout=20)
+
+    def lock():
+        for _ in range(300):
+            begin.wait()
+            with suppress(WriteConflict), folders.lock_folder(tmp_path):
+                holders.append(1)
+                end.wait()
+                continue
+            end.wait()
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            for done in [pool.submit(lock) for _ in range(4)]:
+                done.result()
+    finally:
+        sys.setswitchinterval(before)
+    assert rounds == [1] * 300
+
+
+def test_a_folder_is_locked_by_any_of_its_names_and_others_are_free(tmp_path):
+    folder = tmp_path / "rows"
+    folder.mkdir()
+    (tmp_path / "link").symlink_to(folder, target_is_directory=True)
+    with folders.lock_folder(folder):
+        for name in (folder, tmp_path / "link", folder / ".." / "rows"):
+            with pytest.raises(WriteConflict, match="Another run is writing into"), folders.lock_folder(name):
+                pass
+        assert [one.name for one in folder.iterdir()] == ["lock"]
+        with folders.lock_folder(tmp_path / "others"):
+            pass
+    assert list(folder.iterdir()) == []
+
+
+def test_a_refused_lock_leaves_that_of_the_holder_to_other_processes(tmp_path):
+    program = (
+        "import sys; from pathlib import Path; from gamms.folders import *\nwith lock_folder(Path(sys.argv[1])): pass"
+    )
+    with folders.lock_folder(tmp_path):
+        with pytest.raises(WriteConflict), folders.lock_folder(tmp_path):
+            pass  # or its end would unlock the file for all
+        done = subprocess.run([sys.executable, "-c", program, tmp_path], capture_output=True, text=True, check=False)
+    assert "WriteConflict" in done.stderr
+
+
+@pytest.mark.parametrize("ends_with", [KeyboardInterrupt, ValueError, None])
+def test_a_folder_is_free_again_however_its_holder_ends(tmp_path, ends_with):
+    with suppress(KeyboardInterrupt, ValueError), folders.lock_folder(tmp_path):
+        if ends_with is not None:
+            raise ends_with
+    with folders.lock_folder(tmp_path):
+        assert (tmp_path / "lock").is_file()
+
+
+def test_a_folder_that_could_not_be_locked_can_be_locked_later(tmp_path):
+    (tmp_path / "rows").write_text("a file")
+    with pytest.raises(GammsError), folders.lock_folder(tmp_path / "rows"):
+        pass
+    (tmp_path / "rows").unlink()
+    with folders.lock_folder(tmp_path / "rows"):
+        pass

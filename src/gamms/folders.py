@@ -37,7 +37,7 @@ _MOST_DIGITS = 300  # of an integer, which then fits into a float
 _BYTES_PER_LETTER = 4  # of memory for each byte of JSON: a text with an emoji has four bytes for each letter
 _BYTES_PER_VALUE = {b",": 80, b"{": 250, b"[": 100, b"\n": 100}  # and for each sign that begins a value
 _ESCAPED = "backslashreplace"  # halves of surrogate pairs
-_held: set[Path] = set()  # folders of this process, whose locks do not exclude each other
+_held: dict[str, object] = {}  # folder -> its holder in this process, whose locks do not exclude each other
 
 
 def find_home_folder() -> Path:
@@ -99,20 +99,23 @@ def lock_folder(folder: Path) -> Iterator[None]:
     """
     real = folder.resolve()
     refusal = WriteConflict(f"Another run is writing into {str(folder)!r}: wait for it, or choose another folder.")
-    if real in _held:
+    holder = object()
+    if _held.setdefault(str(real), holder) is not holder:  # in one step, for threads
         raise refusal
     file = real / LOCK
-    with make_folder(folder), open_regular_file(file, "ab") as stream:
-        # Another run may have deleted the file between the two calls.
-        if not _lock_file(stream) or not (file.exists() and os.path.samestat(file.stat(), os.fstat(stream.fileno()))):
-            raise refusal
-        _held.add(real)
-        try:
-            yield
-        finally:
-            _held.discard(real)
-            with suppress(OSError):  # on systems that cannot delete open files
-                file.unlink()
+    try:
+        with make_folder(folder), open_regular_file(file, "ab") as stream:
+            # Another run may have deleted the file between the two calls.
+            is_ours = _lock_file(stream) and file.exists()
+            if not is_ours or not os.path.samestat(file.stat(), os.fstat(stream.fileno())):
+                raise refusal
+            try:
+                yield
+            finally:
+                with suppress(OSError):  # on systems that cannot delete open files
+                    file.unlink()
+    finally:
+        del _held[str(real)]
 
 
 if sys.platform == "win32":  # pragma: no cover
