@@ -13,7 +13,7 @@ import websockets
 from websockets.sync.client import connect
 
 import gamms
-from gamms.bridge import Fix, Process, SimulatedClock, Udp, WebSocketServer, drive
+from gamms.bridge import Fix, Process, SimulatedClock, Udp, WebSocketServer, drive, links
 from gamms.errors import BadType, BadValue, NetworkError
 
 HOME = "127.0.0.1"
@@ -249,6 +249,35 @@ def test_a_process_that_reads_nothing_blocks_no_game():
         for _ in range(3_000):
             link.send({"type": "note", "text": "a" * 1_000})
         assert link.counts["unsent"]
+
+
+def test_a_process_that_is_closed_leaves_no_thread_and_has_read_all_its_lines():
+    lines = 6_000  # as many as fit into a pipe, which are read when the program has ended
+    with program(f"sys.stdin.read(); print('{{}}\\n' * {lines}, end='', flush=True)") as link:
+        pass
+    assert not [one.name for one in threading.enumerate() if one.name.startswith("gamms lines")]
+    assert link.counts["received"] == lines
+
+
+@pytest.mark.parametrize("code", ["sys.stdin.read()", "time.sleep(60)", "sys.stdout.close(); sys.stdin.close()", ""])
+def test_a_process_that_is_closed_has_ended_and_leaves_nothing_open(code, monkeypatch):
+    monkeypatch.setattr(links, "_GRACE_S", 0.3)
+    with program(code) as link:
+        process = link._process
+    assert process.returncode is not None
+    assert process.stdin.closed
+    assert process.stdout.closed
+    assert not [one.name for one in threading.enumerate() if one.name.startswith("gamms lines")]
+    link.close()  # once more changes nothing
+    link.send({"type": "note"})
+    assert link.counts["sent"] == 0
+
+
+def test_a_server_that_is_closed_leaves_no_thread():
+    with WebSocketServer() as link, connect(link.url) as viewer:
+        viewer.send("{}")
+        wait_until(lambda: link.counts["received"])
+    assert not [one.name for one in threading.enumerate() if one.name.startswith("gamms")]
 
 
 def test_a_command_is_a_list():

@@ -369,3 +369,33 @@ def test_an_agent_that_was_deleted_is_in_the_result_where_it_was_last(is_built):
     with opened(stream).resume(5, strategies, ctx=build() if is_built else None) as again:
         assert {name: one["node"] for name, one in again.game.run(3).agents.items()} == ends
         assert len(ends) == 3
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_a_game_resumed_at_any_turn_knows_the_agents_that_have_departed_by_then(phase):
+    """They are in its result, neither earlier nor later than in that of the game, each where it was last."""
+
+    def thin_out(ctx):
+        gone = {2: "red_1", 4: "red_2", 5: "late"}.get(ctx.game.turn)
+        if ctx.game.turn == 3:
+            ctx.agent.create_agent("late", team="red", start_node_id=4, strategy=random_walk)
+        if gone is not None:
+            ctx.agent.delete_agent(gone)
+
+    def list_places(ctx):
+        return {name: (one["node"], one["alive"], one["team"]) for name, one in ctx.game.result().agents.items()}
+
+    stream = io.BytesIO()
+    with context() as ctx:
+        add_team(ctx, "red", [0, 9, 20, 3], random_walk)
+        ctx.game.add(thin_out, phase=phase)
+        ctx.record.start(stream)
+        known = [list_places(ctx)]
+        for _ in range(7):
+            ctx.game.step()
+            known.append(list_places(ctx))
+        ctx.record.stop()
+    assert len({*map(len, known)}) == 2
+    for turn in range(8):
+        with opened(stream).resume(turn, {"red": random_walk}) as again:
+            assert list_places(again) == known[turn]
