@@ -331,3 +331,25 @@ def test_no_byte_of_a_cut_depends_on_agents_that_are_not_seen(deed):
     one, other = (recorded(lambda ctx: ctx.game.run(4), hidden_game(each)) for each in (deed, lambda _: None))
     assert one != other
     assert cut_of(one, "red") == cut_of(other, "red")
+
+
+def test_a_team_knows_the_carriers_that_it_sees_and_of_others_only_that_they_carry():
+    ctx = pair_on_a_grid()
+    flags = {"bases": {"red": 0, "blue": 2, "green": 3}, "carriers": {"red": "blue_0", "blue": "red_0", "green": None}}
+    ctx.game.data |= {"flags": flags, "secret": {"bases": {}, "carriers": "blue_0"}}
+
+    def drop(ctx):
+        if ctx.game.turn == 4:
+            flags["carriers"]["red"] = None
+
+    ctx.game.add(drop)
+    data = cut_of(recorded(lambda ctx: ctx.game.run(5), ctx, sensed=True), "red")
+    with opened(io.BytesIO(data)) as recording:
+        states = [recording[turn] for turn in range(6)]
+    known = [state.data["flags"]["carriers"] for state in states]
+    seen = ["blue_0" in state.agents["name"] for state in states[:4]]
+    assert seen == [False, True, False, True]
+    assert [each["red"] for each in known] == ["", "blue_0", "", "blue_0", None, None]
+    assert {each["blue"] for each in known} == {"red_0"}
+    assert {each["green"] for each in known} == {None}
+    assert all(state.data.keys() == {"flags"} and state.data["flags"]["bases"] == flags["bases"] for state in states)

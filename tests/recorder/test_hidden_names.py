@@ -48,6 +48,7 @@ def scene(*, sees_late=False, **more):
     ctx.agent.create_agent(
         "zqspy", start_node_id=2 if sees_late else 8, team="red", sensors=["zqlens"], strategy=stay, hat="zqnote"
     )
+    ctx.game.data["flags"] = {"bases": {"blue": 4, "red": 5}, "carriers": {"blue": "zqspy", "red": None}}
     ctx.visual.set_graph_visual(width=300, height=300)
     ctx.visual.set_agent_visual("blue_0", color="darkseagreen", size=5)
     ctx.visual.set_agent_visual("zqspy", color="hotpink", size=5)

@@ -62,3 +62,43 @@ def test_contacts_follow_each_road_that_is_closed_opened_or_removed(distance, sp
             found.append((met, ctx.game.events, [agent.current_node_id for agent in ctx.game.agents]))
     assert found[0] == found[1]
     assert any(found[0][0])
+
+
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_an_agent_whose_road_closes_before_it_moves_stays_and_the_others_go(unit):
+    closed = []
+    wanted = {}
+    told = {}
+
+    def choose(state):
+        wanted[state["name"]] = state["curr_pos"], state["legal"][state["draw"].below(len(state["legal"]))]
+        told[state["name"]] = state["blocked"]
+        state["action"] = wanted[state["name"]][1]
+
+    def close(ctx):
+        """Close half of all roads, and open the others."""
+        ctx.graph.open_roads(ctx.graph.closed_roads)
+        chosen = ctx.stream("close", ctx.game.turn).permutation(sorted(edges.values()))
+        closed[:] = chosen[::2].tolist()
+        ctx.graph.close_roads(closed)
+
+    stopped = 0
+    with gamms.create_context(seed=2, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4, spacing=10.0))
+        graph = ctx.graph.graph
+        edges = {(graph.get_edge(id).source, graph.get_edge(id).target): id for id in graph.get_edges()}
+        ctx.game.speed_unit = unit
+        agents = [ctx.agent.create_agent(f"a{i}", start_node_id=i, team="red", strategy=choose) for i in range(8)]
+        for agent in agents:
+            agent.speed = 1.0 if unit == "edges" else 10.0
+        ctx.game.add(close, phase="deeds")
+        for _ in range(12):
+            ctx.game.step()
+            ways = [wanted[agent.name] for agent in agents]
+            are_open = [start == end or edges[start, end] not in closed for start, end in ways]
+            ends = [way[is_open] for way, is_open in zip(ways, are_open, strict=True)]
+            assert [agent.current_node_id for agent in agents] == ends
+            stopped += are_open.count(False)
+        assert stopped > 10
+        ctx.game.step()
+        assert {*told.values()} == {None, "its way was closed"}
