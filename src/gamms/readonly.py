@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NoReturn, Self, SupportsIndex, TypeVar, cast
 
 import numpy as np
 
-from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.errors import BadType, BadValue, GammsError, UnknownAttribute, UnknownName
 
 _SCALARS = frozenset({str, bytes, int, float, complex, bool, NoneType})
 _IMMUTABLE = (str, bytes, int, float, complex, Enum, range, slice, type)
@@ -284,3 +284,28 @@ def _refuse_change(_: object) -> Any:
 
 def _refuse_value(value: object) -> Any:
     raise Unfreezable(f"an object of the class {type(value).__module__}.{type(value).__qualname__}")
+
+
+class _MissingAttribute:
+    """An attribute that a class lacks: reading it says what to write in its place.
+
+    Unlike `__getattr__`, it costs other attributes nothing, and an attribute that a program sets goes before it.
+    """
+
+    def __init__(self, owner: str, name: str, way_out: str) -> None:
+        self._refused = owner, name, (), lambda _: f" {way_out}"
+
+    def __get__(self, instance: object, kind: type) -> NoReturn:
+        raise UnknownAttribute(*self._refused)
+
+
+def answer_names(kind: type, owner: str, ways_out: Mapping[str, str]) -> None:
+    """Let objects of a class answer names that they lack, such as those of other libraries.
+
+    Args:
+        kind: the class.
+        owner: what the objects are called.
+        ways_out: name -> a sentence that says what to write in its place.
+    """
+    for name, way_out in ways_out.items():
+        setattr(kind, name, _MissingAttribute(owner, name, way_out))

@@ -98,7 +98,7 @@ def test_an_ignored_keyword_is_warned_about_once_for_each_kind(ctx, heard):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("neighbour", "Unknown sensor type 'neighbour' for sensor 's'. Did you mean 'NEIGHBOR'?"),
+        ("neighbour", "Unknown sensor type 'neighbour' for sensor 's'. Did you mean 'neighbor'?"),
         ("SensorType.ARK", "Did you mean 'ARC'?"),
         ("x", "Use a SensorType: NEIGHBOR, MAP"),
         (3, "Unknown sensor type 3"),

@@ -62,7 +62,7 @@ def test_an_agent_that_comes_back_gets_a_new_sensor(town):
     ("sensors", "error"),
     [
         ({"eyes": EYES, "ears": {"type": "AGNT"}}, UnknownType),
-        ({"eyes": EYES, "ears": gamms.sensor.range(range_m=-1)}, BadValue),
+        ({"eyes": EYES, "ears": {"type": "range", "range_m": -1}}, BadValue),
         ({"eyes": EYES, "sky": gamms.sensor.aerial()}, ValueError),
         ({"eyes": EYES, "ears": 3}, BadType),
     ],
@@ -142,7 +142,7 @@ def test_a_function_of_a_team_is_found_and_made_again_for_each_seed(tmp_path):
     ("path", "value", "message"),
     [
         ("eyes.rang_m", 3, "teams.red.sensors.eyes.rang_m: unknown key, with the value 3. Did you mean 'range_m'?"),
-        ("eyes.type", "agnt_range", "unknown sensor type 'agnt_range'. Did you mean 'AGENT_RANGE'?"),
+        ("eyes.type", "agnt_range", "unknown sensor type 'agnt_range'. Did you mean 'agent_range'?"),
         ("eyes.range_m", -1, "teams.red.sensors.eyes.range_m: cannot be -1"),
         ("eyes.fov", 3, "a AGENT_RANGE sensor has none"),
     ],

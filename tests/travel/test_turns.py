@@ -201,7 +201,7 @@ def test_traffic_turns_back_only_where_nothing_else_is_legal(corner):
 @pytest.mark.parametrize("action", [3, {"edge": 4}, [3], {"node_id": 3, "orientation": (1.0, 0.0)}])
 def test_a_forbidden_turn_is_an_illegal_action_whose_error_names_the_turn(corner, action):
     actions = [1, action]
-    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR)
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR, speed=1.0 if isinstance(action, list) else None)
     agent.strategy = lambda state: state.update(action=actions[state["turn"]])
     corner.game.on_illegal = "raise"
     corner.game.step()

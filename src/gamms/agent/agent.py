@@ -11,13 +11,21 @@ from gamms.agent.carried_sensors import make_carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, explain_misspelled
 from gamms.core.agents import AgentView
 from gamms.deciding import ContextPart, DecidePhase, get_phase, refuse_unknown_look, refuse_while_deciding
-from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, ReservedName, UnknownName
+from gamms.errors import (
+    BadType,
+    BadValue,
+    ContextTerminated,
+    GammsError,
+    MissingKey,
+    ReservedName,
+    UnknownName,
+)
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat, get_speed
 from gamms.ir.graph import FloatArray
 from gamms.ir.schema import NUMBERS, SETTABLE, Column
 from gamms.progress import delay_interrupts
-from gamms.readonly import ReadOnly, ReadOnlyMapping
+from gamms.readonly import ReadOnly, ReadOnlyMapping, answer_names
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.actions import (
@@ -108,6 +116,10 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """Return a text with the name and the node, and whether the agent is eliminated."""
         state = "" if self.alive else ", alive=False"
         return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id}{state})"
+
+    def __dir__(self) -> list[str]:
+        """Return the names of the attributes that there are."""
+        return [name for name in super().__dir__() if name in self.__dict__ or hasattr(type(self), name)]
 
     def __getstate__(self) -> object:
         """Return the attributes; without this, compiled classes cannot be copied."""
@@ -427,6 +439,9 @@ def _make_number_property(column: Column) -> property:
 
 for _column in NUMBERS:
     setattr(BaseAgent, _column.name, _make_number_property(_column))
+
+
+answer_names(BaseAgent, "agent", dict.fromkeys(("is_active", "is_alive"), "Write agent.alive."))
 
 
 class Agent(BaseAgent):

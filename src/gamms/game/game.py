@@ -195,7 +195,8 @@ class Game(Surface, RuleVerbs):
 
         Args:
             name: the name of the table; its columns are `turn`, `agent` (if collected per agent) and `value`.
-            fn: called with the context, or with each living agent; its result is copied.
+            fn: called with the context, or with each living agent; its result is copied. `ctx.game.agents` are the
+                living agents; `ctx.agent.create_iter()` has the eliminated ones, too.
             every: the number of turns between two values.
             per: "game" or "agent".
 

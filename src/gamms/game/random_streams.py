@@ -18,7 +18,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.readonly import ShallowCopyMixin, copy_locked
+from gamms.readonly import ShallowCopyMixin, answer_names, copy_locked
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
@@ -104,13 +104,36 @@ class Draws(TurnStream):
     def _point(self) -> tuple[int, str, int, int]:
         return self.compute_first_key(), self._name, self._table.clock.turn, self.mark() or 0
 
+    def __dir__(self) -> list[str]:
+        """Return the names of the draws, for completion and hints."""
+        return ["below", "choice", "random"]
+
     def compute_first_key(self) -> int:
         """Return the key of the draws for the current seed."""
         return self._table.compute_first_key(self._name)
 
     def refuse_bound(self, n: object) -> NoReturn:
-        """Raise BadValue for an invalid argument of `below`."""
+        """Raise BadValue for an invalid argument of `below`, or for an empty one of `choice`."""
+        if n == 0:
+            raise BadValue(
+                "state['draw'].choice was given an empty list, or below(n) n = 0: there is nothing to draw. Ask first "
+                "whether there is any item, such as an enemy in sight."
+            )
         raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
+
+
+_OF_ITEMS = (
+    "Write state['draw'].choice(items) for one item; state['rng'], a generator of NumPy, has shuffle and permutation."
+)
+_NUMBER = "Write state['draw'].random(), a number in [0, 1); state['rng'], a generator of NumPy, has normal."
+_INTEGER = "Write state['draw'].below(n), which returns an integer from 0 to n - 1."
+_WAYS_OUT = {
+    **dict.fromkeys(("integers", "randint", "randrange"), _INTEGER),
+    **dict.fromkeys(("choices", "permutation", "sample", "shuffle"), _OF_ITEMS),
+    **dict.fromkeys(("gauss", "normal"), _NUMBER),
+    "uniform": "Write a + (b - a) * state['draw'].random().",
+}
+answer_names(Draws, "state['draw']", _WAYS_OUT)
 
 
 class ArrayDraws(ShallowCopyMixin):

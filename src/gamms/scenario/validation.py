@@ -132,7 +132,8 @@ def find_sensor_type(given: str) -> SensorType | None:
 
 
 def _make_type_error(path: str, kind: str, given: str, names: list[str]) -> ScenarioError:
-    hint = nearest(given.upper(), names) or f" Use one of {', '.join(names)}."
+    offered = [name.lower() for name in names] if given.islower() else names  # as the file writes names
+    hint = nearest(given if given.islower() else given.upper(), offered) or f" Use one of {', '.join(offered)}."
     return ScenarioError(f"{path}.type", f"unknown {kind} type {given!r}.{hint}")
 
 

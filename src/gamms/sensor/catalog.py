@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from math import inf, pi
 from typing import Any, NamedTuple, Unpack
 
-from gamms.arguments import find_signature, spell_out_options
+from gamms.arguments import as_range, find_signature, spell_out_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.plain import is_same, select_plain
 from gamms.sensor.air import (
@@ -210,6 +210,9 @@ def _make_declaration(kind: str, options: dict[str, Any], **settings: object) ->
         if name not in known:
             hint = nearest(SYNONYMS.get(name, name), known) or f" It takes: {', '.join(sorted(known))}."
             raise BadType(f"gamms.sensor.{kind.lower()}() takes no {name}=.{hint}")
+    for name in ("range_m", "fov"):
+        if settings.get(name) is not None:
+            as_range(settings[name], f"{name} of gamms.sensor.{kind.lower()}()")
     defaults = {"range_m": row.keywords.get("sensor_range"), **row.keywords}
     own = {name: value for name, value in settings.items() if value != defaults[name]}
     return {"type": kind, **own, **options}

@@ -473,7 +473,9 @@ def _check_type(kind: object, sensor_id: str) -> SensorType:
     if member is not None:
         hint = " A custom sensor is an object of your own class: ctx.sensor.add_sensor(obj)."
     else:
-        hint = nearest((kind if isinstance(kind, str) else shown(kind)).rpartition(".")[2].upper(), known)
+        name = (kind if isinstance(kind, str) else shown(kind)).rpartition(".")[2]
+        names = [one.lower() for one in known] if name.islower() else known
+        hint = nearest(name if name.islower() else name.upper(), names)
         hint = hint or f" Use a SensorType: {', '.join(known)}."
     seen = str(kind) if isinstance(kind, SensorType) else shown(kind)
     raise UnknownType(f"Unknown sensor type {seen} for sensor {shown(sensor_id)}.{hint}")

@@ -77,6 +77,9 @@ def check_mode(ctx: IContext, block: AgentBlock, value: object) -> str | None:
     return mode
 
 
+_NO_GRAPH = " Attach a graph first, such as ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))."
+
+
 def check_node(graph: IGraph, block: AgentBlock, value: object) -> int:
     """Return the id of a node of the graph; if the block trusts nodes, of any 64-bit integer.
 
@@ -87,7 +90,8 @@ def check_node(graph: IGraph, block: AgentBlock, value: object) -> int:
     node = as_node_id(value, "A node id", graph)
     is_known = -(1 << 63) <= node < 1 << 63 if block.trusts_nodes else graph.has_node(node)
     if not is_known:
-        raise UnknownName("node", node, graph.get_nodes())
+        nodes = graph.get_nodes()
+        raise UnknownName("node", node, nodes, _NO_GRAPH if next(iter(nodes), None) is None else "")
     return node
 
 

@@ -74,7 +74,8 @@ class AerialAction(TypedDict, total=False):
 
 
 Action = NodeId | Sequence[int] | NodeAction | EdgeAction
-"""The action of an agent on the ground: a node id; with a speed also the list of nodes on the path.
+"""The action of an agent on the ground: a node id; with a speed also the list of nodes on the path, which is
+illegal without a speed.
 
 In games by metres also None: the agent stops where it is.
 """
