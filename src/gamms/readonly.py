@@ -299,13 +299,7 @@ class _MissingAttribute:
         raise UnknownAttribute(*self._refused)
 
 
-def answer_names(kind: type, owner: str, ways_out: Mapping[str, str]) -> None:
-    """Let objects of a class answer names that they lack, such as those of other libraries.
-
-    Args:
-        kind: the class.
-        owner: what the objects are called.
-        ways_out: name -> a sentence that says what to write in its place.
-    """
-    for name, way_out in ways_out.items():
+def answer_names(kind: type, owner: str, names: str, way_out: str) -> None:
+    """Let objects of a class, which are called `owner`, answer names of other libraries with a sentence."""
+    for name in names.split():
         setattr(kind, name, _MissingAttribute(owner, name, way_out))

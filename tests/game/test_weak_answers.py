@@ -26,26 +26,17 @@ def test_a_draw_from_nothing_says_that_there_is_nothing_to_draw(empty):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("randint", r"Write state\['draw'\]\.below\(n\)"),
-        ("integers", r"Write state\['draw'\]\.below\(n\)"),
-        ("randrange", r"Write state\['draw'\]\.below\(n\)"),
-        ("uniform", r"state\['draw'\]\.random\(\)"),
-        ("shuffle", r"state\['draw'\]\.choice\(items\).*state\['rng'\]"),
-        ("sample", r"state\['draw'\]\.choice\(items\).*state\['rng'\]"),
-        ("permutation", r"state\['draw'\]\.choice\(items\).*state\['rng'\]"),
-        ("normal", r"state\['rng'\]"),
-    ],
+    "name", ["integers", "randint", "randrange", "uniform", "shuffle", "sample", "permutation", "normal"]
 )
-def test_a_draw_by_the_name_of_another_library_says_which_name_it_has(name, words):
+def test_a_draw_by_the_name_of_another_library_says_which_names_there_are(name):
     def draw(state):
         assert not hasattr(state["draw"], name)
         assert name not in dir(state["draw"])
         assert {"shuffle", "permutation", "normal"} <= {*dir(state["rng"])}
         getattr(state["draw"], name)(1)
 
-    with pytest.raises(AttributeError, match=rf"state\['draw'\] has no attribute '{name}'\. .*{words}"):
+    words = r"Write state\['draw'\]\.below\(n\) .*\.random\(\) .*\.choice\(items\); state\['rng'\]"
+    with pytest.raises(AttributeError, match=rf"state\['draw'\] has no attribute '{name}'\. {words}"):
         play(draw)
 
 
@@ -111,4 +102,4 @@ def test_a_path_of_one_node_has_no_second_one():
 
     with pytest.raises(IndexError) as caught:
         play(follow)
-    assert "It has 1 item; a path to the node itself has one" in caught.value.__notes__[0]
+    assert "Its length is 1; a path to the node itself has one node" in caught.value.__notes__[0]

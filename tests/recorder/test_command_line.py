@@ -326,8 +326,8 @@ def test_a_conversion_that_fails_leaves_no_file(game, tmp_path, monkeypatch):
 def test_conversions_that_make_no_sense_are_refused(game, tmp_path):
     old = SAMPLES / "basic.ggr"
     for arguments, hint in (
-        ((game, tmp_path / "out.ggr"), "has version 3 already"),
-        ((game, tmp_path / "out.xlsx"), "out.xlsx'; give an OUT that ends in .csv"),
+        ((game, tmp_path / "out.ggr"), "is a recording of version 3, which is not written as"),
+        ((game, tmp_path / "out.xlsx"), "out.xlsx': give an OUT that ends in .csv"),
         ((old, tmp_path / "out.jsonl"), "to a .ggr of version 3 first"),
         ((old, tmp_path / "out.csv"), "to a .ggr of version 3 first"),
         ((game, tmp_path / "out.jsonl", "--map", tmp_path / "map.gamms"), "only for recordings of version 2"),

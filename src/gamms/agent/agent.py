@@ -441,7 +441,7 @@ for _column in NUMBERS:
     setattr(BaseAgent, _column.name, _make_number_property(_column))
 
 
-answer_names(BaseAgent, "agent", dict.fromkeys(("is_active", "is_alive"), "Write agent.alive."))
+answer_names(BaseAgent, "agent", "is_active is_alive", "Write agent.alive.")
 
 
 class Agent(BaseAgent):

@@ -154,8 +154,7 @@ def _explain_type(error: BaseException, indexed: object, names: Container[str], 
     if isinstance(taken, str):
         return f" {shown(taken)} is the name of an agent: {way_out}." if taken in names else ""
     if type(error) is IndexError and isinstance(indexed, (list, tuple)):
-        count = len(indexed)
-        return f" It has {count} item{'s' * (count != 1)}; a path to the node itself has one: look at its length first."
+        return f" Its length is {len(indexed)}; a path to the node itself has one node: look at the length first."
     if type(error) is not TypeError or indexed is None:
         return ""
     fields = getattr(type(indexed), "_fields", None)

@@ -122,18 +122,13 @@ class Draws(TurnStream):
         raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
 
 
-_OF_ITEMS = (
-    "Write state['draw'].choice(items) for one item; state['rng'], a generator of NumPy, has shuffle and permutation."
+answer_names(
+    Draws,
+    "state['draw']",
+    "choices gauss integers normal permutation randint randrange sample shuffle uniform",
+    "Write state['draw'].below(n) for an integer from 0 to n - 1, .random() for a number in [0, 1), or .choice(items); "
+    "state['rng'], a generator of NumPy, has shuffle, permutation and normal.",
 )
-_NUMBER = "Write state['draw'].random(), a number in [0, 1); state['rng'], a generator of NumPy, has normal."
-_INTEGER = "Write state['draw'].below(n), which returns an integer from 0 to n - 1."
-_WAYS_OUT = {
-    **dict.fromkeys(("integers", "randint", "randrange"), _INTEGER),
-    **dict.fromkeys(("choices", "permutation", "sample", "shuffle"), _OF_ITEMS),
-    **dict.fromkeys(("gauss", "normal"), _NUMBER),
-    "uniform": "Write a + (b - a) * state['draw'].random().",
-}
-answer_names(Draws, "state['draw']", _WAYS_OUT)
 
 
 class ArrayDraws(ShallowCopyMixin):

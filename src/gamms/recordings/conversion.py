@@ -214,13 +214,9 @@ def to_version_3(
     """
     version = version_of(path)
     if version > 2:
-        is_recording = str(out).lower().endswith(".ggr")
-        begin = (
-            f"{str(path)!r} has version {version} already" if is_recording else f"Nothing is written as {str(out)!r}"
-        )
         raise BadValue(
-            f"{begin}; give an OUT that ends in .csv for its tables, in .gpx or .geojson for tracks of agents, in "
-            ".jsonl for all events as text."
+            f"{str(path)!r} is a recording of version {version}, which is not written as {str(out)!r}: give an OUT "
+            "that ends in .csv for its tables, .gpx or .geojson for tracks of agents, or .jsonl for all events."
         )
     with context_for(path, map) as ctx:
         ctx.record.start(out, provenance=_PROVENANCE)

@@ -90,8 +90,8 @@ def check_node(graph: IGraph, block: AgentBlock, value: object) -> int:
     node = as_node_id(value, "A node id", graph)
     is_known = -(1 << 63) <= node < 1 << 63 if block.trusts_nodes else graph.has_node(node)
     if not is_known:
-        nodes = graph.get_nodes()
-        raise UnknownName("node", node, nodes, _NO_GRAPH if next(iter(nodes), None) is None else "")
+        nodes = [*graph.get_nodes()]
+        raise UnknownName("node", node, nodes, "" if nodes else _NO_GRAPH)
     return node
 
 
