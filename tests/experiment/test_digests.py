@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from gamms import experiment
+from gamms import experiment, strategies
 from gamms.errors import BadValue, WriteConflict
 from gamms.experiment import variants
 from gamms.experiment.variants import compute_digest, hash_function
@@ -161,6 +161,17 @@ def test_functions_count_by_code_defaults_and_all_values_that_they_use():
     assert found[: len(texts)] == [hash_function(make_function(text, K=1)) for text in texts]
     assert hash_function(make_closure(iter("ab")))
     assert hash_function(make_closure(sys.stdout))
+
+
+def test_functions_that_gamms_makes_count_by_what_they_hold_and_files_by_their_content(tmp_path):
+    made = [hash_function(strategies.pool([make_closure(value)])) for value in (1, 2, 2)]
+    assert made[0] != made[1] == made[2]
+    file = tmp_path / "policy"
+    found = []
+    for content in ("1", "2", "1"):
+        file.write_text(content)
+        found.append(hash_function(make_closure(file)))
+    assert found[0] == found[2] != found[1]
 
 
 def test_functions_have_the_same_digest_in_every_process():

@@ -292,7 +292,8 @@ def name_files(scenario: Scenario) -> dict[str, Path]:
 def hash_function(function: Function) -> str:
     """Return the SHA-256 of a function: its code, its defaults, and the values and functions that it uses.
 
-    Functions of installed packages count by their names. Values that cannot be pickled count by their types.
+    Functions of installed packages count by their names and what they close over, and paths of files by the content.
+    Values that cannot be pickled count by their types.
     """
     return hash_value(_describe(function, {}))
 
@@ -306,6 +307,8 @@ def _describe(value: object, seen: dict[int, Any]) -> Plain:
     """
     if value is None or isinstance(value, (bool, int, float, str)):
         return repr(value)
+    if isinstance(value, Path) and value.is_file():  # such as that of a saved policy
+        return _hash_file(value)
     if isinstance(value, bytes):
         return hashlib.sha256(value).hexdigest()
     if id(value) in seen:
@@ -340,7 +343,7 @@ def _list_parts_of_code(value: FunctionType | ModuleType | type) -> Iterable[Any
     module = getattr(value, "__module__", None) or value.__name__
     file = getattr(sys.modules.get(module), "__file__", None) or ""
     if module.partition(".")[0] in _VERSIONED or not _INSTALLED.isdisjoint(Path(file).parts):
-        return module, getattr(value, "__qualname__", "")
+        return module, getattr(value, "__qualname__", ""), getattr(value, "__closure__", None)
     if isinstance(value, FunctionType):
         known = value.__globals__
         used = {name: known[name] for name in _list_names(value.__code__) if name in known}

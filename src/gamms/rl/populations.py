@@ -69,7 +69,7 @@ class Population:
         population.add("red", population.responses("red"))
 
     Its games are an experiment: only pairs without rows are played. With `out=`, the same program goes on after an
-    interruption and gets the same rows; names tell strategies apart, so that a changed strategy needs a new name.
+    interruption and gets the same rows; games of a strategy that has changed are played again.
 
     Args:
         scenario: a scenario of two teams.
