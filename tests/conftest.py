@@ -21,6 +21,9 @@ if not gamms.core.is_compiled:
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+for variable in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR"):  # of the terminal in which the tests are started
+    os.environ.pop(variable, None)  # or printed tables would have other lines
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a third of the time in which programs of tests import NumPy
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what runs in the background
