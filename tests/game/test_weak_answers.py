@@ -70,8 +70,8 @@ def test_an_agent_says_by_which_name_it_is_alive_unless_the_program_has_set_its_
         assert "is_active" in dir(ann)
 
 
-@pytest.mark.parametrize("action", [[1], [0, 1], {"node_id": [1]}])
-def test_an_agent_without_a_speed_goes_to_a_node_and_not_along_a_list(action):
+@pytest.mark.parametrize("action", [[1], {"node_id": [1]}])
+def test_an_agent_without_a_speed_goes_to_a_node_and_not_to_a_list_of_one(action):
     with pytest.raises(IllegalAction, match="An agent without a speed goes to a node: give its id, not the list"):
         play(lambda state: state.update(action=action))
     assert play(lambda state: state.update(action=action), speed=1) == 1
