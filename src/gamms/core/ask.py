@@ -576,8 +576,9 @@ class GamesInContext:
                     self.say_why(self.read_of_core)
                 elif not self.why or not isinstance(error, Exception):
                     raise
-            for slot in told:
-                slot.set_blocked(None)
+            finally:
+                for slot in told:  # also after an error: the next game has its own reasons
+                    slot.set_blocked(None)
             if self.why:
                 return at + 1
         return len(games.numbers)

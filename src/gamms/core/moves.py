@@ -195,6 +195,8 @@ class OneEdgeMovers:
                 put(games, self, row)
             if is_put or is_stopped(games, self, row, i):
                 self.stay(games, game, i)
+            if games.placed[row] and self.part_of[i] < self.part[game]:  # since it moved: conflicts read where it is
+                self.ends[row] = games.node[row]
             leave_or_join(games, self, row)
         return 0
 

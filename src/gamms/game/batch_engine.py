@@ -1584,6 +1584,9 @@ class BatchEngine(TurnDriver):
                     "node": nodes[number] if name in ends else gone[name][1],
                     **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
                 }
+        for name in gone.keys() - {*roster.names}:  # created and deleted in one call
+            team, node = gone[name]
+            agents[name] = {"team": team, "alive": False, "node": node, **dict.fromkeys(state.counts, 0)}
         plans = on_map.game.settings()["plans"]
         deciders = {
             agent.name: plans[agent.team].function if agent.team in plans else strategy for agent, strategy in own
@@ -1594,7 +1597,7 @@ class BatchEngine(TurnDriver):
             turns=int(state.turn[game]),
             scores=state.scores.get_scores(game),
             events=[dict(event) for event in state.events.list_entries(game)],
-            agents=agents,
+            agents=dict(sorted(agents.items())),
             errors=[dict(error) for error in state.errors.list_entries(game)],
             deeds=[dict(deed) for deed in self._deed_log.list_entries(game)],
             collected=template.collected if on_map.cursor is None else on_map.cursor.get_collected(game),

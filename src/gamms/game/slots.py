@@ -449,6 +449,8 @@ class Slots(Sequence[AgentSlot]):
         twin = copy(self)
         twin._make = make
         twin._agents = agents.storage
+        twin._departed = dict(self.departed)
+        twin._departure = agents.storage.last_departure
         twin._made = [None if slot is None else slot.copy_for(twin_of(slot.agent)) for slot in self._made]
         return twin
 

@@ -801,6 +801,7 @@ class ShownGame(GamesInContext):
     def _make_order(self, is_public: bool) -> _OrderInGames:  # noqa: ARG002 - on which the order depends
         """Return the order of the agents of the context; they may know the same facts or not."""
         order = self._turns.make_order()
+        order.slots.get_slots(range(len(order.slots)))  # now: later the context may have the agents of another game
         return _OrderInGames(order, order.slots.table, lru_cache(1024)(partial(self.make_asked, order)))
 
     def _make_order_of_population(self, population: Population) -> TurnOrder:
@@ -1085,14 +1086,14 @@ class ShownGame(GamesInContext):
         first = dict(zip(self._pointed.first.agents.members, self._pointed.first.agents.equipment, strict=True))
         new = [agent for name, agent in agents.items() if known.get(name) is not agent]
         self._turns.note_departed()
+        row = self.get_own_row()
+        if row.moved is None or row.moved[0] != self._moment:
+            row.moved = self._moment, before  # also for a game that leaves
         if not all(map(roster.can_hold, new)):
             self.go_alone("creates agents for which most_agents= has reserved no rows")
         if any(first.get(agent, own) != own for agent in agents.values() for own in [(agent.strategy, agent.sensors)]):
             self.go_alone("changes strategies or sensors of agents")
-        self._attributes.keep(self.get_own_row())
-        row = self.get_own_row()
-        if row.moved is None or row.moved[0] != self._moment:
-            row.moved = self._moment, before
+        self._attributes.keep(row)
         for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
             self._core.leave(number, self.number_of[name], row.departed[name][1])
         for agent in new:

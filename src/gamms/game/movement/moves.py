@@ -92,6 +92,7 @@ class TurnMoves(TurnMovesInCore):
         order = copy(self.order)
         order.block = agents.block
         order.entries = -1  # those of the copy are numbered independently
+        order.rows_version = -1
         order.slots = self.slots.copy_for_agents(agents, twin_of)
         return TurnMoves(order, self.starts, self.ends, self.actions, paths=self.paths, took_part=self.took_part)
 
