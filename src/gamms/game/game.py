@@ -284,7 +284,8 @@ class Game(Surface, RuleVerbs):
         if not (is_ready or goes_on or self._begin_turn()):
             return False
         take_back = None
-        if not goes_on and self._turns.needs_checkpoint:
+        takes_all_back = self._internals.takes_all_back
+        if not goes_on and (takes_all_back or self._turns.needs_checkpoint):
             take_back = self._snapshots.checkpoint()
         turn = state.turn
         try:
@@ -295,7 +296,7 @@ class Game(Surface, RuleVerbs):
                 self._turns.play_turn()
         except BaseException:
             phase.player = None
-            if take_back is not None and state.turn == turn:
+            if take_back is not None and (takes_all_back or state.turn == turn):
                 take_back()
             raise
         finally:

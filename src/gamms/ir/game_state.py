@@ -619,8 +619,9 @@ COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not
 SAVED = [*COPY_OF]
 """The fields in snapshots, except for the logs."""
 
-WRITTEN = frozenset({"agent_facts", "data", "facts", "memories", "team_facts", "team_memories"})
-"""The fields that functions write: they stay as they are when a turn is taken back."""
+WRITTEN = frozenset({"agent_facts", "data", "facts", "memories", "team_facts"})
+"""The fields that functions write: they stay as they are when a turn is taken back. What agents have shared in the
+memories of teams is known from the next turn on, and goes back with the turn."""
 
 _saved_of = attrgetter(*SAVED)
 _logs_of = attrgetter(*LOGS)

@@ -297,12 +297,13 @@ class RowValues:
         looks = {which: {**of_turns} for which, of_turns in self.delayed_looks.items()}
         rng = None if self.rng is None else deepcopy(self.rng)
         agents = self.attributes, self.looks, self.moved, self.population
-        return (*agents, collected, looks, {**self.departed}, rng, {**self.undone})
+        shared = copy_deep(self.team_memories)
+        return (*agents, collected, looks, {**self.departed}, rng, {**self.undone}, shared)
 
     def take_back(self, values: tuple[Any, ...]) -> None:
         """Set what `copy_turn_values` has returned; what functions have written themselves stays."""
         attributes, self.looks, self.moved, population, collected, *others = values
-        self.delayed_looks, self.departed, self.rng, self.undone = others
+        self.delayed_looks, self.departed, self.rng, self.undone, self.team_memories = others
         if population is not self.population:
             self.attributes = attributes
             self.population = population

@@ -226,8 +226,12 @@ class SeparateGames:
             game = self.get_game(number)
             game.internals.run_began = int(began[number])  # if it has left in this run, before the present turn
             last = self._engine.find_last_turn(number)
-            with self._record_changes(number, game):
-                game.run(None if last is None else max(0, last - game.turn))
+            game.internals.takes_all_back = len(self._engine.is_over) > 1
+            try:
+                with self._record_changes(number, game):
+                    game.run(None if last is None else max(0, last - game.turn))
+            finally:
+                game.internals.takes_all_back = False
             is_kept = game.internals.left_as is not None or number in self._held
             if self._engine.is_over[number] and not is_kept:
                 self._give_context_back(number)
