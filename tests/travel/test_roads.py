@@ -58,3 +58,25 @@ def test_an_agent_without_a_bound_of_its_own_keeps_to_the_speeds_of_edges():
             ctx.game.step()
             places.append((car.current_node_id, car.offset_m))
     assert places == [(0, 100.0), (1, 0.0), (1, 100.0), (2, 0.0)]
+
+
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+@pytest.mark.parametrize("change", ["close", "remove"])
+def test_an_agent_is_counted_as_blocked_once_when_the_road_under_it_is_closed(decide, change):
+    def close(ctx):
+        if ctx.game.turn == 2:
+            ctx.graph.close_roads([0, 1]) if change == "close" else ctx.graph.graph.remove_edge(0)
+
+    with gamms.create_context(seed=1, game={"speed_unit": "metres", "decide": decide, "max_turns": 5}) as ctx:
+        ctx.graph.add_nodes([0, 1], [0.0, 100.0], [0.0, 0.0])
+        ctx.graph.add_edges([0, 1], [0, 1], [1, 0], [100.0, 100.0])
+        ctx.agent.create_agent("car", start_node_id=0, speed=9.0, strategy=lambda state: state.update(action=1))
+        ctx.game.on_illegal = "stay"
+        ctx.game.add(close)
+        with ctx.game.batch(2, seed=1) as games:
+            games.run()
+            counted = [games.result(i).agents["car"]["blocked"] for i in range(2)]
+        result = ctx.game.run()
+    stopped = result.agents["car"]["illegal"]
+    assert [result.agents["car"]["blocked"], *counted] == [1] * 3
+    assert stopped > 0

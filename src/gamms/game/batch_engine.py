@@ -562,6 +562,7 @@ class GamesOnOneMap:
             return
         members = self.state.alive[games] & (self.core.part_of == part)
         left = by.leave_closed_edges(games, members)
+        self.state.counts["blocked"][left[0], left[1]] += 1  # each agent is on one edge
         if self.cursor is not None:
             self.cursor.note_closed_edges(*left)
         if len(left[0]):

@@ -975,6 +975,7 @@ class TurnEngine(GameTurn):
             place = block.get_edge_position(slot.row) if slot.travels else None
             if place is not None and roads.get_row_of_edge(place.edge) is None:
                 block.set_progress(slot.row, None)
+                order.blocked[i] += 1
                 self._block_agent(slot, describe_closed_edge(place.source, place.target))
 
     def _note_illegal(self, slot: AgentSlot, message: str) -> None:
