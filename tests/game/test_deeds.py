@@ -288,6 +288,22 @@ def test_a_deed_that_lasts_is_done_after_its_turns_by_an_agent_that_stays(road):
     assert result.agents["ann"]["node"] == 1
 
 
+@pytest.mark.parametrize("rank", [-1, 0, 1])
+@pytest.mark.parametrize("goes", ["out", "away"])
+def test_a_deed_is_interrupted_by_the_move_of_an_agent_that_a_rule_then_puts_out_of_play(road, rank, goes):
+    lasts(road, turns=5, blocks_moving=False, interrupted_by=["move"], on_interrupt="resume")
+    road.plans["ann"] = [{"node_id": 0, "do": {"defuse": 3}}, 1]
+
+    def put_out(ctx):
+        if ctx.game.turn == 2:
+            (ctx.game.eliminate if goes == "out" else ctx.agent.delete_agent)("ann")
+
+    put_out.rank = rank
+    road.game.add(put_out)
+    result = road.game.run(2)
+    assert events_of(result, "begun", "interrupted") == [("begun", 0.0), ("interrupted", 1.0, "move", 4.0)]
+
+
 def test_a_declaration_of_a_deed_that_lasts_is_checked(road):
     for declaration, message in (
         ({"fields": {}, "turns": 1, "seconds": 1}, "either turns or seconds"),

@@ -331,13 +331,15 @@ class _TurnEnds:
         agent = self._agents.get(name)
         i = None if self._moves is None else self._moves.find_index(name)
         at_once = min(tags)[0] if tags else float(self._turn)  # when a rule has put the agent elsewhere or out of play
-        if agent is None or not agent.alive:
+        is_out = agent is None or not agent.alive
+        if is_out:
             yield _Interruption(at_once if i is not None else self._turn - 1.0, "eliminated")
-        elif "move" in lasts.interrupted_by and self._moves is not None and i is not None:
-            time = _find_departure_time(self._moves, i, self._turn - 1, _begin_of_part(self._order, agent.team))
+        if "move" in lasts.interrupted_by and self._moves is not None and i is not None:
+            slot = self._moves.slots[i]
+            time = _find_departure_time(self._moves, i, self._turn - 1, _begin_of_part(self._order, slot.team))
             if time is not None:
                 yield _Interruption(time, "move")
-            if not self._moves.slots[i].flies and agent.current_node_id != self._moves.ends[i]:
+            if not (is_out or slot.flies) and self._agents[name].current_node_id != self._moves.ends[i]:
                 yield _Interruption(at_once, "move")
 
     def _list_times(self, kind: str, field: str, name: str) -> Iterable[float]:
