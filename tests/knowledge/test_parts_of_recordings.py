@@ -113,14 +113,28 @@ def test_fields_of_a_game_and_the_events_that_change_them_have_one_audience():
 
 
 def test_parts_of_a_state_without_a_rule_are_left_out():
-    channels = {"radio": {"jammers": [{"agent": "bob"}, {"agent": "anna"}, {"node": 3}]}}
+    channels = {
+        "radio": {"jammers": [{"agent": "bob"}, {"agent": "anna"}, {"node": 3}], "relay": ["anna", "bob"]},
+        "secret": {"teams": ["of bob"], "eavesdroppers": ["bob"]},
+        "overheard": {"teams": ["of bob"], "eavesdroppers": ["anna", "bob"]},
+    }
     events = [{"turn": 1, "kind": "noise", "agent": name} for name in ("anna", "bob")]
-    state = {"pace": 1, "settings": {"channels": channels}, "plan": SECRET, "starts": {"anna": 3, "bob": NODE}}
+    state = {
+        "pace": 1,
+        "settings": {"channels": channels, "deeds": {"dig": {}}},
+        "plan": SECRET,
+        "starts": {"anna": 3, "bob": NODE},
+    }
     known = select_history({**state, "events": events, "deeds": [{"agent": "bob"}]}, AGENTS, 1)
     assert known == {
         "pace": 1,
         "events": events[:1],
-        "settings": {"channels": {"radio": {"jammers": [{"agent": "anna"}, {"node": 3}]}}},
+        "settings": {
+            "channels": {
+                "radio": {"jammers": [{"agent": "anna"}, {"node": 3}], "relay": ["anna"]},
+                "overheard": {"teams": ["of bob"], "eavesdroppers": ["anna"]},
+            }
+        },
         "deeds": [],
         "starts": {"anna": 3},
     }

@@ -85,7 +85,9 @@ def zqplan(state):
 def scene_with_a_plan():
     """The scene in which the spy has a secret in every kind of column, event and fact, before the game and in it."""
     ctx = scene()
-    ctx.game.add_channel("radio", range_m=50.0, jammers=[{"radius_m": 1.0, "agent": "zqspy"}])
+    ctx.game.add_channel("radio", range_m=50.0, jammers=[{"radius_m": 1.0, "agent": "zqspy"}], eavesdroppers=["zqspy"])
+    ctx.game.add_channel("zqwire", range_m=1.0, teams=["red"], relay=["zqspy"])
+    ctx.game.deeds = {"zqdeed": {"zqfield": "node"}}
     ctx.game.add_channel("wire", range_m=1.0)
     ctx.agent.get_agent("zqspy").register_strategy(zqplan)
     ctx.game.publish(to="red", plan="zqnote")

@@ -637,11 +637,22 @@ def _select_events(events: Sequence[Mapping[str, Any]], agents: KnownAgents, _: 
 
 
 def _select_settings(given: Mapping[str, Any], agents: KnownAgents, _: int) -> dict[str, Any]:
-    """Return the settings of a game without jammers that agents of other sides carry."""
-    settings = deepcopy(dict(given))
-    for channel in settings.get("channels", {}).values():
+    """Return the settings of a game without declarations of deeds, which are known when they are done.
+
+    Channels that only other sides use are left out; of the others, those who overhear, relay or jam among other sides.
+    """
+    own = [*agents.own, *agents.own.values()]
+    settings = {key: deepcopy(value) for key, value in given.items() if key != "deeds"}
+    for name, channel in [*settings.get("channels", {}).items()]:
+        listed = [key for key in ("eavesdroppers", "relay") if isinstance(channel.get(key), list | tuple)]
+        members = {key: [one for one in channel[key] if one in own] for key in listed}
+        channel.update(members)
         if "jammers" in channel:
-            channel["jammers"] = [one for one in channel["jammers"] if one.get("agent", "") in {"", *agents.own}]
+            channel["jammers"] = [
+                one for one in channel["jammers"] if one.get("agent", one.get("team")) in [None, *own]
+            ]
+        if not (any(members.values()) or any(team in own for team in channel.get("teams", own))):
+            del settings["channels"][name]
     return settings
 
 
