@@ -422,7 +422,7 @@ class Track(NamedTuple):
         path: node ids.
         times: the time at each of them.
         legs: in games by metres, the parts of edges that the agent covers, in order; in games that count edges, the
-            edge that the action of the agent has named.
+            edges that its action has named, or all if it obeys turn restrictions, else none.
     """
 
     path: tuple[int, ...]
@@ -486,7 +486,7 @@ class Move(NamedTuple):
     start: int  # node id
     end: int  # node id; the start if the agent stays
     path: tuple[int, ...]  # node ids from start to end; only the start if the agent stays
-    legs: tuple[Leg, ...] = ()  # in games by metres: the parts of edges that it covers; else the edge that it has named
+    legs: tuple[Leg, ...] = ()  # as those of its `Track`
 
     @property
     def places(self) -> "tuple[int | EdgePlace, int | EdgePlace]":
