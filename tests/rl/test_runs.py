@@ -141,3 +141,18 @@ def test_a_model_of_stable_baselines_and_its_environment_agree_on_the_run():
         env.close()
     assert found[0] == found[1] == found[2] == tuple(kernels.compute_run_seeds([5, 5], [0, 1], [0, 0]))
     assert len({seed for seeds in found[2:] for seed in seeds}) == 8
+
+
+def test_trainings_of_the_same_environment_with_other_seeds_share_no_game():
+    pytest.importorskip("torch", reason="PyTorch is not installed")
+    found = []
+    for seed in (1, 2):
+        env = rl.vector_env(scene(), num_games=3, team="red")
+        rl.ppo_learner(env, steps=3, seed=seed)
+        found.append(env.learners.games.seeds)
+        before = env.learners._episodes.tolist()
+        rl.ppo_learner(env, steps=3, seed=seed)  # goes on
+        assert (env.learners._episodes > before).all()
+        env.close()
+    assert not set(found[0]) & set(found[1])
+    assert set(found[0]) < set(play_run(3, 1, steps=40).ravel().tolist())

@@ -183,7 +183,8 @@ def _estimate_gap(played: Values, least: Values, most: Values, confidence: float
     gains = {seed: np.zeros(2) for seed, *_ in games}
     for game in games:
         gains[game[0]] += played[game] - least[game], most[game] - least[game]
-    return estimate_ratio(*np.reshape([*gains.values()], (-1, 2)).T, confidence)
+    sums = np.reshape([*gains.values()], (-1, 2))
+    return estimate_ratio(sums[:, 0], sums[:, 1], confidence)
 
 
 def name_maps(maps: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:

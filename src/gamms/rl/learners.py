@@ -592,9 +592,8 @@ class Learners:
         self._refuse_closed()
         seeds = tuple(self.games.seeds) if self.has_begun else None
         others = {number: one for number, one in self._sets.items() if number}
-        played = self._prefix.cut(), self._set_of.copy(), self._newest, others
-        begun = self._runs.copy(), self._is_named.copy(), self._episodes.copy()
-        return GamesCheckpoint(seeds, *begun, *played)
+        begun = seeds, self._runs.copy(), self._is_named.copy(), self._episodes.copy()
+        return GamesCheckpoint(*begun, self._prefix.cut(), self._set_of.copy(), self._newest, others)
 
     def restore(self, carried: GamesCheckpoint) -> None:
         """Replay games up to a checkpoint, so that all reach it in the same step.
@@ -847,6 +846,11 @@ class Learners:
                 f"reward must give finite numbers, not {rewards[game, agent]} for agent {self.names[agent]!r} in game "
                 f"{game}."
             )
+
+
+def combine_runs(of_env: int, of_learner: int) -> int:
+    """Return the run of an environment and a learner that have seeds; an environment with the seed 0 has none."""
+    return kernels.compute_run_seeds([of_env], [of_learner], [0])[0] if of_env not in (0, of_learner) else of_learner
 
 
 class EdgeTable:

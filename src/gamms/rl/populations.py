@@ -24,7 +24,7 @@ from gamms.ir.graph import FloatArray
 from gamms.plugins import require_extra
 from gamms.rl.environments import vector_env
 from gamms.rl.evaluation import name_maps
-from gamms.rl.learners import Reward
+from gamms.rl.learners import Reward, combine_runs
 from gamms.rl.policies import opponents, policy, save_policy
 from gamms.rl.turns import Turn, gain_lead
 from gamms.scenario import Scenario
@@ -415,7 +415,8 @@ def ppo_learner(
         env: a `vector_env` of agents on the ground, which it plays and leaves open.
         start: a policy of such a network, with which training starts; None: random weights.
         steps: the actions of agents to learn from.
-        seed: the seed of weights, actions and batches.
+        seed: the seed of weights, actions and batches; and of the run of games if the environment has no seed. If both
+            have one and they differ, the run is derived from both. An environment that has begun goes on instead.
         width: the number of units in each of two hidden layers.
         rate: the learning rate, which falls to 0.
         discount: the weight of a reward one turn later.
@@ -438,7 +439,8 @@ def ppo_learner(
     try:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(as_int(seed, "seed"))
-            agent = _PolicyTrainer(env, as_count(width, "width"), as_float(discount, "discount"))
+            run = None if env.learners.has_begun else combine_runs(env.recipe.options["seed"], seed)
+            agent = _PolicyTrainer(env, run, as_count(width, "width"), as_float(discount, "discount"))
             if start is not None:
                 agent.load(as_path(start, "start"))
             optimizer = torch.optim.Adam([*agent.actor.parameters(), *agent.critic.parameters()], eps=1e-5)
@@ -464,12 +466,12 @@ class _PolicyTrainer:
         critic: gives the expected sum of rewards.
     """
 
-    def __init__(self, env: "GamesEnv", width: int, discount: float) -> None:
+    def __init__(self, env: "GamesEnv", run: int | None, width: int, discount: float) -> None:
         from torch import nn
 
         self._env = env
         self._discount = discount
-        self._observed, _ = env.reset()
+        self._observed, _ = env.reset(seed=run)
         space = env.single_action_space
         self._sizes = [int(one) for one in getattr(space, "nvec", [getattr(space, "n", 0)])]  # moves, and deeds
         entries = self._read()[0].shape[1]

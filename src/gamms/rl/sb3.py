@@ -13,11 +13,11 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
-from gamms import kernels
 from gamms.arguments import as_known
 from gamms.errors import BadValue
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.gym_envs import GamesEnv
+from gamms.rl.learners import combine_runs
 
 _METHODS = ("action_masks",)
 
@@ -138,15 +138,9 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         return observed
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Set the run of the games for the next `reset`: models call this with their own `seed=`.
-
-        If the environment has another seed, not 0, the seed of the run is derived from both.
-        """
-        own = self._games.recipe.options["seed"]
-        if own and seed is not None and seed != own:
-            [seed] = kernels.compute_run_seeds([own], [seed], [0])
-        self._seed = seed
-        return [seed] * self.num_envs
+        """Set the run of the games for the next `reset`, see `combine_runs`; models call this with their `seed=`."""
+        self._seed = None if seed is None else combine_runs(self._games.recipe.options["seed"], seed)
+        return [self._seed] * self.num_envs
 
     def set_others(self, others: Mapping[str, Any] | None) -> None:
         """Replace the strategies of other agents and teams, in each game from its next start on; see `vector_env`.
