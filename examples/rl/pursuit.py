@@ -64,7 +64,7 @@ def reward(turn):
 
 
 def caught(games, pursuers=None, record=None):
-    """Return which of the first games the pursuers win, which no training plays, with a strategy or their own; record the first."""
+    """Return which of the first games, which no training plays, the pursuers win; record the first one."""
     with SCENARIO.batch(games, strategies=pursuers and {"red": pursuers}) as batch:
         batch.run()
         if record is not None:

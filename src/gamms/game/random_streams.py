@@ -116,8 +116,8 @@ class Draws(TurnStream):
         """Raise BadValue for an invalid argument of `below`, or for an empty one of `choice`."""
         if n == 0:
             raise BadValue(
-                "state['draw'].choice was given an empty list, or below(n), which needs 1 <= n <= 2 ** 32, not 0: there is "
-                "nothing to draw. Ask first whether there is any item, such as an enemy in sight."
+                "state['draw'].choice was given an empty list, or below(n), which needs 1 <= n <= 2 ** 32, not 0: "
+                "there is nothing to draw. Ask first whether there is any item, such as an enemy in sight."
             )
         raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
 
