@@ -274,10 +274,11 @@ def test_a_process_that_is_closed_has_ended_and_leaves_nothing_open(code, monkey
 
 
 def test_a_server_that_is_closed_leaves_no_thread():
+    before = {*threading.enumerate()}
     with WebSocketServer() as link, connect(link.url) as viewer:
         viewer.send("{}")
         wait_until(lambda: link.counts["received"])
-    assert not [one.name for one in threading.enumerate() if one.name.startswith("gamms")]
+    assert not [one.name for one in {*threading.enumerate()} - before if one.name.startswith("gamms")]
 
 
 def test_a_command_is_a_list():

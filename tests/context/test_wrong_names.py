@@ -73,7 +73,7 @@ WRONG = {
     ),
     "a range": (
         lambda ctx: ctx.agent.create_team("g", [3], sensors={"eyes": gamms.sensor.agent_range(range_m=-3)}),
-        "range_m of 'g_0/eyes' must not be negative, not -3.0.",
+        "range_m of gamms.sensor.agent_range() must not be negative, not -3.0.",
     ),
     "a file of a scenario": (
         lambda _: gamms.scenario.load("hnt.yaml"),

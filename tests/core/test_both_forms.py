@@ -82,6 +82,7 @@ CASES = {
     ("copies", "copy_values"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
     ("copies", "copy_dict"): st.tuples(KINDS),
     ("copies", "copy_each"): st.tuples(DICTS),
+    ("copies", "copy_items"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
     ("copies", "copy_fields"): st.lists(PLAIN, min_size=3, max_size=3).map(
         lambda one: (one, [(0, deepcopy), (2, deepcopy)])
     ),

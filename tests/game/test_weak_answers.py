@@ -4,7 +4,6 @@ import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName, UnknownType
-from gamms.game import IllegalAction
 
 
 def play(strategy, **options):
@@ -68,13 +67,6 @@ def test_an_agent_says_by_which_name_it_is_alive_unless_the_program_has_set_its_
         bob = ctx.agent.create_agent("bob", start_node_id=0, is_alive="of course")
         assert (ann.is_active, bob.is_alive) == ([1], "of course")
         assert "is_active" in dir(ann)
-
-
-@pytest.mark.parametrize("action", [[1], {"node_id": [1]}])
-def test_an_agent_without_a_speed_goes_to_a_node_and_not_to_a_list_of_one(action):
-    with pytest.raises(IllegalAction, match="An agent without a speed goes to a node: give its id, not the list"):
-        play(lambda state: state.update(action=action))
-    assert play(lambda state: state.update(action=action), speed=1) == 1
 
 
 def test_a_range_that_is_no_number_is_refused_where_it_is_written():

@@ -147,9 +147,10 @@ def test_an_experiment_and_a_tournament_play_a_policy_on_a_third_map(saved, fold
         table = tournament.run(scene(map), entries=entries, seeds=[4], out=out, move_seconds=20.0)
         assert [row["faults"] for row in table.rows] == [{}, {}]
         row = next(row for row in table.rows if row["entries"]["red"] == "trained")
-        alone = scene(map).play(seed=4, strategies={"red": red, "blue": stay})
         with open_recording(folder / out / "games" / f"{row['id']}.ggr") as recording:
             last = recording[-1].agents
+            seed = recording.seed
+        alone = scene(map).play(seed=seed, strategies={"red": red, "blue": stay})
         places = dict(zip(last["name"], last["node"], strict=True))
         assert places == {name: one["node"] for name, one in alone.agents.items()}
 

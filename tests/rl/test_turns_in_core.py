@@ -91,7 +91,7 @@ def test_any_number_of_threads_plays_the_same_games(mode, options):
     assert all(other == first for other in others)
     rng = np.random.default_rng(2)
     for _ in range(25):
-        actions = rng.integers(-1, 6, size=envs[0].num_envs)
+        actions = rng.integers(0, 5, size=envs[0].num_envs)
         first, *others = [written(env.step(actions)) for env in envs]
         assert all(other == first for other in others)
     for env in envs:
@@ -119,7 +119,7 @@ def test_learners_in_the_core_are_those_of_contexts(options):
             assert learners.whole().tobytes() == alone.whole().tobytes()
             for name in ("masks", "alive", "is_over"):
                 assert getattr(learners, name).tolist() == getattr(alone, name).tolist()
-            actions = rng.integers(-1, 6, size=learners.masks.shape[:2])
+            actions = rng.integers(0, learners.num_actions, size=learners.masks.shape[:2])
             played, wanted = learners.step(actions), alone.step(actions)
             assert written(tuple(played)) == written(tuple(wanted))
 

@@ -145,7 +145,7 @@ def verify(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    """Check a folder by its published root; exit code 1 if it was tampered with or damaged.
+    """Check a folder by its published root; exit code 1 if it was damaged.
 
     The exit code is 2 if it cannot be read for another reason.
     The exit code is 3 if nothing differs, but drawn games cannot be played again with the code that is there.
@@ -157,7 +157,7 @@ def verify(
         found = experiment.load(folder, folder=code, allow=allow or ()).verify(root, sample=sample, seed=seed)
     except (GammsError, OSError) as error:
         is_damaged = isinstance(error, BadFile) and (folder / PLAN).is_file()
-        echo(f"tampered or damaged: {error}" if is_damaged else str(error), err=True)
+        echo(f"tampered or damaged: {error}" if is_damaged else f"gamms: {error}", err=True)
         raise typer.Exit(1 if is_damaged else _UNREADABLE) from None
     for note in found.notes:
         echo(f"note: {note}")

@@ -60,7 +60,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         self.observation_space = interface.make_observation_space()
         self.action_space = interface.make_action_space()
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
+    def reset(self, *, seed: Seeds = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
         """Reset the game.
 
         Args:

@@ -20,7 +20,7 @@ from gamms.rl.interface import (
     prepare,
     render_first_game,
 )
-from gamms.rl.learners import Float32Array
+from gamms.rl.learners import Float32Array, Seeds
 
 Observed = dict[str, Any]  # agent -> `observation` and `action_mask`, or the observation alone
 
@@ -74,7 +74,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         """Return the action space of an agent: the index of a legal node, 0 to stay, and optionally a deed."""
         return self.action_spaces[self._check_agent(agent)]
 
-    def reset(self, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
+    def reset(self, seed: Seeds = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
         """Reset the game.
 
         Args:

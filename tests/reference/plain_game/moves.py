@@ -102,10 +102,10 @@ class ByEdges:
 
     def route_along(self, agent, nodes):
         """Return the route along a list of nodes, each next to the one before; a node twice is a pause."""
-        if agent.speed is None and not self.is_metric:
-            raise Illegal("an agent without a speed goes to a node")
         if nodes[:1] == [agent.node]:
             nodes = nodes[1:]
+        if agent.speed is None and len(nodes) > 1 and not self.is_metric:
+            raise Illegal("an agent without a speed goes along one edge")
         for start, end in pairwise([agent.node, *nodes]):
             if end != start and end not in self.streets.out.get(start, {}):
                 raise Illegal(f"no edge leads from {start!r} to {end!r}")

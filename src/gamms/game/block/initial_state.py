@@ -398,7 +398,9 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
         if place is None and block.get_progress(row) is None:
             continue
         if by_metres and place is not None and place.edge not in edges:
-            game.internals.state.blocked.add(block.names[row], describe_closed_edge(place.source, place.target))
+            name = block.names[row]
+            game.internals.state.blocked.add(name, describe_closed_edge(place.source, place.target))
+            game.internals.state.counts.setdefault(name, dict.fromkeys(COUNTED, 0))["blocked"] += 1
             place = None
         if (
             not by_metres

@@ -275,8 +275,6 @@ class Legality:
             return own.find_path(mover, here, None)
         if isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
             nodes = list(map(self._check_node, action))
-            if mover.speed is None and not mover.travels and len(nodes) == 1:
-                raise BadValue(f"An agent without a speed goes to a node: give its id, not the list {shown(action)}.")
             return own.find_path(mover, here, nodes) if mover.travels else own.resolve_path(mover, here, nodes, True)
         node = self._check_node(action)
         return own.find_path(mover, here, node) if mover.travels else own.resolve_path(mover, here, [node], False)
