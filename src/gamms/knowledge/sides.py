@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Container, Iterable, Iterator,
 from copy import deepcopy
 from itertools import chain
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -476,8 +476,8 @@ class PastViews:
             for name, side in side_of.items():
                 members.setdefault(side, {})[name] = side.team
             self._members = side_of, members
-        deleted = {event[key]: None for key in ("agent", "other") if isinstance(event.get(key), str)}
-        names = ChainMap(deleted, side_of)
+        deleted: dict[str, Any] = {event[key]: None for key in ("agent", "other") if isinstance(event.get(key), str)}
+        names = ChainMap(deleted, cast("dict[str, Any]", side_of))
         seen = self._seen.get(event["turn"], {})
         return {
             side
