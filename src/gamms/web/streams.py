@@ -4,7 +4,7 @@ The game thread only packs the events of each turn into a history. They are enco
 connections asks for data, a few turns at a time, so that spectators do not slow down a game that waits between turns.
 Each message is compressed separately, once for all connections.
 
-A stream begins where the history begins: whoever joins late receives all turns, encoded as for those who have watched
+A stream begins where the history begins: a late viewer receives all turns, encoded as for those who have watched
 them. Of a long game, the history and each stream store the last turns, 4 MB each. A stream begins with a keyframe,
 which can be read without earlier parts. All connections of an audience read the same bytes. A connection that falls
 behind continues at the last keyframe, and the turns in between are counted as dropped. No connection has its own queue.

@@ -303,7 +303,11 @@ class RowValues:
     def take_back(self, values: tuple[Any, ...]) -> None:
         """Set what `copy_turn_values` has returned; what functions have written themselves stays."""
         attributes, self.looks, self.moved, population, collected, *others = values
-        self.delayed_looks, self.departed, self.rng, self.undone, self.team_memories = others
+        self.delayed_looks = others[0]
+        self.departed = others[1]
+        self.rng = others[2]
+        self.undone = others[3]
+        self.team_memories = others[4]
         if population is not self.population:
             self.attributes = attributes
             self.population = population
