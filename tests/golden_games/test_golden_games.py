@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from games import GAMES
+from kinds_of_games import GAMES
 
 import gamms
 from gamms import recordings
