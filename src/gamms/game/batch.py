@@ -41,10 +41,10 @@ from gamms.game.block.columns import (
     make_roster,
 )
 from gamms.game.block.state import Columns, GameArrays, LeavingGame
-from gamms.game.cursor.called_functions import find_first_called
 from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.cursor.separate_games import SeparateGames
 from gamms.game.hidden_state import is_drawing_globally, refuse_changes
+from gamms.game.plan import find_first_called
 from gamms.game.random_streams import get_global_state, seed_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
 from gamms.game.strategy_specs import PoolSpec, list_pools, name_strategy

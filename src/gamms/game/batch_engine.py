@@ -21,7 +21,6 @@ from gamms.errors import GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.turn import ArrayTurn
 from gamms.game.array_functions.view import (
-    ArrayStrategy,
     ArrayView,
     LearnerWriter,
     lead_along,
@@ -39,18 +38,13 @@ from gamms.game.block.columns import (
 )
 from gamms.game.block.in_core import CoreColumns, CoreGames, get_memory, is_function, list_called_rules, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, make_movement
-from gamms.game.block.sensing import is_turning_with_agent, list_sensors_called_each_turn, look, note_sensors
+from gamms.game.block.sensing import is_turning_with_agent, look, note_sensors
 from gamms.game.block.state import NO_STOP, GameArrays, LeavingGame
-from gamms.game.conflicts import find_unranked, flatten, refuse_unranked
+from gamms.game.conflicts import flatten
 from gamms.game.cursor.called_functions import (
     CalledFunctions,
-    find_first_called,
     find_why_all_decide,
     find_why_apart,
-    has_function_of_conflicts,
-    is_acting_before_moves,
-    is_plain_rule,
-    list_asked,
 )
 from gamms.game.cursor.cursor import Cursor
 from gamms.game.cursor.own_functions import FunctionsPerGame, get_function_in
@@ -62,10 +56,10 @@ from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction, explain_edge, refuse_any, refuse_edge
 from gamms.game.movement.roads import join_streets
-from gamms.game.order import make_left_out_error
+from gamms.game.plan import RowPlan, StrategyGroup, find_first_called
 from gamms.game.result import Result, list_opponents
-from gamms.game.settings import NamedRule, Plan
-from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays, make_form_key
+from gamms.game.settings import NamedRule
+from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays
 from gamms.ir.columns import Failure, select_rows
 from gamms.ir.deeds import DeedLog, DeedsInArrays
 from gamms.ir.game_state import PHASES
@@ -83,14 +77,6 @@ _ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
 _LONG_S = 0.1  # turns that take longer can be interrupted
 _MOMENT_S = 0.2  # of several turns that are played at once
 _MOST_AT_ONCE = 10_000  # turns
-
-
-class StrategyGroup(NamedTuple):
-    """The agents for which one array function decides."""
-
-    name: str
-    agents: IntArray  # numbers in the roster
-    form: ArrayStrategy
 
 
 class GamesOnOneMap:
@@ -111,9 +97,7 @@ class GamesOnOneMap:
         game, state: see above.
         why_apart: why its games are played one after the other from the start; "": they are not.
         why_all_decide: why all agents decide in the context; "": they do not.
-        before, deeds: the rules of the phases "before" and "deeds".
-        acts: whether functions are called between decisions and moves.
-        has_conflicts: whether functions decide conflicts.
+        plan: what the games share.
         core: plays the games in the core.
         cursor: calls plain functions; None: there are none.
 
@@ -141,26 +125,12 @@ class GamesOnOneMap:
             state.share_memories()
         self._declare_deeds(settings)
         self._block = block
-        self._unlisted = roster.find_unlisted(settings["order"])
-        self._unranked = find_unranked(settings["conflicts"], roster.names, roster.list_teams()) & ~roster.flies
         self.why_apart = find_why_apart(game, roster)
         self.why_all_decide = find_why_all_decide(game, roster)
         asks_all = bool(self.why_all_decide)
         self._call_arrays_by_game(settings, asks_all=asks_all)
-        rules = list_called_rules(game, roster)
-        self.before = [one for one in rules if one.phase == "before"]
-        self.deeds = [one for one in rules if one.phase == "deeds"]
-        self._has_checks = len(game.internals.parts.rules.now.checks) > 0
-        self.has_conflicts = has_function_of_conflicts(game, roster)
-        self.acts = is_acting_before_moves(game, roster)
-        self._groups = _group_strategies(roster, settings)
-        asked = list_asked(game, roster, all_first=asks_all)
-        collects = len(game.internals.parts.collectors.by_name) > 0
-        self._observing = _find_observing_agents(game, roster)
-        observing = np.flatnonzero(self._observing).tolist()
-        self._is_asked = np.isin(np.arange(len(roster.names)), asked)
-        calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
-        has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
+        plan = RowPlan.from_game(game, roster, asks_all=asks_all)
+        self.plan = plan
         self._begin_all(starts, games)
         carried = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
         note_sensors(state, with_nodes=any(map(is_turning_with_agent, carried)))
@@ -168,10 +138,12 @@ class GamesOnOneMap:
         state.look = partial(look, game, state, self._pointed)
         state.change_roads = self._pointed.change_roads
         state.facts.update(game.facts)
-        self._prepare(rules)
-        is_apart = calls_each or not (state.radio is None and state.flights is None)
+        self._prepare(plan.rules)
+        is_apart = plan.calls_each or not (state.radio is None and state.flights is None)
+        asked = np.flatnonzero(plan.is_asked).tolist()
         self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
-        self.cursor = self._make_cursor(asked, observing, has_arrays) if calls_each else None
+        observing = np.flatnonzero(plan.is_observing).tolist()
+        self.cursor = self._make_cursor(asked, observing) if plan.calls_each else None
         self._pointed.forget(games)
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
@@ -210,18 +182,23 @@ class GamesOnOneMap:
             if asks_all or is_named or (at_arrivals and has_counted_looks(agent)):
                 call_each(decider)
 
-    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], has_arrays: bool) -> Cursor:
+    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int]) -> Cursor:
         """Return the object that calls plain functions; see `CalledFunctions.from_game`."""
         roster = self.state.roster
         asks_all = len(self.why_all_decide) > 0
         called = CalledFunctions.from_game(
-            self.game, roster, asked, observing, has_array_functions=has_arrays, asks_all=asks_all
+            self.game,
+            roster,
+            asked,
+            observing,
+            has_array_functions=self.plan.has_array_functions,
+            asks_all=asks_all,
         )
         return Cursor(self.game, self._pointed, self.state, self.core, called)
 
     def fork(self, number: int) -> PlayedGame:
         """Return a game as it is between two turns, in a context of its own."""
-        cursor = self.cursor or self._make_cursor((), (), has_arrays=len(self._groups) > 0)
+        cursor = self.cursor or self._make_cursor((), ())
         return cursor.fork(number)
 
     def _prepare(self, rules: Sequence[NamedRule]) -> None:
@@ -251,18 +228,11 @@ class GamesOnOneMap:
         return is_deciding_at_arrivals(self.state.movement)
 
     @property
-    def asks_functions(self) -> bool:
-        """Whether functions decide for agents, or sensors of agents are called."""
-        return len(self._groups) > 0 or bool((self._is_asked | self._observing).any())
-
-    @property
     def functions(self) -> list[Callable[..., object]]:
         """The functions that are called."""
-        rules = [
-            one.spec.array_form for one in list_called_rules(self.game, self.state.roster) if one.spec.is_array_function
-        ]
+        rules = [one.spec.array_form for one in self.plan.rules if one.spec.is_array_function]
         plain = [] if self.cursor is None else self.cursor.functions
-        return [*(group.form for group in self._groups), *filter(None, rules), *plain]
+        return [*(group.form for group in self.plan.groups), *filter(None, rules), *plain]
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes all later changes."""
@@ -275,14 +245,14 @@ class GamesOnOneMap:
             is_given: whether actions come from outside.
             is_single: whether one game plays: it is taken back only if the turn is not counted.
         """
-        may_raise = len(self._groups) > 0 or self.state.radio is not None
+        may_raise = len(self.plan.groups) > 0 or self.state.radio is not None
         may_raise_later = (may_raise and self.core.num_parts > 1) or self.is_asking_at_arrivals(is_given=is_given)
         calls = self.cursor is not None and (not is_single or self.game.internals.parts.turns.needs_checkpoint)
-        return calls or may_raise_later or self.leaves_out
+        return calls or may_raise_later or self.plan.leaves_out
 
     def is_asking_at_arrivals(self, *, is_given: bool) -> bool:
         """Return whether functions, or actions from outside, decide for agents on arrival."""
-        return self._at_arrivals and (is_given or self.asks_functions or self.has_conflicts)
+        return self._at_arrivals and (is_given or self.plan.asks_functions or self.plan.has_conflicts)
 
     @property
     def at_rest(self) -> BoolArray | None:
@@ -326,28 +296,18 @@ class GamesOnOneMap:
                 state.events.forget(game)
                 state.events.begin(game, [dict(event) for event in values.events])
 
-    @property
-    def leaves_out(self) -> bool:
-        """Whether the order of play, or the priorities in conflicts, leave out the team of an agent."""
-        return bool((self._unlisted | self._unranked).any())
-
-    def refuse_unlisted(self, games: IntArray) -> None:
+    def refuse_left_out(self, games: IntArray) -> None:
         """Refuse games with a living agent whose team the order of play or the priorities in conflicts leave out.
 
         Raises:
             BadValue, MissingKey (KeyError): there is such an agent.
         """
-        lives = self.state.alive[games] & (self._unlisted | self._unranked)
+        lives = self.state.alive[games] & self.plan.is_left_out
         if lives.any():
             at, agent = np.argwhere(lives)[0].tolist()
-            roster = self.state.roster
             number = int(games[at])
-            name = roster.names[agent]
-            team = roster.teams[roster.team_of[agent]]
             try:
-                if self._unlisted[agent]:
-                    raise make_left_out_error(name, team)
-                refuse_unranked(self.game.settings()["conflicts"], name, team)
+                self.plan.refuse_left_out(agent)
             except (GammsError, LookupError) as error:
                 error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
                 raise
@@ -360,7 +320,7 @@ class GamesOnOneMap:
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
         games = self._initial.select_not_under_way(self.state, games)
-        for named in self.before:
+        for named in self.plan.list_rules("before"):
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
     def take(self, games: IntArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None = None) -> None:
@@ -392,8 +352,8 @@ class GamesOnOneMap:
         Args:
             is_given: (agents,) a mask of the agents with an action from outside.
         """
-        takes = is_given | self._is_asked
-        for group in self._groups:
+        takes = is_given | self.plan.is_asked
+        for group in self.plan.groups:
             takes[group.agents] = True
         return takes
 
@@ -412,7 +372,7 @@ class GamesOnOneMap:
         self._call_each(games, part, is_given, here)
         if self.state.leaving:
             games = games[~np.isin(games, [*self.state.leaving])]
-        for group in self._groups:
+        for group in self.plan.groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]
             for some in self._group_by_roads(asked) if len(agents) and len(asked) else ():
@@ -541,8 +501,8 @@ class GamesOnOneMap:
     def _call_each(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None) -> None:
         """Call deciding plain functions, and sensors that are called in each turn, game by game."""
         are_next = self.core.part_of == part
-        asked = np.flatnonzero(self._is_asked & are_next & ~is_given)
-        observing = np.flatnonzero(self._observing & are_next & (is_given | ~self._is_asked))
+        asked = np.flatnonzero(self.plan.is_asked & are_next & ~is_given)
+        observing = np.flatnonzero(self.plan.is_observing & are_next & (is_given | ~self.plan.is_asked))
         if here is not None:
             games = games[here[games][:, np.append(asked, observing)].any(axis=1)]
         if self.cursor is None or not len(games) or not len(asked) + len(observing):
@@ -576,7 +536,7 @@ class GamesOnOneMap:
 
     def give_way_at_arrivals(self, games: IntArray, part: int) -> None:
         """Stop the arrived agents of a part of the turn that lose conflicts decided by a function."""
-        if self.cursor is not None and self.has_conflicts and len(games):
+        if self.cursor is not None and self.plan.has_conflicts and len(games):
             self.cursor.give_way_at_arrivals(games, part)
 
     def note_losers(self, games: IntArray) -> None:
@@ -624,7 +584,7 @@ class GamesOnOneMap:
     def check(self, games: IntArray, part: int) -> None:
         """Call the rules that may refuse moves and deeds of a part of the turn."""
         self.core.note_places(are_open=False)
-        if self._has_checks and self.cursor is not None and len(games):
+        if self.plan.has_checks and self.cursor is not None and len(games):
             self.cursor.check(games, part)
 
     def do_deeds(self, games: IntArray, part: int) -> IntArray:
@@ -632,7 +592,7 @@ class GamesOnOneMap:
         roads = self.state.roads
         before = [roads.get_map(game) for game in games.tolist()]
         lived = self.state.alive[games]
-        for named in self.deeds:
+        for named in self.plan.list_rules("deeds"):
             self.call(named, games, part)
         fell = lived & ~self.state.alive[games]
         self.state.fell[games] = self.state.fell[games] | fell if part else fell
@@ -650,7 +610,7 @@ class GamesOnOneMap:
 
     def give_way(self, games: IntArray, part: int) -> None:
         """Keep agents in place that lose conflicts decided by a function."""
-        if self.cursor is not None and self.has_conflicts and len(games) and not self._at_arrivals:
+        if self.cursor is not None and self.plan.has_conflicts and len(games) and not self._at_arrivals:
             self.cursor.give_way(games, part)
 
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
@@ -811,7 +771,7 @@ class BatchEngine(TurnDriver):
             for number, (game, state, of_map, values) in enumerate(zip(games, states, self._on, own, strict=True))
         ]
         self._num_parts = self._maps[0].core.num_parts
-        self._leaves_out = self._maps[0].leaves_out
+        self._leaves_out = self._maps[0].plan.leaves_out
         self._by_metres = any(movement.by_metres for movement in movements)
         self._of_all_maps: GameArrays | None = None  # see `_group_by_legal_moves`
         if num_streets > 1 and all(movement.is_plain for movement in movements):
@@ -839,9 +799,9 @@ class BatchEngine(TurnDriver):
         """Determine what happens between the phases of a turn, by the maps that games are on."""
         self.maps_in_use = [number for number, games in enumerate(self._on) if len(games)]
         self._in_use = [self._maps[number] for number in self.maps_in_use]
-        self._acts = any(one.acts for one in self._in_use)
-        self._asks_functions = any(one.asks_functions for one in self._in_use)
-        self._has_rules_before = any(one.before for one in self._in_use)
+        self._acts = any(one.plan.acts for one in self._in_use)
+        self._asks_functions = any(one.plan.asks_functions for one in self._in_use)
+        self._has_rules_before = any(one.plan.list_rules("before") for one in self._in_use)
         # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
         acts = self._acts or self._has_deeds
         self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
@@ -1136,7 +1096,7 @@ class BatchEngine(TurnDriver):
         needed = {"decide", "move"}
         if self._acts or self._has_deeds:
             needed.add("act")
-        if any(one.has_conflicts for one in self._in_use):
+        if any(one.plan.has_conflicts for one in self._in_use):
             needed.add("give way")
         parts = [needed] * self._num_parts
         if self._plays_parts_at_once:
@@ -1177,7 +1137,7 @@ class BatchEngine(TurnDriver):
         if self._has_rules_before:
             playing = self._call_before(playing, now.given)
         for one, games in self._select_maps(playing) if self._leaves_out else ():
-            one.refuse_unlisted(games)
+            one.refuse_left_out(games)
         now.playing = playing
         if now.given and not now.agents.asks_at_arrivals:
             self._take(playing, now.given)
@@ -1621,14 +1581,6 @@ def _make_traffic(settings: Mapping[str, Any], roster: AgentTable, num_games: in
     return MessageTraffic(channels, roster.get_teams_by_name(), part_of, num_games) if channels else None
 
 
-def _find_observing_agents(game: PlayedGame, roster: AgentTable) -> BoolArray:
-    """Return a mask of the agents whose sensors are called in each turn, perhaps only in some games, (agents,)."""
-    are_created = find_first_called(game, roster) is not None
-    are_called = [len(list_sensors_called_each_turn(agent)) > 0 for agent in roster.agents]
-    found: BoolArray = np.array(are_called, np.bool_) | (~roster.is_first & are_created)
-    return found
-
-
 def make_core_movement(game: PlayedGame, roster: AgentTable, more_edges: ClosedEdges) -> Movement:
     """Return the movement of a game's agents in the core, where rules may close and open roads.
 
@@ -1647,24 +1599,6 @@ def has_counted_looks(agent: IAgent) -> bool:
     """Return whether an agent has a sensor that counts its looks in a turn."""
     looks = [one.in_arrays() for one in get_sensors(agent).values() if hasattr(one, "in_arrays")]
     return any(look is not None and not look.is_plain for look in looks)
-
-
-def _group_strategies(roster: AgentTable, settings: Mapping[str, Any]) -> list[StrategyGroup]:
-    """Return the array functions that decide for all games at once, each with its agents."""
-    plans: Mapping[Any, Plan] = settings["plans"]
-    found: dict[Hashable, list[int]] = {}
-    for number, agent in enumerate(roster.agents):
-        decider = find_decider(agent, plans)
-        if is_deciding_in_arrays(decider, settings):
-            key = make_form_key(get_strategy_spec(decider).array_form), bool(roster.flies[number])
-            found.setdefault(key, []).append(number)
-    groups = []
-    for numbers in found.values():
-        decider = find_decider(roster.agents[numbers[0]], plans)
-        form = get_strategy_spec(decider).array_form
-        assert form is not None  # noqa: S101 - they are array functions
-        groups.append(StrategyGroup(as_code(decider), np.array(numbers), form))
-    return groups
 
 
 def _locate_agents(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games: IntArray) -> MessagePositions:

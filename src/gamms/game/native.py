@@ -29,8 +29,8 @@ from gamms.game.block.sensing import list_sensors_called_each_turn
 from gamms.game.block.state import GameArrays, is_exact_float
 from gamms.game.block.strategy_steps import begin_steps, can_read, list_memories
 from gamms.game.conflicts import find_unranked, flatten
-from gamms.game.cursor.called_functions import find_first_called
 from gamms.game.order import TurnOrder
+from gamms.game.plan import find_first_called
 from gamms.game.settings import NamedRule, as_called, refuse_unused
 from gamms.game.slots import COUNTED, Slots
 from gamms.game.strategy_specs import get_strategy_spec

@@ -20,8 +20,8 @@ from gamms.game.array_functions.given import OutsideActions
 from gamms.game.batch import Batch, find_winners, load_columns, step_with
 from gamms.game.block.columns import AgentTable, get_mode, make_roster
 from gamms.game.block.state import Columns
-from gamms.game.cursor.called_functions import find_first_called
 from gamms.game.hidden_state import HiddenState
+from gamms.game.plan import find_first_called
 from gamms.game.roles import Role
 from gamms.game.settings import NamedRule
 from gamms.game.snapshots import Snapshot

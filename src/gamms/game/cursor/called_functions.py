@@ -1,21 +1,15 @@
 """Find the plain functions of a game that are called game by game."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, find_decider, get_sensors
-from gamms.game.block.in_core import find_conflicts_in_core, find_core_forms, list_called_rules
-from gamms.game.block.sensing import list_sensors_called_each_turn
+from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_sensors
+from gamms.game.block.in_core import list_called_rules
 from gamms.game.cursor.own_functions import FunctionPerGame, find_some_function
 from gamms.game.hidden_state import find_names, may_change_games
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.settings import NamedRule
-from gamms.game.strategy_specs import is_deciding_in_arrays
+from gamms.game.plan import find_first_called, has_function_of_conflicts, is_plain_rule
 from gamms.ir.game_state import KEPT, GameState
-from gamms.text import as_code, shown
 
 _OF_SENSORS = {"get_sensor", "sensors"}
 """Names by which a function gets sensors."""
@@ -132,21 +126,6 @@ def list_rule_functions(game: PlayedGame, roster: AgentTable) -> Iterator[Callab
         yield game.settings()["conflicts"].resolve
 
 
-def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:
-    """Return whether a function decides conflicts, rather than ranks of the agents."""
-    return game.settings()["conflicts"] is not None and find_conflicts_in_core(game, roster) is None
-
-
-def is_acting_before_moves(game: PlayedGame, roster: AgentTable) -> bool:
-    """Return whether functions are called between the decisions of agents and their moves."""
-    return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game, roster)
-
-
-def is_plain_rule(rule: NamedRule) -> bool:
-    """Return whether a rule is a function of the context alone."""
-    return rule.spec.core_form is None and not rule.spec.is_array_function
-
-
 def list_core_keys(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
     """Yield the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays."""
     called = list_called_rules(game, roster)
@@ -226,52 +205,3 @@ def _is_repeatable(sensor: object) -> bool:
     """Return whether repeated looks of a sensor in a turn are the same."""
     look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
     return getattr(sensor, "sees_world_only", False) and (look is None or look.is_plain)
-
-
-def list_asked(game: PlayedGame, roster: AgentTable, *, all_first: bool) -> list[int]:
-    """Return the numbers of the agents whose strategies or team plans are called game by game.
-
-    Args:
-        game: the game at its start.
-        roster: the agents.
-        all_first: whether those of all agents of the start are.
-    """
-    are_created = find_first_called(game, roster) is not None  # by a function
-    asked = [
-        number
-        for number in list_possibly_asked(game, roster)
-        if are_created or not isinstance(roster.agents[number], ComingAgent)
-    ]
-    return sorted({*asked, *np.flatnonzero(roster.is_first).tolist()}) if all_first else asked
-
-
-def list_possibly_asked(game: PlayedGame, roster: AgentTable) -> Iterator[int]:
-    """Yield the numbers of agents, also of those to come, whose strategies or plans are called game by game."""
-    settings = game.internals.parts.settings.settings_now()
-    plans = settings["plans"]
-    for number, form in enumerate(find_core_forms(game, roster)):
-        if form is None and not is_deciding_in_arrays(find_decider(roster.agents[number], plans), settings):
-            yield number
-
-
-def find_first_called(game: PlayedGame, roster: AgentTable) -> str | None:
-    """Return the first plain function that is called game by game, in words; None: there is none."""
-    called = list_called_rules(game, roster)
-    rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
-    rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
-    if has_function_of_conflicts(game, roster):
-        rules.append(f"the conflicts {as_code(game.settings()['conflicts'])}")
-    settings = game.settings()
-    plans = settings["plans"]
-    deciders = (
-        f"the strategy {as_code(find_decider(roster.agents[number], plans))}"
-        for number in list_possibly_asked(game, roster)
-        if not isinstance(roster.agents[number], ComingAgent)
-    )
-    collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
-    sensors = (
-        f"the sensor {shown(name)} of agent {shown(agent.name)}"
-        for agent in roster.agents
-        for name in list_sensors_called_each_turn(agent)
-    )
-    return next(chain(rules, deciders, collectors, sensors), None)
