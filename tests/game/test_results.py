@@ -1,6 +1,8 @@
 """Results, tables, collectors and settings."""
 
+import copy
 import json
+import pickle
 import re
 import sys
 import time
@@ -288,3 +290,18 @@ def test_other_scores_are_compared_at_the_time_limit(ctx, score):
     ctx.game.add(gamms.rules.time_limit(1))
     ctx.game.scores["red"] = score
     assert ctx.game.run().scores["red"] == score
+
+
+def test_a_result_that_is_read_later_tells_of_the_turn_in_which_it_was_made(ctx, play):
+    play("a", 0, 1, 5, team="red")
+    play("b", 5, 6, 99, team="blue")
+    result, copies = ctx.game.run(1), []
+    copies += [pickle.loads(pickle.dumps(ctx.game.result())), copy.deepcopy(ctx.game.result())]
+    ctx.game.run(1)
+    ctx.agent.delete_agent("b")
+    ctx.agent.get_agent("a").strategy = None
+    for one in (result, *copies):
+        assert (one.turns, [*one.agents], one.agents["a"]["node"], one.agents["b"]["moves"]) == (1, ["a", "b"], 1, 1)
+        assert one.provenance["strategies"].keys() == {"a", "b"}
+        assert one.provenance["strategies"]["a"]
+    assert result == copies[0]

@@ -5,6 +5,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import ExitStack
 from copy import copy
 from functools import cache, partial
+from operator import itemgetter
 from threading import RLock, get_ident
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
@@ -481,41 +482,58 @@ class Game(Surface, RuleVerbs):
         state = self._state
         self._turns.update_counts()
         over = state.over or {"reason": self._describe_reason(), "winner": None, "truncated": True}
-        agents = self.ctx.agent.agents
-        ends = {name: (team, False, node) for name, (team, node) in state.departed.items()}
-        block = self.ctx.agent.block
-        block.locate()
-        columns = block.names, block.teams, block.alive, block.get_ids(block.node)
-        ends |= {name: (team, alive, node) for name, team, alive, node in zip(*columns, strict=True)}
-        summaries = {
-            name: {
-                **dict(zip(("team", "alive", "node"), ends[name], strict=True)),
-                **(state.counts.get(name) or dict.fromkeys(COUNTED, 0)),
-            }
-            for name in sorted(ends)
-        }
-        deciders = {name: self._find_decider(one) for name, one in sorted(agents.items())}
-        called = {id(one): find_strategy_name(one) for one in {id(one): one for one in deciders.values()}.values()}
-        return Result(
+        found = Result(
             turns=self.turn,
             scores=dict(self.scores),
             events=[dict(event) for event in self.events],
-            agents=summaries,
+            agents={},
             errors=[dict(error) for error in self.errors],
             deeds=[dict(deed) for deed in self._state.deeds],
             messages=[dict(message) for message in self.messages],
             timings=dict(self.timings),
             seed=self.ctx.seed,
             collected=self._collectors.get_tables(),
-            provenance={
-                **versions(),
-                "scenario": self._internals.scenario,
-                "strategies": {name: called[id(one)] for name, one in deciders.items()},
-                **({} if self.information == "private" else {"information": self.information}),
-                **list_opponents([(agents[name].team, one) for name, one in deciders.items()], self.ctx.seed),
-            },
             **over,
         )
+        found.make_later(self._summarize_later())
+        return found
+
+    def _summarize_later(self) -> Callable[[], dict[str, Any]]:
+        """Return a function that makes the agents of the result, and its provenance, whatever happens until then."""
+        state = self._state
+        block = self.ctx.agent.block
+        block.locate()
+        departed = dict(state.departed)
+        columns = [[*one] for one in (block.names, block.teams, block.alive, block.get_ids(block.node))]
+        counts = {name: dict(one) for name, one in state.counts.items()}
+        deciders = [(name, one.team, self._find_decider(one)) for name, one in self.ctx.agent.agents.items()]
+        seed = self.ctx.seed
+        scenario = self._internals.scenario
+        information = {} if self.information == "private" else {"information": self.information}
+
+        def summarize() -> dict[str, Any]:
+            ends = {name: (team, False, node) for name, (team, node) in departed.items()}
+            ends |= {name: (team, alive, node) for name, team, alive, node in zip(*columns, strict=True)}
+            called = {id(one): find_strategy_name(one) for one in {id(one): one for *_, one in deciders}.values()}
+            deciders.sort(key=itemgetter(0))
+            return {
+                "agents": {
+                    name: {
+                        **dict(zip(("team", "alive", "node"), ends[name], strict=True)),
+                        **(counts.get(name) or dict.fromkeys(COUNTED, 0)),
+                    }
+                    for name in sorted(ends)
+                },
+                "provenance": {
+                    **versions(),
+                    "scenario": scenario,
+                    "strategies": {name: called[id(one)] for name, _, one in deciders},
+                    **information,
+                    **list_opponents([(team, one) for _, team, one in deciders], seed),
+                },
+            }
+
+        return summarize
 
     def _find_decider(self, agent: Any) -> object:
         """Return the plan of the agent's team, or the agent's strategy."""

@@ -91,6 +91,24 @@ class Result(Surface):
     collected: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    def make_later(self, make: Callable[[], Mapping[str, Any]]) -> None:
+        """Set `agents` and `provenance` when one of them is read first, to what the function returns."""
+        del self.agents
+        del self.provenance
+        self._make = make
+
+    def __getattr__(self, name: str) -> Any:
+        make = vars(self).pop("_make", None)
+        if make is None:
+            return super().__getattr__(name)
+        vars(self).update(make())
+        return getattr(self, name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all attributes, also those that are made when they are read first."""
+        _ = self.agents
+        return vars(self)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values; keys that are not strings are converted to text."""
         plain: dict[str, Any] = _make_plain({name: getattr(self, name) for name in self.__dataclass_fields__})
