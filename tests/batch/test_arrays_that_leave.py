@@ -165,3 +165,67 @@ def test_a_view_of_an_observer_has_numbers_that_cannot_be_written(key):
         numbers = getattr(games.observe("red"), key)
         with pytest.raises(ValueError, match="read-only"):
             numbers[...] = 1
+
+
+def score_tracks(ctx):
+    """Read how the agents have moved, by a plain rule."""
+    for track in ctx.game.tracks(ctx.game.agents):
+        ctx.game.scores["nodes"] += sum(track.path)
+
+
+def score_visits(turn):
+    """Read how the agents have moved, by another rule of arrays."""
+    visits = turn.visits(turn.took_part)
+    turn.add_score("visits", visits.at, visits.nodes)
+
+
+def end_with_an_array_function(kind, writes, phase=None):
+    """Return the ends of games in which a function of arrays writes into all arrays that it gets, if `writes`.
+
+    It is a rule of a phase, or the strategy of a team.
+    """
+    ctx = open_game(kind, has_plain_rule=False)
+    ctx.game.add(score_tracks)
+
+    def look(given):
+        arrays = list_arrays({"given": given}).values()
+        assert len([overwrite(array) for array in arrays if writes]) > 10 or not writes
+
+    def decide(view):
+        look(view)
+        return np.zeros(len(view.games) * len(view.agents), np.int64).reshape(len(view.games), len(view.agents))
+
+    if phase is not None:
+        ctx.game.add(gamms.array_rule(look), phase=phase)
+        ctx.game.add(gamms.array_rule(score_visits), name="visits")
+    for agent in ctx.agent.create_iter() if phase is None else ():
+        if agent.team == "red":
+            agent.strategy = gamms.array_strategy(decide)
+    with ctx.game.batch(GAMES) as games:
+        return finish(games)
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_writing_into_arrays_of_a_rule_changes_nothing_else(kind, phase):
+    assert end_with_an_array_function(kind, True, phase) == end_with_an_array_function(kind, False, phase)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_writing_into_arrays_of_a_strategy_changes_nothing_else(kind):
+    assert end_with_an_array_function(kind, True) == end_with_an_array_function(kind, False)
+
+
+def test_writing_into_arrays_of_a_recording_changes_nothing_else(tmp_path):
+    open_game("edges", has_plain_rule=False).game.run(3, record=tmp_path / "game.ggr", sensed=True)
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+
+        def ask():
+            tables = {name: recording.table(name) for name in ("moves", "events", "sensed")}
+            return {**tables, "map": recording.map_at(1), "state": recording.state(2), "drawn": recording.detached(2)}
+
+        before = copy_arrays(ask())
+        assert len(before) > 20
+        written = [overwrite(array) for array in list_arrays(ask()).values()]
+        assert any(written)
+        assert find_differences(before, copy_arrays(ask())) == []

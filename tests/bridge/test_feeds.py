@@ -100,9 +100,18 @@ def test_no_fix_breaks_a_tracker(fixes):
 
 
 @pytest.mark.parametrize(
-    "fix", [{"x": NAN, "y": 0}, {"x": INF, "y": 0}, {"x": 1e12, "y": 0}, {"lat": 91, "lon": 0}, {"lat": 1}, {}]
+    "fix",
+    [
+        {"x": NAN, "y": 0},
+        {"x": INF, "y": 0},
+        {"x": 1e12, "y": 0},
+        {"lat": 91, "lon": 0},
+        {"lat": 1},
+        {},
+        {"x": 0, "y": 0, "t": 1.75e12},  # milliseconds since 1970
+    ],
 )
-def test_a_fix_without_a_position_is_counted_and_dropped(fix):
+def test_a_fix_without_a_position_or_a_time_in_seconds_is_counted_and_dropped(fix):
     feed = Feed()
     feed.put(fix)
     assert feed.take() == []

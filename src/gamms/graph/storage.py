@@ -11,7 +11,7 @@ from gamms.deciding import DecidePhase, Guarded
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.graph.obstacles import Obstacles
 from gamms.graph.store import Cache, GraphStore
-from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
+from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray, lock_columns
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.scenery import Scenery
 from gamms.text import shown
@@ -274,7 +274,11 @@ class PackedGraph(IPackedGraph):
 
     def columns(self) -> GraphColumns:
         """Return the graph as read-only arrays."""
-        return self._contents.columns
+        return self._columns
+
+    @cached_property
+    def _columns(self) -> GraphColumns:
+        return lock_columns(self._contents.columns)
 
     def obstacle_columns(self) -> ObstacleColumns:
         """Return the obstacles as read-only arrays."""
