@@ -1,5 +1,8 @@
 """What is taken back after an error in a batch, and alone, and what one game knows of another then: nothing."""
 
+from contextlib import suppress
+
+import numpy as np
 import pytest
 from batch_scenes import check_games, plain
 
@@ -148,3 +151,63 @@ def test_an_agent_deleted_in_one_game_is_not_missed_in_others_that_leave(grid, r
     grid.game.add(rule)
     results = check_games(grid, 4, seed=0)
     assert [plain(one)["turns"] > 0 for one in results] == [True] * 4
+
+
+@pytest.mark.parametrize("num_games", [1, 2, 8])
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_an_error_of_an_array_rule_takes_back_what_others_have_scored(grid, faults, phase, num_games):
+    def score(turn):
+        turn.add_score("points", np.arange(len(turn.games)), 1.0)
+        turn.emit("scored", np.arange(len(turn.games)))
+
+    def fail(turn):
+        if faults and turn.turn[0] == 2:
+            faults.clear()
+            raise Fault("planted")
+
+    grid.agent.create_agent("red", start_node_id=0, team="red", strategy=stay)
+    grid.game.add(gamms.array_rule(score), phase=phase)
+    grid.game.add(gamms.array_rule(fail), phase=phase)
+    ends = []
+    for fault in ([], [5]):
+        faults.update(fault)
+        with grid.game.batch(num_games, seed=5) as games:
+            while games.turn.max() < 4:
+                with suppress(Fault):
+                    games.step()
+            ends.append(
+                [(result.scores, result.events, result.turns) for result in map(games.result, range(num_games))]
+            )
+    assert faults == set()
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("num_games", [1, 2, 8])
+@pytest.mark.parametrize("phase", ["before", "deeds"])
+def test_what_an_array_rule_keeps_stays_and_the_events_it_has_read_are_read_again(grid, faults, phase, num_games):
+    def count(turn):
+        calls = turn.keep("calls", lambda games: {"number": np.zeros(games)})["number"]
+        calls[turn.games] += 1.0
+        turn.emit("counted", np.arange(len(turn.games)))
+        turn.add_score("calls", np.arange(len(turn.games)), calls[turn.games])
+        turn.add_score("events", np.arange(len(turn.games)), len(turn.new_events("count")) / len(turn.games))
+
+    def fail(turn):
+        if faults and turn.turn[0] == 2:
+            faults.clear()
+            raise Fault("planted")
+
+    def play(game):
+        faults.add(5)
+        while np.max(game.turn) < 4:
+            with suppress(Fault):
+                game.step()
+
+    grid.agent.create_agent("red", start_node_id=0, team="red", strategy=stay)
+    grid.game.add(gamms.array_rule(count), phase=phase)
+    grid.game.add(gamms.array_rule(fail), phase=phase)
+    with grid.game.batch(num_games, seed=5) as games:
+        play(games)
+        scores = games.result(0).scores
+    play(grid.game)
+    assert scores == grid.game.scores == {"calls": 1 + 2 + 4 + 5, "events": 4}

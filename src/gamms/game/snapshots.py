@@ -19,7 +19,7 @@ from gamms.game.settings import MapNodeIds, NamedRule, Plan, RuleSet, RuleTable,
 from gamms.game.strategy_specs import get_strategy_spec
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
+from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState, is_of_reader
 from gamms.ir.schema import Memo
 from gamms.knowledge.sides import select_by_name, select_heard, select_own
 from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
@@ -222,6 +222,8 @@ class SnapshotTaker(NamedTuple):
         with self.turns.phase.suspend(changes_world=False):
             snapshot = self.take(GameState.turn_copies, dict, has_counts=False)
         doing = copy_doing(self.state.data)
+        kept = dict.get(self.state.data, KEPT, {})
+        readers = {key: copy_deep(kept[key]) for key in filter(is_of_reader, kept)}
         adding = [order.slots.keep_counts() for order in self.turns.orders]
         undoing = [checkpoint() for checkpoint in self.ctx.game.internals.checkpoints]
 
@@ -232,6 +234,10 @@ class SnapshotTaker(NamedTuple):
                 self.restore_streams(snapshot)
                 self.restore(snapshot, keeps_written=True)
                 put_doing(self.state.data, doing)
+                now = dict.get(self.state.data, KEPT, {})
+                for key in [*filter(is_of_reader, now)]:
+                    del now[key]
+                now |= copy_deep(readers)
                 leave_unread()
                 for add_counts in adding:
                     add_counts()

@@ -34,6 +34,8 @@ from gamms.text import as_text, shown
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
 KEPT = "array functions"
 """The key of `data` for the arrays of array functions in a single game."""
+READ = "events"
+"""With the name of a reader, the key of the numbers of events that it has read, among the arrays of array functions."""
 
 LOGS = ("events", "errors", "deeds", "messages")
 """The append-only fields of a state."""
@@ -204,6 +206,11 @@ class BlockedAgents(MutableMapping[str, str]):
                 for i, end in zip(agents, places, strict=True):
                     self.add(names[i], describe_conflict(end))
         return self.known
+
+
+def is_of_reader(key: object) -> bool:
+    """Return whether arrays with this key are the numbers of events that an array function has read."""
+    return isinstance(key, tuple) and key[:1] == (READ,)
 
 
 def describe_conflict(end: object) -> str:

@@ -10,13 +10,13 @@ from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
 from gamms.game.block.columns import find_unique_pairs, get_or_make, lock, put_locked
-from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays, MapViewMixin
+from gamms.game.block.state import STOPPED, Arrays, EmittedEvents, GameArrays, MapViewMixin
 from gamms.game.conflicts import flatten
 from gamms.game.movement.courses import Paths
 from gamms.game.movement.routes import RouteTable
 from gamms.ir.columns import find_places, select_rows
 from gamms.ir.deeds import ArrayDeeds, join_deeds
-from gamms.ir.game_state import join_ends
+from gamms.ir.game_state import READ, join_ends
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray

@@ -27,6 +27,7 @@ from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import draw_shares
 from gamms.ir.columns import Failure, GameLog
 from gamms.ir.deeds import DeedLog
+from gamms.ir.game_state import is_of_reader
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
@@ -39,7 +40,6 @@ from gamms.text import shown
 from gamms.typing.actions import make_strategy
 
 _MOST_EXACT = 1 << 53  # scores are floats in columns
-READ = "events"  # with the name of a reader the key of the numbers of events that it has read in each game
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # event kind -> field of the stopped agent
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # core event kind -> its second field
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
@@ -963,8 +963,8 @@ class GameArrays(BatchColumns):
             self.scores.add(key, np.arange(len(self))[games], points)
         for log in self._logs:
             log.clear()
-        for those in [those for key, those in self.kept.items() if isinstance(key, tuple) and key[:1] == (READ,)]:
-            those["number"][:] = 0
+        for key in filter(is_of_reader, self.kept):
+            self.kept[key]["number"][:] = 0
         self.now.clear()
 
     def get_air_positions(self, games: IntArray, agents: IntArray) -> tuple[BoolArray, FloatArray]:
@@ -1002,8 +1002,12 @@ class GameArrays(BatchColumns):
         return known
 
     def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
-        """Return a function that undoes all later changes, including changes to the columns in `more`."""
-        by_key: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
+        """Return a function that undoes all later changes, including changes to the columns in `more`.
+
+        What array functions have written into arrays that they keep stays, as in one game.
+        """
+        taken_back = [key for key in self.kept if self._is_taken_back(key)]
+        by_key: list[dict[Any, Any]] = [*self.scores.columns, *map(self.kept.__getitem__, taken_back)]
         columns = [getattr(self, one.name) for one in COLUMNS]
         columns += [
             *more,
@@ -1013,7 +1017,8 @@ class GameArrays(BatchColumns):
             *chain.from_iterable(map(dict.values, by_key)),
         ]
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
-        known = [(one, {*one}) for one in (*by_key, self.kept, self._makers)]
+        known = [(one, {*one}) for one in by_key]
+        kept = {*self.kept}
         over = [*self.over]
         headings = [*self.headings]
         undo_logs = [*(log.checkpoint() for log in self._logs), self.roads.checkpoint()]
@@ -1024,6 +1029,9 @@ class GameArrays(BatchColumns):
             for one, keys in known:
                 for key in one.keys() - keys:
                     del one[key]
+            for key in filter(self._is_taken_back, self.kept.keys() - kept):
+                del self.kept[key]
+                self._makers.pop(key, None)
             self.over[:] = over
             self.headings[:] = headings
             for undo_log in undo_logs:
@@ -1031,6 +1039,10 @@ class GameArrays(BatchColumns):
             self.now.clear()
 
         return undo
+
+    def _is_taken_back(self, key: Hashable) -> bool:
+        """Return whether kept arrays go back with a turn: those of the core, and the numbers of events read."""
+        return key in self.of_core or is_of_reader(key)
 
     def notice_interrupt(self) -> None:
         """Raise TurnInterrupted if the turn is to be taken back."""
