@@ -325,8 +325,6 @@ class Game(Surface, RuleVerbs):
     def _begin(self) -> None:
         """Take the snapshot that `reset` restores."""
         state = self._state
-        if self._internals.checks_start:
-            self._internals.refuse_misfits()
         self._phase.read_last_turn()  # of a fork, whose start the snapshot is
         earlier = state.start
         state.start = None  # a snapshot with the earlier start would keep all earlier games
