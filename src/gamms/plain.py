@@ -22,7 +22,6 @@ MOST_DEPTH = 24
 LEVELS_OF_SET = 7  # because `marshal`, by which changes are found, writes the items of each set twice
 MOST_DIMENSIONS = 8
 MOST_WHOLE = 1 << 53  # the largest stored count or turn: it is exact as a float, too
-_MOST_ID = (1 << 63) - 1
 _MOST_BITS = 996  # of an integer in JSON, which other programs read as a float
 
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
