@@ -6,8 +6,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from gamms import plain
-from gamms.errors import BadValue
 from gamms.plain import MOST_DEPTH, describe_flaw, is_plain, select_plain, to_plain
 
 
@@ -100,43 +98,3 @@ def test_an_object_that_cannot_be_shown_is_described_by_its_class():
             raise ValueError("not to be shown")
 
     assert to_plain([Hidden()])[0].startswith(f"<{__name__}.test_an_object_that_cannot_be_shown")
-
-
-# -- shapes ---------------------------------------------------------------------------------------------------------
-
-COUNTS = plain.dict_of(plain.TEXT, plain.whole(0, 9))
-SHAPES = [
-    (plain.whole(0, 9), [0, 9], [True, -1, 10, 1.0, "1", None]),
-    (plain.NUMBER, [0, -1.5, 1 << 53], [True, float("nan"), float("inf"), 10**400, "1"]),
-    (plain.TEXT, ["", "a"], [b"a", 1, None]),
-    (plain.NAME, ["a", None, (1, "b"), 2.5], [[], {}, np.zeros(1)]),
-    (plain.NODE, [1, 2], [3, True, "1", None]),
-    (plain.optional(plain.NODE), [1, None], [3]),
-    (plain.between(0, 1), [0, 1.0, 0.5], [-0.1, 2, float("nan")]),
-    (plain.among({3: "x"}, "three"), [3], [4, True, [], "3"]),
-    (plain.either(plain.TEXT, plain.NODE), ["a", 1], [3, None]),
-    (COUNTS, [{}, {"a": 1}], [[], {1: 1}, {"a": 10}]),
-    (plain.record({"a": plain.TEXT}, {"b": plain.TEXT}), [{"a": ""}, {"a": "", "b": "", 5: 5}], [{}, {"a": 1}, None]),
-    (plain.at(("a", "b"), plain.TEXT), [{}, {"a": {}}, {"a": {"b": ""}, "c": 1}], [{"a": 1}, {"a": {"b": 1}}, []]),
-    (plain.list_of(plain.TEXT), [[], ["a"], ("a",)], ["a", [1], {"a"}]),
-    (plain.set_of(plain.NODE), [set(), {1, 2}], [[1], {3}, frozenset({1})]),
-    (plain.tuple_of(plain.TEXT, plain.NODE), [("a", 1), ["a", 2]], [("a",), ("a", 3), "a1", None]),
-    (plain.ARRAY_OF_ONE, [np.zeros((1, 3))], [np.zeros(2), [0], np.float64(1)]),
-    (plain.ANYTHING, [None, [1]], []),
-]
-
-
-@pytest.mark.parametrize(("shape", "fits", "others"), SHAPES)
-def test_a_shape_tells_values_that_fit_from_others(shape, fits, others):
-    nodes = {1, 2}
-    assert [shape(value, nodes) for value in fits] == [None] * len(fits)
-    assert all(shape(value, nodes) is not None for value in others)
-
-
-def test_a_value_that_does_not_fit_is_named_with_its_place_and_what_fits():
-    shape = plain.at(("held", "hold"), plain.record({"turns": plain.list_of(COUNTS)}))
-    value = {"held": {"hold": {"turns": [{}, {"a": 10}]}}}
-    message = r"^data\['held'\]\['hold'\]\['turns'\]\[1\]\['a'\] of x must be an integer from 0 to 9, not 10\.$"
-    with pytest.raises(BadValue, match=message):
-        plain.refuse_misfit(value, shape, "data", (), " of x")
-    plain.refuse_misfit({}, shape, "data", ())

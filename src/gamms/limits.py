@@ -5,7 +5,7 @@ All readers of untrusted files (recordings, maps, scenarios, databases) use thes
 *decoded* values, and is charged before they are made. `KeyBudget` limits keys of dicts and sets with equal hashes,
 which a hostile file could use to waste time.
 
-`GarbagePause` speeds up code that makes many objects and no garbage.
+`GarbagePause` speeds up imports of maps and timed searches, which make many objects and no garbage.
 """
 
 import gc

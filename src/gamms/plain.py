@@ -1,22 +1,18 @@
-"""The definition of plain values, which recordings, saved graphs and the data of rules consist of, and their shapes.
+"""The definition of plain values, which recordings, saved graphs and the data of rules consist of.
 
 Plain are None, bool, int, float, str and bytes; arrays of at most eight dimensions of bools, integers and floats of at
 most 64 bits; and lists, tuples, sets and dicts of plain values, at most `MOST_DEPTH` in each other, where a set counts
 as `LEVELS_OF_SET`. Keys of dicts and items of sets are scalars, and tuples and frozen sets of such. Subclasses count
 (an enum, a NamedTuple), and so do scalars of NumPy: `to_plain` gives Python's own.
-
-A shape says which plain values a rule or a strategy can go on from. Rules and strategies declare the shapes of what
-they store, because stored values may come from any recording.
 """
 
 from base64 import b64encode
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from math import isfinite, isnan
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from gamms.errors import BadValue
 from gamms.text import as_text, remove_addresses, shown, write_repr
 
 Plain: TypeAlias = Any
@@ -26,7 +22,6 @@ MOST_DEPTH = 24
 LEVELS_OF_SET = 7  # because `marshal`, by which changes are found, writes the items of each set twice
 MOST_DIMENSIONS = 8
 MOST_WHOLE = 1 << 53  # the largest stored count or turn: it is exact as a float, too
-_MOST_ID = (1 << 63) - 1
 _MOST_BITS = 996  # of an integer in JSON, which other programs read as a float
 
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
@@ -224,198 +219,3 @@ def _describe(value: Plain) -> str:
     except Exception:  # noqa: BLE001 - of an object of the user, which has none
         text = object.__repr__(value)
     return remove_addresses(text)
-
-
-# -- shapes of stored values ------------------------------------------------------------------------------------
-
-
-class Misfit(NamedTuple):
-    """A part of a value that does not fit a shape.
-
-    Attributes:
-        path: the keys and indices that lead to it.
-        wanted: the values that fit, in words.
-        value: the part.
-    """
-
-    path: tuple[Plain, ...]
-    wanted: str
-    value: Plain
-
-
-Shape = Callable[[Plain, Container[int]], Misfit | None]
-"""Returns the first part of a value that does not fit; called with the value and the ids of the nodes of the map."""
-
-
-def refuse_misfit(value: Plain, shape: Shape, place: str, nodes: Container[int], owner: str = "") -> None:
-    """Refuse a stored value that does not fit a shape.
-
-    Args:
-        value: the value.
-        shape: the shape.
-        place: where the value is stored, such as "ctx.game.data['held']".
-        nodes: the ids of the nodes of the map.
-        owner: the rest of the place, such as " of agent 'anna'".
-
-    Raises:
-        BadValue: it does not fit; the message names the part, its value and what fits.
-    """
-    misfit = shape(value, nodes)
-    if misfit is not None:
-        path = "".join(f"[{shown(key)}]" for key in misfit.path)
-        raise BadValue(f"{place}{path}{owner} must be {misfit.wanted}, not {shown(misfit.value)}.")
-
-
-def _make_shape(wanted: str, fits: Callable[[Plain], bool]) -> Shape:
-    """Return the shape of values for which a function returns True."""
-    return lambda value, _: None if fits(value) else Misfit((), wanted, value)
-
-
-def whole(least: int = 0, most: int = MOST_WHOLE) -> Shape:
-    """Return the shape of integers in a range."""
-    return _make_shape(
-        f"an integer from {least} to {most}", lambda value: type(value) is int and least <= value <= most
-    )
-
-
-def _is_finite(value: Plain) -> bool:
-    if type(value) is int:
-        return abs(value) <= MOST_WHOLE
-    return isinstance(value, float) and isfinite(value)
-
-
-def between(least: float, most: float) -> Shape:
-    """Return the shape of numbers in a range."""
-    return _make_shape(
-        f"a number from {least:g} to {most:g}", lambda value: _is_finite(value) and least <= value <= most
-    )
-
-
-def _is_name(value: Plain) -> bool:
-    try:
-        hash(value)
-    except TypeError:
-        return False
-    return True
-
-
-ANYTHING = _make_shape("a value", lambda _: True)
-TEXT = _make_shape("a text", lambda value: isinstance(value, str))
-NUMBER = _make_shape("a finite number", _is_finite)
-NAME = _make_shape("a name, such as a text or an integer", _is_name)
-ID = whole(-_MOST_ID, _MOST_ID)  # of a node that may have been removed from the map
-ARRAY_OF_ONE = _make_shape(
-    "an array of one game", lambda value: isinstance(value, np.ndarray) and value.shape[:1] == (1,)
-)
-
-
-def NODE(value: Plain, nodes: Container[int]) -> Misfit | None:  # noqa: N802 - a shape, as the ones above
-    """Fit the ids of the nodes of the map."""
-    return None if type(value) is int and value in nodes else Misfit((), "a node of the map", value)
-
-
-def among(values: Container[Plain], wanted: str) -> Shape:
-    """Return the shape of integers that are among some values, which are described in words."""
-    return _make_shape(wanted, lambda value: type(value) is int and value in values)
-
-
-def optional(shape: Shape) -> Shape:
-    """Return the shape of values that fit another shape, and of None."""
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        misfit = None if value is None else shape(value, nodes)
-        return misfit and misfit._replace(wanted=misfit.wanted if misfit.path else f"{misfit.wanted}, or None")
-
-    return fit
-
-
-def either(*shapes: Shape) -> Shape:
-    """Return the shape of values that fit one of several shapes; errors describe the first one."""
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        misfits = [shape(value, nodes) for shape in shapes]
-        return None if None in misfits else misfits[0]
-
-    return fit
-
-
-def dict_of(keys: Shape, values: Shape) -> Shape:
-    """Return the shape of dicts whose keys and values fit shapes."""
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        if not isinstance(value, Mapping):
-            return Misfit((), "a dict", value)
-        for key, one in value.items():
-            if (misfit := keys(key, nodes)) is not None:
-                return misfit._replace(path=(), wanted=f"a dict whose keys are each {misfit.wanted}")
-            if (misfit := values(one, nodes)) is not None:
-                return misfit._replace(path=(key, *misfit.path))
-        return None
-
-    return fit
-
-
-def record(required: Mapping[Plain, Shape], possible: Mapping[Plain, Shape] | None = None) -> Shape:
-    """Return the shape of dicts with these keys, and maybe others; key -> shape of its value."""
-    shapes = {**required, **(possible or {})}
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        if not isinstance(value, Mapping):
-            return Misfit((), "a dict", value)
-        for key in required:
-            if key not in value:
-                return Misfit((), f"a dict with the key {shown(key)}", value)
-        for key, shape in shapes.items():
-            if key in value and (misfit := shape(value[key], nodes)) is not None:
-                return misfit._replace(path=(key, *misfit.path))
-        return None
-
-    return fit
-
-
-def at(path: Iterable[Plain], shape: Shape) -> Shape:
-    """Return the shape of dicts that have nothing at a path of keys, or a value that fits a shape."""
-    for key in reversed([*path]):
-        shape = record({}, {key: shape})
-    return shape
-
-
-def list_of(shape: Shape) -> Shape:
-    """Return the shape of lists and tuples whose items fit a shape."""
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        if not isinstance(value, (list, tuple)):
-            return Misfit((), "a list", value)
-        for place, one in enumerate(value):
-            if (misfit := shape(one, nodes)) is not None:
-                return misfit._replace(path=(place, *misfit.path))
-        return None
-
-    return fit
-
-
-def set_of(shape: Shape) -> Shape:
-    """Return the shape of sets whose items fit a shape."""
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        if not isinstance(value, set):
-            return Misfit((), "a set", value)
-        misfits = (shape(one, nodes) for one in value)
-        misfit = next((one for one in misfits if one is not None), None)
-        return misfit and misfit._replace(path=(), wanted=f"a set whose items are each {misfit.wanted}")
-
-    return fit
-
-
-def tuple_of(*shapes: Shape) -> Shape:
-    """Return the shape of tuples and lists with one item for each shape."""
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        if not isinstance(value, (list, tuple)) or len(value) != len(shapes):
-            return Misfit((), f"a tuple of {len(shapes)}", value)
-        for place, (one, shape) in enumerate(zip(value, shapes, strict=True)):
-            if (misfit := shape(one, nodes)) is not None:
-                return misfit._replace(path=(place, *misfit.path))
-        return None
-
-    return fit

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from gamms import core
 from gamms.game.snapshots import GameStart
 from gamms.scenario import Scenario
-from gamms.strategies import random_walk
 
 TEAMS = {name: {"count": 3, "strategy": "gamms.strategies:random_walk"} for name in ("red", "blue")}
 
@@ -70,29 +69,3 @@ def play_again_and_again(played):
                 ctx.game.step()
             START_AGAIN[again](ctx)
         assert live_starts() <= 2
-
-
-def test_garbage_is_collected_while_strategies_of_the_program_decide(grid):
-    seen = []
-    with grid() as ctx:
-        ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: seen.append(gc.isenabled()))
-        ctx.game.step()
-    assert seen == [True]
-
-
-def test_garbage_is_collected_again_after_the_first_turn_of_shipped_strategies(grid):
-    with grid() as ctx:
-        ctx.agent.create_agent("a", start_node_id=0, strategy=random_walk)
-        ctx.game.step()
-        assert gc.isenabled()
-
-
-def test_a_program_that_collects_no_garbage_collects_none_after_a_first_turn(grid):
-    gc.disable()
-    try:
-        with grid() as ctx:
-            ctx.agent.create_agent("a", start_node_id=0, strategy=random_walk)
-            ctx.game.step()
-        assert not gc.isenabled()
-    finally:
-        gc.enable()

@@ -1,4 +1,4 @@
-"""Whatever an enemy writes into what rules and strategies store: a game goes on from it, or says what is wrong."""
+"""Whatever an enemy writes into what rules and strategies store: a game goes on from it, or ends in an error."""
 
 import io
 import secrets
@@ -10,7 +10,7 @@ from tampering import GAMES, Builder, RecordedGame, fuzz, go_on
 
 import gamms
 from gamms import rules, strategies
-from gamms.errors import BadValue, TooLarge
+from gamms.errors import TooLarge
 from gamms.recorder import RecordingError
 
 recorded = cache(RecordedGame)
@@ -27,76 +27,30 @@ def test_every_game_itself_goes_on(name, how):
 
 
 @pytest.mark.parametrize("name", GAMES)
-def test_tampered_games_go_on_or_end_in_errors_of_gamms(name):
+def test_tampered_games_go_on_or_end_in_errors(name):
     fuzz(name, secrets.token_hex(4), 30)
 
 
 @pytest.mark.parametrize(
     ("name", "seed", "count"), [("tags", "a", 20), ("flags", "a", 20), ("places", "a", 20), ("beliefs", "a", 20)]
 )
-def test_tampered_games_of_one_seed_go_on_or_end_in_errors_of_gamms(name, seed, count):
+def test_tampered_games_of_one_seed_go_on_or_end_in_errors(name, seed, count):
     fuzz(name, seed, count)
 
 
-PATROL = "patrol [0, 12]"
 WRONG = [
-    ("tags", ("data", "respawns"), 5, r"ctx\.game\.data\['respawns'\] must be a dict, not 5"),
-    (
-        "tags",
-        ("data", "respawns", "respawn", "out"),
-        {"red0": 1 << 80},
-        r"\['out'\]\['red0'\] must be an integer from 0",
-    ),
-    ("tags", ("data", "payoffs", "payoff"), {}, r"must be a dict with the key 'seen', not {}"),
-    ("tags", ("data", "payoffs", "payoff", "seen"), -1, r"\['seen'\] must be an integer from 0 to \d+, not -1"),
-    (
-        "tags",
-        ("team_memories", 0, 1, "assign", "mates"),
-        {5: (1, 2)},
-        "must be a dict whose keys are each a text, not 5",
-    ),
-    ("flags", ("data", "flags", "carriers", "red"), 3, r"\['carriers'\]\['red'\] must be a text, or None, not 3"),
-    ("flags", ("data", "flags", "carriers"), {}, r"\['carriers'\] must be a dict with the key 'blue', not {}"),
-    ("flags", ("data", "flags", "captures"), {"red": "x"}, r"\['captures'\]\['red'\] must be an integer"),
-    ("flags", ("facts", "territory"), "0 1 2", r"ctx\.game\.facts\['territory'\] must be a dict, not '0 1 2'"),
-    ("flags", ("memories", "red1", PATROL), 99, r"state\['memory'\]\['patrol .*'\] of agent 'red1' must be an integer"),
-    (
-        "flags",
-        ("memories", "red2", "random_waypoints"),
-        (77, 0),
-        r"\['random_waypoints'\]\[0\] of agent 'red2' .* a node",
-    ),
-    (
-        "flags",
-        ("memories", "blue2", "unblock", "often"),
-        9,
-        r"\['often'\] of agent 'blue2' must be an integer from 0 to 8",
-    ),
-    ("flags", ("memories", "blue2", "sweep target"), 77, "of agent 'blue2' must be a node of the map, or None, not 77"),
-    ("places", ("data", "held", "hold", "turns"), None, r"\['turns'\] must be an integer from 0 to \d+, not None"),
-    (
-        "places",
-        ("data", "discovered", "discovered", "by"),
-        {"red": [4]},
-        r"one of the nodes to discover \(3, 7\), not 4",
-    ),
-    ("places", ("data", "resources", "fuel", "amounts", "red0"), float("nan"), "must be a finite number, not nan"),
-    ("places", ("data", "cooldowns", "mark", "left"), {"red0": 0.5}, r"\['left'\]\['red0'\] must be an integer"),
-    ("places", ("data", "goals of reach"), {"red": 5}, r"\['goals of reach'\]\['red'\] must be a text, not 5"),
     (
         "places",
         ("starts", "red0"),
         (1.0, 2.0, 3.0),
         r"start of agent 'red0' must be a node, or \(x, y, z\) if it flies",
     ),
-    ("beliefs", ("memories", "red0", "belief map"), 5, r"\['belief map'\] of agent 'red0' must be a text, not 5"),
     ("arrays", ("data", "array functions"), {"storm": {"level": 3}}, "must be an array of one game, not 3"),
     ("cars", ("driven", "red0"), 5, "must be lists of ids by name, not {'red0': 5"),
     ("cars", ("driven", "red0"), ["a"], "must be lists of ids by name, not {'red0': "),
     ("cars", ("named_edges", "blue0"), (1, "a"), "must be a dict of pairs of a turn and an edge, not "),
     ("cars", ("named_edges", "blue0"), (1, 1 << 63), "must be a dict of pairs of a turn and an edge, not "),
     ("cars", ("driven", "red0"), [-(1 << 70)], "must be lists of ids by name, not "),
-    ("robots", ("data", "robots"), 3, r"ctx\.game\.data\['robots'\] must be a dict, not 3"),
     ("tags", ("scores",), [("red", 10**400)], "The score of 'red' must fit into a float"),
     ("tags", ("turn",), 1 << 62, "The number of turns must be an integer from 0 to"),
     ("tags", ("turn",), -3, "The number of turns must be an integer from 0 to"),
@@ -114,17 +68,10 @@ def test_resume_names_the_error_in_the_stored_values(name, path, value, message)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "path", "value", "message"),
-    [
-        ("tags", ("data", "payoffs", "payoff"), 5, r"ctx\.game\.data\['payoffs'\]\['payoff'\] must be a dict, not 5"),
-        ("flags", ("memories", "red1", PATROL), 99, r"of agent 'red1' must be an integer from 0 to 2, not 99"),
-    ],
-)
-def test_rules_and_strategies_that_are_added_later_say_it_too(name, path, value, message):
-    game = recorded(GAMES[name])
-    with pytest.raises(BadValue, match=message):
-        go_on(game, game.changed(path, value), "fresh")
+def test_a_number_of_blockades_in_a_memory_costs_no_more_than_eight():
+    game = recorded(GAMES["flags"])
+    counters = {"blocked": 99, "calm": 0, "often": 1 << 40, "yield": 0, "ahead": None}
+    go_on(game, game.changed(("memories", "blue2", "unblock"), counters), "built")
 
 
 @pytest.mark.parametrize("turn", [1 << 40, 100_001])
@@ -168,7 +115,7 @@ def test_a_batch_keeps_agents_on_their_edges_also_at_turn_0():
 
 def test_a_context_is_unchanged_after_a_recording_that_does_not_fit_it():
     game = recorded(GAMES["tags"])
-    data = game.changed(("data", "payoffs", "payoff"), 5)
+    data = game.changed(("turn",), -3)
     with game.build() as ctx:
         ctx.game.run(2)
         before = ctx.game.data, ctx.game.turn, [agent.current_node_id for agent in ctx.game.agents]

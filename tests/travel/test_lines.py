@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.typing.on_edges import Lines, cut_line, find_point_along
+from gamms.typing.on_edges import Lines, find_point_along
 
 numbers = st.one_of(st.integers(-3, 3).map(float), st.floats(-1e6, 1e6))
 points = st.lists(st.tuples(numbers, numbers), min_size=2, max_size=5)
 shares = st.one_of(st.sampled_from([0.0, 0.5, 1.0]), st.floats(0.0, 1.0))
 
 
-@given(drawn=st.lists(st.tuples(points, st.booleans(), shares, shares), min_size=1, max_size=5))
+@given(drawn=st.lists(st.tuples(points, st.booleans(), shares), min_size=1, max_size=5))
 def test_places_on_edges_are_found_together_as_one_by_one(drawn):
     graph = nx.MultiDiGraph()
     for number, (line, is_straight, *_) in enumerate(drawn):
@@ -25,13 +25,9 @@ def test_places_on_edges_are_found_together_as_one_by_one(drawn):
         columns, edges = ctx.graph.columns(), np.arange(len(drawn))
         flat = [list(ctx.graph.graph.get_edge(id).points) for id in columns.edge_ids.tolist()]
         drawn = [drawn[id] for id in columns.edge_ids.tolist()]
-        begin, end = (np.array([one[place] for one in drawn]) for place in (2, 3))
+        begin = np.array([one[2] for one in drawn])
         expected = [find_point_along(line, one[2]) for line, one in zip(flat, drawn, strict=True)]
         assert (
             list(zip(*(column.tolist() for column in Lines(columns).find_points(edges, begin)), strict=True))
             == expected
         )
-        corners = [cut_line(line, *one[2:]) for line, one in zip(flat, drawn, strict=True)]
-        which, *found = (column.tolist() for column in Lines(columns).find_corners(edges, begin, end))
-        assert which == [number for number, line in enumerate(corners) for _ in line]
-        assert list(zip(*found, strict=True)) == [corner for line in corners for corner in line]

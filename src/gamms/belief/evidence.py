@@ -13,7 +13,7 @@ reports", turn, observer)` -> JSON, a list of (agent, node, turn when it was the
 """
 
 import json
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from hashlib import blake2b
 from typing import Any, NamedTuple
@@ -30,24 +30,6 @@ from gamms.ir.agents import are_mates
 from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.sensor_results import Coverage
 from gamms.knowledge.sides import list_certain
-from gamms.plain import (
-    ANYTHING,
-    ID,
-    MOST_WHOLE,
-    NUMBER,
-    TEXT,
-    Misfit,
-    Plain,
-    Shape,
-    between,
-    dict_of,
-    either,
-    list_of,
-    optional,
-    record,
-    tuple_of,
-    whole,
-)
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import AerialState, NodeId, State
@@ -235,74 +217,6 @@ def _parse_entries(turn: int, text: str) -> Mapping[str, str]:
         return {by: _as_text(entry) for by, entry in json.loads(text).items()}
     except (AttributeError, ValueError, RecursionError) as error:
         raise _make_type_error(turn, _ALL, text) from error
-
-
-# -- memories from recordings ---------------------------------------------------------------------------------------
-
-
-def fit_memory(memory: Mapping[Any, Any], nodes: Container[int]) -> Misfit | None:
-    """Fit memories whose observations can be read: a shape, see `gamms.plain`."""
-    for key, value in memory.items():
-        name = key[0] if type(key) is tuple and len(key) == 3 else key
-        shape = _SHAPES.get(name) if isinstance(name, str) else None
-        if shape is None:
-            continue
-        if type(key) is tuple and _is_joined(key):
-            shape = _as_json(dict_of(TEXT, _ENTRY))
-        if type(key) is tuple and (type(key[1]) is not int or not 0 <= key[1] <= MOST_WHOLE or type(key[2]) is not str):
-            return Misfit((), "a dict whose observations have a turn and an observer", key)
-        misfit = shape(value, nodes)
-        if misfit is not None:
-            return Misfit((key,), misfit.wanted, value)
-    return None
-
-
-def _is_joined(key: tuple[object, object, object]) -> bool:
-    return key[0] == ENTRY and key[2] == _ALL
-
-
-def _as_json(shape: Shape) -> Shape:
-    """Return the shape of texts that hold a JSON value of a shape."""
-
-    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
-        try:
-            known = json.loads(value) if isinstance(value, str) else ...
-        except (ValueError, RecursionError):
-            known = ...
-        if known is ... or shape(known, nodes) is not None:
-            return Misfit((), "the text of an observation", value)
-        return None
-
-    return fit
-
-
-def _fit_look(value: Plain, nodes: Container[int]) -> Misfit | None:
-    """Fit what `_read_look` reads."""
-    shapes = optional(list_of(ID)), either(_CHANCE, list_of(_CHANCE)), list_of(TEXT), whole(0, 1)
-    if not isinstance(value, list) or not 2 <= len(value) <= len(shapes):
-        return Misfit((), "a list of a look", value)
-    misfits = [shape(part, nodes) for shape, part in zip(shapes, value, strict=False)]
-    steps, detection = value[:2]
-    are_as_many = not isinstance(detection, list) or len(detection) == len(steps or ()) or steps is None
-    return None if misfits == [None] * len(misfits) and are_as_many else Misfit((), "a look", value)
-
-
-_CHANCE = between(0.0, 1.0)
-_ENTRY = record(
-    {},
-    {
-        "found": dict_of(TEXT, either(ID, tuple_of(ID, NUMBER), tuple_of(ID, NUMBER, ID, ID, NUMBER))),
-        "looks": list_of(_fit_look),
-        "closed": optional(list_of(tuple_of(ID, ID, NUMBER))),
-    },
-)
-_SHAPES: dict[str, Shape] = {
-    ENTRY: _as_json(_ENTRY),
-    _REPORTS: _as_json(list_of(tuple_of(TEXT, ID, whole(), ANYTHING))),
-    _MAP: TEXT,
-    _EVENTS: whole(),
-}
-"""First part of a key of a memory -> the shape of its value."""
 
 
 def merge(*memories: Mapping[Any, Any]) -> dict[Key, str]:

@@ -14,7 +14,6 @@ from gamms.clocks import Clock, WallClock
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.settings import RuleSpec, declared
-from gamms.plain import ANYTHING, NAME, at, dict_of
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import Move
@@ -113,7 +112,7 @@ class Drive:
         self._put_on: int | None = None  # node on which the agent of a late robot is to be put
         self._has_warned = False  # about degrees on a map without a CRS
         self.key = ("robot", agent)
-        declared(self, RuleSpec(keeps=at((ROBOTS,), dict_of(NAME, ANYTHING))))
+        declared(self, RuleSpec())
         self.drawer = partial(self._draw)
         legend = LegendRows("", (LegendRow(SIGN, "robot, as measured", sign="plus"),))
         self.drawer.__dict__.update(artist=f"robot {agent}", layer=Layer.FLAGS, legend=legend)

@@ -207,7 +207,7 @@ cdef class GameTurn(TurnDriver):
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)
-    @cython.locals(answers=Answers, asked=PartInCore, alike=list, is_paused=bint)
+    @cython.locals(answers=Answers, asked=PartInCore, alike=list)
     cpdef decide(self, object order, object part, object observers=*, object paths=*)
     @cython.locals(moves=TurnMovesInCore, moving=PartInCore, agents=MovingAgents, block=AgentColumns)
     cpdef int move(self, i64 number) except -1

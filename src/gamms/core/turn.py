@@ -30,7 +30,6 @@ in phases of their own instead of the first, `arrivals.play_phase`.
 
 from __future__ import annotations
 
-import gc
 from threading import get_ident
 from time import perf_counter
 from typing import Any
@@ -967,8 +966,8 @@ class GameTurn(TurnDriver):
         """Set `shipped` and `look_again` for the agents of an order."""
         raise NotImplementedError
 
-    def _prepare_first(self, order: Any, part: Any) -> bool:
-        """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
+    def _prepare_first(self, order: Any, part: Any) -> None:
+        """Compute the neighborhoods of agents that are asked."""
         raise NotImplementedError
 
     def _tell_observers(self, order: Any, part: Any, observers: Any) -> Any:
@@ -1314,14 +1313,9 @@ class GameTurn(TurnDriver):
         self.asked_part = (order, part)
         self.is_deciding = True
         phase.moment = object() if asked.see_world_only else None
-        is_paused = False
         try:
             if self.asked == 1 and asked.individuals:
-                is_paused = gc.isenabled() and asked.see_world_only and not asked.has_plans
-                if is_paused:
-                    gc.disable()  # NOTE: to look for garbage among first states, which stay, takes long (w9 first)
-                if not self._prepare_first(order, part) and is_paused:
-                    gc.enable()
+                self._prepare_first(order, part)
             if observers or not asked.see_world_only:
                 self._ask_part(answers, part, self._observe_first(order, part, observers))
             elif asked.individuals:
@@ -1354,8 +1348,6 @@ class GameTurn(TurnDriver):
             phase.agent = None
             phase.moment = None
             self.is_deciding = False
-            if is_paused:
-                gc.enable()
         return answers
 
     def fit_moves(self) -> Any:

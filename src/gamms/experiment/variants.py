@@ -320,16 +320,16 @@ def _describe(value: object, seen: dict[int, Any]) -> Plain:
     return [type(value).__qualname__, *(_describe(part, seen) for part in _list_parts(value))]
 
 
-def _list_parts(value: object) -> Iterable[Any]:
+def _list_parts(value: Any) -> Iterable[Any]:
     """Return what makes up a value."""
     kind = type(value)
-    if isinstance(value, (list, tuple)) and kind in (list, tuple):
-        return value
-    if isinstance(value, dict) and kind is dict:
+    if kind in (list, tuple):
+        return value  # type: ignore[no-any-return] # one of these
+    if kind is dict:
         return chain.from_iterable(value.items())
     if isinstance(value, (FunctionType, ModuleType, type)):
         return _list_parts_of_code(value)
-    if hasattr(value, "detach") and hasattr(value, "requires_grad"):  # a tensor
+    if hasattr(value, "requires_grad"):  # a tensor
         value = value.detach().cpu().numpy()
     with suppress(Exception):  # of code that makes values picklable
         if kind in _PARTS:

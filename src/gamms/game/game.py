@@ -44,7 +44,6 @@ from gamms.game.snapshots import (
 )
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
-from gamms.limits import GarbagePause
 from gamms.progress import delay_interrupts
 from gamms.progress import show_progress as progress_line
 from gamms.readonly import ReadOnlyMapping
@@ -327,8 +326,6 @@ class Game(Surface, RuleVerbs):
     def _begin(self) -> None:
         """Take the snapshot that `reset` restores."""
         state = self._state
-        if self._internals.checks_start:
-            self._internals.refuse_misfits()
         self._phase.read_last_turn()  # of a fork, whose start the snapshot is
         earlier = state.start
         state.start = None  # a snapshot with the earlier start would keep all earlier games
@@ -475,10 +472,6 @@ class Game(Surface, RuleVerbs):
     @leave_last_turn
     def result(self) -> Result:
         """Return the result of the game so far; not for strategies, because it contains the seed."""
-        with GarbagePause():
-            return self._make_result()
-
-    def _make_result(self) -> Result:
         state = self._state
         self._turns.update_counts()
         over = state.over or {"reason": self._describe_reason(), "winner": None, "truncated": True}

@@ -22,7 +22,6 @@ from gamms.game.settings import Rank, RuleSpec, Settings, declared
 from gamms.ir.deeds import AFTER_OTHERS
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.plain import ANYTHING, NUMBER, TEXT, at, dict_of, list_of, record, tuple_of
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Track
@@ -30,15 +29,6 @@ from gamms.typing.game import Track
 DOING = "doing"
 """The key of `ctx.game.data`, and the kind of the artist that draws it."""
 
-_BEGUN = record({"since": NUMBER, "until": NUMBER, "values": dict_of(TEXT, ANYTHING)})
-_KEPT = record(
-    {
-        "of": NUMBER,
-        "left": dict_of(TEXT, NUMBER),
-        "begun": dict_of(TEXT, _BEGUN),
-        "unfinished": dict_of(TEXT, list_of(tuple_of(dict_of(TEXT, ANYTHING), NUMBER))),
-    }
-)
 _Doings = Mapping[str, Mapping[str, Any]]
 
 
@@ -382,10 +372,8 @@ def end_late_deeds(ctx: HostContext) -> None:
     end_deeds(ctx)
 
 
-_SHAPE = at((DOING,), dict_of(TEXT, _KEPT))
-
 LASTING_RULES = (
-    ("deeds", declared(begin_deeds, RuleSpec(check=_check, key=DOING, keeps=_SHAPE, disclose=_know_own, drawer=DOING))),
+    ("deeds", declared(begin_deeds, RuleSpec(check=_check, key=DOING, disclose=_know_own, drawer=DOING))),
     ("after", declared(end_deeds, RuleSpec(follows_tags=True))),
     ("after", declared(end_late_deeds, RuleSpec(rank=Rank.LATE_DEEDS))),
 )

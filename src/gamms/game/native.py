@@ -38,7 +38,6 @@ from gamms.ir.agents import show_lives, show_positions, show_progress
 from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
 from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
-from gamms.limits import GarbagePause
 from gamms.progress import delay_interrupts
 
 _GAME = np.zeros(1, np.int64)  # the number of the only game
@@ -82,11 +81,10 @@ def find_game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | N
     if known is not None:
         known.make_last_turn(is_replaced=is_known)
     try:
-        with GarbagePause():  # NOTE: new objects stay, here and below, so none is garbage (w9 alone)
-            if known is not None and is_known:
-                known.read()
-                return known
-            return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
+        if known is not None and is_known:
+            known.read()
+            return known
+        return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
     except (BadValue, UnknownName):  # an agent began, or was before, on a node that has been removed
         return None
 
@@ -565,7 +563,7 @@ class GameInCore:
             return
         core = self._core
         columns = self._columns
-        with delay_interrupts(), GarbagePause():
+        with delay_interrupts():
             columns.until[:] = turn * core.num_parts
             core.prepare(None, 1)
             columns.give()
@@ -599,7 +597,7 @@ class GameInCore:
             return
         began = perf_counter()
         values = self._game.internals.state
-        with delay_interrupts(), GarbagePause():
+        with delay_interrupts():
             block = self._game.ctx.agent.block
             before = np.array([block.get_ids(block.node), block.get_ids(block.previous)], np.int64)
             self._show_agents()

@@ -420,24 +420,25 @@ def warn_of_stuck_agents(ctx: HostContext, named: set[Hashable], *, has_learners
 def _list_stuck_agents(ctx: HostContext, has_learners: bool) -> Iterator[str]:
     block = ctx.agent.block
     columns = ctx.graph.columns()
-    strategies = ctx.agent.storage.list_strategies()
-    ids = np.asarray(block.get_ids(block.node))
-    stays = np.zeros(len(ids), np.bool_)
+    exits = {}  # mode -> ids of the nodes from which an edge leads away
     for mode in {*block.modes}:
         leads_away = columns.sources != columns.targets
         if mode is not None:
             leads_away &= find_usable_edges(columns, mode)
-        may_leave = np.isin(ids, columns.node_ids[columns.sources[leads_away]])
-        stays |= ~may_leave & [one == mode for one in block.modes]
-    stays[block.flyers] = False
-    for row in np.flatnonzero(stays | (np.asarray(block.speed) == 0.0)).tolist():
-        strategy = strategies[row]
-        is_deciding = strategy is not None or has_learners or block.teams[row] in ctx.game.plans
-        if is_deciding and block.alive[row] and getattr(strategy, "__name__", "") != "stay":
-            mode = block.modes[row]
+        exits[mode] = {*columns.node_ids[columns.sources[leads_away]].tolist()}
+    flyers = {*block.flyers}
+    strategies = ctx.agent.storage.list_strategies()
+    agents = zip(block.names, strategies, block.teams, block.get_ids(block.node), strict=True)
+    for row, (name, strategy, team, node) in enumerate(agents):
+        is_asked = strategy is not None or has_learners or team in ctx.game.plans
+        if not (is_asked and block.alive[row]) or getattr(strategy, "__name__", "") == "stay":
+            continue
+        mode = block.modes[row]
+        if row not in flyers and node not in exits[mode]:
             whose = "" if mode is None else f" for its mode {split_mode(mode)[0]!r}"
-            why = f"no open edge{whose} leads away from node {ids[row]}" if stays[row] else "its speed is 0"
-            yield f"{block.names[row]!r} ({why})"
+            yield f"{name!r} (no open edge{whose} leads away from node {node})"
+        elif block.speed[row] == 0.0:
+            yield f"{name!r} (its speed is 0)"
 
 
 def _list_traps(ctx: HostContext) -> Iterator[str]:

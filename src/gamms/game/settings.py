@@ -3,7 +3,7 @@
 A rule is a function. `RuleSpec` is its declaration, and `get_rule_spec` returns the declaration of any rule.
 """
 
-from collections.abc import Callable, Collection, Container, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import partial
@@ -32,7 +32,6 @@ from gamms.game.deeds import as_deeds, list_lasting, make_plain_declarations
 from gamms.game.hints import explain_rule_error
 from gamms.game.roles import Role, get_team
 from gamms.ir.game_state import GameState
-from gamms.plain import Shape, refuse_misfit
 from gamms.readonly import ReadOnly, ReadOnlyMapping
 from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
@@ -391,9 +390,6 @@ class RuleSpec:
             these know, for copies that look ahead. Without it, copies have the state after `prepare`.
         rank: a `Rank`; rules of higher rank are called later in the phase.
         key: the key of the rule's state in `ctx.game.data`; unique.
-        keeps: the shape of `ctx.game.data` from which the rule can go on; None: any. It is checked when the rule is
-            added, and when a recording is resumed.
-        reads: the shape of `ctx.game.facts` that the rule can read; checked like `keeps`.
         reads_owners: the names of facts with owners of nodes, which may be roles, that the rule reads.
         act_as_one: makes one rule from the `parts` of all rules of a phase with the same function here; it is called in
             place of the first of them.
@@ -432,8 +428,6 @@ class RuleSpec:
     disclose: Callable[[Mapping[str, Any], Collection[str]], Mapping[str, Any]] | None = None
     rank: int = Rank.USUAL
     key: str | None = None
-    keeps: Shape | None = None
-    reads: Shape | None = None
     reads_owners: Collection[str] = ()
     act_as_one: Callable[[Sequence[Any]], Rule] | None = None
     parts: Sequence[Any] = ()
@@ -456,7 +450,7 @@ class RuleSpec:
 _FEW_OWNERS = 20  # that are compared with teams
 _SPEC = "_rule_spec"
 _ATTRIBUTES = ("prepare", "check", "teams", "drawer", "disclose", "rank", "key")  # of users' rules
-_OF_WRAPPED = ("keeps", "reads", "brings_back", "uses_scores", "last_turn")
+_OF_WRAPPED = ("brings_back", "uses_scores", "last_turn")
 _NOTHING = RuleSpec(may_create_agents=True)  # of users' rules
 
 
@@ -478,18 +472,6 @@ def get_rule_spec(rule: object) -> RuleSpec:
         spec = RuleSpec(**wrapped, may_create_agents=True)
     own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
     return replace(spec, **own) if own else spec
-
-
-def refuse_misfits(spec: RuleSpec, state: GameState, nodes: Container[int]) -> None:
-    """Refuse stored data and facts from which a rule cannot go on.
-
-    Raises:
-        BadValue: they do not fit the declaration of the rule; the message names the part and its value.
-    """
-    if spec.keeps is not None:
-        refuse_misfit(state.data, spec.keeps, "ctx.game.data", nodes)
-    if spec.reads is not None:
-        refuse_misfit(state.facts, spec.reads, "ctx.game.facts", nodes)
 
 
 class NamedRule(NamedTuple):
@@ -533,16 +515,6 @@ def _join_rules(group: Sequence[NamedRule]) -> NamedRule:
     join: Any = group[0].spec.act_as_one  # the same of all
     parts = [part for one in sorted(group, key=lambda one: as_code(one.rule)) for part in one.spec.parts]
     return NamedRule(" and ".join([one.name for one in group]), join(parts), group[0].phase)
-
-
-class MapNodeIds(Container[int]):
-    """The ids of the nodes of a context's map, for checks of stored values."""
-
-    def __init__(self, ctx: HostContext) -> None:
-        self._ctx = ctx
-
-    def __contains__(self, node: object) -> bool:
-        return bool(self._ctx.graph.graph.has_node(node))
 
 
 class RuleTable:
@@ -722,7 +694,6 @@ class RuleSet:
         if spec.key is not None and any(one.spec.key == spec.key for one in self.rules):
             raise Duplicate("a rule with a key", spec.key)
         named = NamedRule(_find_free_name(_find_name(rule), taken) if name is None else name, rule, phase)
-        refuse_misfits(spec, self._ctx.game.internals.state, MapNodeIds(self._ctx))
         if spec.prepare is not None:
             spec.prepare(self._ctx)
         self.put(RuleTable(_sort_rules((*self.rules, named))))

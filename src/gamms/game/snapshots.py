@@ -6,7 +6,7 @@ from functools import partial
 from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple
 
-from gamms.arguments import DescribedFunction, find_annotations
+from gamms.arguments import DescribedFunction, as_mapping, find_annotations
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copy_deep, copy_values
 from gamms.deciding import ContextPart, DecidePhase, add_copies, copy_part, refuse_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
@@ -15,21 +15,18 @@ from gamms.game.facts import PrivateForks, get_facts
 from gamms.game.lasting import copy_doing, drop_deed, put_doing
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import CollectorMark, Collectors, warn_of_idle, warn_of_stuck_agents
-from gamms.game.settings import MapNodeIds, NamedRule, Plan, RuleSet, RuleTable, Settings, refuse_misfits
-from gamms.game.strategy_specs import get_strategy_spec
+from gamms.game.settings import NamedRule, Plan, RuleSet, RuleTable, Settings
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState, is_of_reader
 from gamms.ir.schema import Memo
 from gamms.knowledge.sides import select_by_name, select_heard, select_own
-from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
 from gamms.progress import delay_interrupts
 from gamms.readonly import NotPickled
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
 from gamms.typing.context import HostContext, IContext
 
-_KEPT = at((KEPT,), dict_of(NAME, dict_of(NAME, ARRAY_OF_ONE)))  # of array functions
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
 _PARTIAL = frozenset({partial, DescribedFunction})
 _FUNCTIONS = frozenset({FunctionType, MethodType, *_PARTIAL})
@@ -646,8 +643,6 @@ class GameInternals(ContextPart):
             or under the key `map` of the scenario; None: a program built the game.
         kept: caches of rules, by name; copies and snapshots do not contain them.
         named_idle: the teams, agents and modes that warnings have named.
-        checks_start: whether the next turn begins with `refuse_misfits`: rules and strategies may be added after a
-            recording was resumed.
         left_as: the number of the game in the batch from which it was made under way; None: it knows its start.
         shown_as: the number of the game in the batch that plays it, and shows it here; None: it is played here.
         takes_all_back: whether an error takes a turn back also after all have moved, as in a batch of games.
@@ -672,7 +667,6 @@ class GameInternals(ContextPart):
         self.map_spec: Any = None
         self.kept: dict[str, Any] = {}
         self.named_idle = set[Hashable]()
-        self.checks_start = False
         self.left_as: int | None = None
         self.shown_as: int | None = None
         self.takes_all_back = False
@@ -680,35 +674,23 @@ class GameInternals(ContextPart):
         self.unchecked_arrays = set[Hashable]()
 
     def refuse_misfits(self) -> None:
-        """Check what rules and strategies have stored, which came from a recording.
+        """Check the starts of agents and the arrays of array functions, which came from a recording.
 
         Raises:
-            BadValue: a rule or a strategy cannot go on from it; the message names the part and its value.
+            BadValue: the game cannot go on from one; the message names it.
         """
-        ctx = self._parts.ctx
-        state = self.state
-        nodes = MapNodeIds(ctx)
-        self.checks_start = False
-        refuse_misfit(state.data, _KEPT, "ctx.game.data", nodes)
-        self.unchecked_arrays = {*state.data.get(KEPT, {})}
-        for named in ctx.game.rules:
-            refuse_misfits(named.spec, state, nodes)
-        for name, agent in ctx.agent.agents.items():
-            spec = get_strategy_spec(agent.strategy)
-            own = spec.memory if agent.team is not None else (*spec.memory, *spec.team_memory)
-            start = state.began.get(name)
+        kept = as_mapping(self.state.data.get(KEPT, {}), "The arrays of array functions")
+        for key, arrays in kept.items():
+            for name, one in as_mapping(arrays, f"What {shown(key)} keeps").items():
+                if getattr(one, "shape", ())[:1] != (1,):
+                    raise BadValue(f"{shown(name)} of {shown(key)} must be an array of one game, not {shown(one)}.")
+        self.unchecked_arrays = {*kept}
+        for name, agent in self._parts.ctx.agent.agents.items():
+            start = self.state.began.get(name)
             if start is not None and (type(start) is int) != (agent.type is not AgentType.AERIAL):
                 raise BadValue(
                     f"The start of agent {shown(name)} must be a node, or (x, y, z) if it flies, not {start}."
                 )
-            memory = state.memories.get(name, {})
-            for shape in own:
-                refuse_misfit(memory, shape, "state['memory']", nodes, f" of agent {shown(name)}")
-            if agent.team is None:
-                continue
-            shared = state.team_memories.get(agent.team, {})
-            for shape in spec.team_memory:
-                refuse_misfit(shared, shape, "state['team_memory']", nodes, f" of team {shown(agent.team)}")
 
     def warn_of_idle_teams(self) -> None:
         """Log a warning that lists the teams for which nothing decides; a team is named once."""

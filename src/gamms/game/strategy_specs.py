@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, TypeVar
 from gamms import kernels
 from gamms.ir.graph import FloatArray
 from gamms.kernels.draws import BitArray
-from gamms.plain import Shape
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -65,13 +64,11 @@ def draw_shares(purposes: BitArray, teams: Sequence[Hashable]) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class StrategySpec:
-    """The declaration of how batches play a strategy or the plan of a team, and of its memory.
+    """The declaration of how batches play a strategy or the plan of a team.
 
     Attributes:
         array_form: returns the actions of all agents of an `ArrayView`; None: it has none.
         core_steps: the steps that the core tries in order; None: the core does not play the strategy.
-        memory: the shapes of `state["memory"]` from which the strategy, and those that it calls, can go on.
-        team_memory: the same for `state["team_memory"]`; agents without a team store this in `state["memory"]`.
         is_called_each: whether batches call the strategy game by game although it has an array form.
         is_replaced: whether batches replace its decisions by actions from outside, so that it is called in one game.
         pool: the members of which it plays one in each game; None: it is no pool.
@@ -79,8 +76,6 @@ class StrategySpec:
 
     array_form: Callable[..., Any] | None = None
     core_steps: tuple[CoreStep, ...] | None = None
-    memory: tuple[Shape, ...] = ()
-    team_memory: tuple[Shape, ...] = ()
     is_called_each: bool = False
     is_replaced: bool = False
     pool: PoolSpec | None = None

@@ -27,12 +27,10 @@ from gamms.game.order import TurnOrder, TurnPart, make_left_out_error, note_lost
 from gamms.game.result import Collectors
 from gamms.game.settings import BegunPhase, RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, copy_data
-from gamms.game.strategy_specs import get_strategy_spec
 from gamms.ir.agents import AgentBlock, show_numbers
 from gamms.ir.columns import copy_column
 from gamms.ir.deeds import PlainDeeds
 from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
-from gamms.limits import GarbagePause
 from gamms.progress import delay_interrupts
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
@@ -154,8 +152,7 @@ class TurnEngine(GameTurn):
         if order is None or self._epoch != self.phase.epoch or order.block is not block:
             made_of = self._get_order_key(block)
             if order is None or self._order_of != made_of or order.entries != block.structure.entries:
-                with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
-                    order = self._make_order(block, order if self._order_of == made_of else None)
+                order = self._make_order(block, order if self._order_of == made_of else None)
                 self.order_now = order
                 self._order_of = made_of
                 self._follow_graph()
@@ -954,13 +951,11 @@ class TurnEngine(GameTurn):
         losers = self._find_losers(order, (before, after), order.moving.lives, named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
-    def _prepare_first(self, order: TurnOrder, part: TurnPart) -> bool:
-        """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
+    def _prepare_first(self, order: TurnOrder, part: TurnPart) -> None:
+        """Compute the neighborhoods of agents that are asked."""
         if hasattr(self.near, "learn"):  # that of a user's graph may be any mapping
             rows = order.selection.rows
             self.near.learn([order.block.get_node(rows[i]) for i in part.select_present(part.asked)])
-        strategies = {id(one): one for one in self._ctx.agent.storage.list_strategies()}
-        return all(get_strategy_spec(one).core_steps is not None for one in strategies.values())
 
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""

@@ -17,7 +17,7 @@ from gamms.graph.tables import CONTAINERS, copy_value
 from gamms.ir import geometry
 from gamms.ir.graph import LABEL, FloatArray, GraphColumns, IntArray
 from gamms.ir.projection import format_crs, scale_fault
-from gamms.limits import GarbagePause, refuse_above
+from gamms.limits import refuse_above
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
 
@@ -38,9 +38,8 @@ def attach(store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - publi
         BadValue (ValueError): "Failed to attach NetworkX graph: …", with the reason as its cause.
     """
     try:
-        with GarbagePause():
-            made = _NetworkxImport(store, G)
-            columns = made.columns()
+        made = _NetworkxImport(store, G)
+        columns = made.columns()
         _refuse_false_metres(columns.crs or store.crs, columns.xy)
         store.append(columns, made.attribution)
     except Exception as error:

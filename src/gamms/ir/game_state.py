@@ -27,7 +27,7 @@ from gamms.core.copies import (
 from gamms.errors import BadType, BadValue
 from gamms.ir.deeds import DeedLog, DoneDeeds
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
-from gamms.plain import Plain, refuse_misfit, select_plain, to_plain, whole
+from gamms.plain import MOST_WHOLE, Plain, select_plain, to_plain
 from gamms.readonly import make_shareable
 from gamms.text import as_text, shown
 
@@ -252,11 +252,11 @@ def as_turn(turn: Plain) -> int:
     Raises:
         BadValue: it is not an integer, negative or too large.
     """
-    refuse_misfit(turn, _TURN, "The number of turns", ())
-    return int(turn)
+    if type(turn) is not int or not 0 <= turn <= MOST_WHOLE:
+        raise BadValue(f"The number of turns must be an integer from 0 to {MOST_WHOLE}, not {shown(turn)}.")
+    return turn
 
 
-_TURN = whole()
 _OVER = {"reason", "winner", "truncated"}
 
 

@@ -371,7 +371,6 @@ class Recording(Surface, StreamOwner):
                     resuming.complete_strategies(live, self.detached(turn), own | {*self.state(0).agents["name"]})
                 with report_damage(f"This game cannot go on from turn {turn}"):
                     live.game.internals.refuse_misfits()
-                live.game.internals.checks_start = True
         except BaseException:
             if ctx is None:
                 live.terminate()

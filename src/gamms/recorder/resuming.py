@@ -16,7 +16,6 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
 from gamms.knowledge import looks as sensed
-from gamms.plain import ID, NUMBER, TEXT, dict_of, either, refuse_misfit, tuple_of
 from gamms.plugins import Registry
 from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
@@ -40,7 +39,6 @@ builders: Registry[Callable[[], HostContext]] = Registry("builder of games", "ga
 here."""
 
 _SEED_BITS = 63
-_STARTS = dict_of(TEXT, either(ID, tuple_of(NUMBER, NUMBER, NUMBER)))  # agent -> node or (x, y, z)
 _FEW = 5  # agents that a warning names
 _HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN, kinds.AGENT_CREATE)
 
@@ -139,7 +137,6 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     past = EventHistory(reader)
     with report_damage(f"This game cannot go on from turn {turn}"):
         known = read_history(reader, past, turn)
-        refuse_misfit(known["starts"], _STARTS, "The starts of agents", ())
         known["facts"] = facts | known["facts"]  # keep facts that a recording cannot contain
         if is_fresh:
             ctx.game.configure(known["settings"])

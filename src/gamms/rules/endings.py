@@ -13,7 +13,6 @@ from gamms.game.block.in_core import ONE_THAT_SHOWS
 from gamms.game.roles import as_team_or_role, get_team, is_role
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import as_node_id, label_hint
-from gamms.plain import NAME, TEXT, at, dict_of
 from gamms.rules.in_core import in_core, is_exact_in_core
 from gamms.rules.meetings import GameRule, make_player
 from gamms.text import shown
@@ -22,7 +21,6 @@ from gamms.typing.game import TEAMS, Member, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
 _STARTS = "starts of "
-_PUBLISHED = at((GOALS,), dict_of(NAME, TEXT))
 
 Nodes = NodeId | Iterable[NodeId] | str  # one node, several nodes, or "starts of X"
 
@@ -111,7 +109,6 @@ def reach(
             drawer=render_goals,
             uses_scores=True,
             teams=named,
-            keeps=_PUBLISHED,
             starts_of=[goal for goal in goals.values() if isinstance(goal, str)],
             core_form=form if is_exact_in_core(score) else None,
             player=player,
@@ -163,7 +160,6 @@ def arrive(team: Member, nodes: Nodes, *, score: float = 1, passing: bool = True
             drawer=render_goals,
             uses_scores=True,
             teams=[member],
-            keeps=_PUBLISHED,
             starts_of=[goal] if isinstance(goal, str) else [],
             core_form=form if is_exact_in_core(points) else None,
             player=player,

@@ -13,12 +13,11 @@ from gamms.game.roles import as_teams_and_roles
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, as_node_id
-from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, optional, record, whole
 from gamms.readonly import make_shareable
 from gamms.rules.endings import disclose_to_all, refuse_unknown
 from gamms.rules.in_core import FlagArguments, in_core, is_exact_in_core
 from gamms.rules.meetings import GameRule, make_player
-from gamms.rules.territory import Colors, Territory, as_territory, find_shapes, list_owners, list_roles
+from gamms.rules.territory import Colors, Territory, as_territory, list_fact_names, list_owners, list_roles
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -91,7 +90,6 @@ def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
     def capture_flag(ctx: Context) -> None:
         player(ctx)()
 
-    grounds = find_shapes([game.ground])
     form = in_core("capture_flag", game)
     player = partial(make_player, form=form, play=game.play)
     return declared(
@@ -110,25 +108,13 @@ def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
             facts_of=game.list_facts if game.announce else None,
             begin_arrays=game.begin_arrays,
             show_arrays=game.show_arrays,
-            keeps=at((game.key,), game.shape),
-            reads=record({}, {**grounds, game.key: _ANNOUNCED} if game.announce else grounds),
-            reads_owners=[*grounds],
+            reads_owners=list_fact_names([game.ground]),
         ),
     )
 
 
-_ANNOUNCED = dict_of(NAME, record({"node": ID, "carrier": optional(TEXT)}))
-
-
 class _FlagRule(FlagArguments):
     """The rule with its checked arguments. The state of a game is in `ctx.game.data`."""
-
-    @property
-    def shape(self) -> Shape:
-        """The shape of the rule's state."""
-        carriers = record(dict.fromkeys(self.bases, optional(TEXT)))
-        captures = dict_of(NAME, whole())
-        return record({"bases": dict_of(NAME, ANYTHING), "carriers": carriers, "captures": captures, "seen": whole()})
 
     def prepare(self, ctx: Context) -> None:
         """Check the bases against the map, and publish the positions of the flags."""

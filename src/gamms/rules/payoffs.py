@@ -7,7 +7,6 @@ from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name, sh
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.plain import NAME, at, record, whole
 from gamms.rules.endings import disclose_to_all, get_state
 from gamms.text import shown
 from gamms.typing import Rule
@@ -70,7 +69,6 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
             rank=Rank.PAYOFFS,
             key=state_key,
             disclose=disclose_to_all(_PAYOFFS, state_key),
-            keeps=at((_PAYOFFS, state_key), record({"seen": whole()})),
         ),
     )
 
@@ -86,7 +84,7 @@ def _check_points(kind: object, given: object) -> dict[str, float]:
 
 def _find_team(ctx: Context, kind: str, role: str, named: Any) -> Hashable:
     """Return the team named by a field of an event, or the team of the agent it names; None if there is none."""
-    if NAME(named, ()) is not None:
+    if getattr(type(named), "__hash__", None) is None:
         raise BadType(f"The field {role!r} of an event {kind!r} must name an agent or a team, not {shown(named)}.")
     if role not in _AGENTS and named in ctx.agent.teams:
         team: Hashable = named

@@ -13,22 +13,7 @@ from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.knowledge.fields import find_coverage
-from gamms.plain import (
-    ID,
-    NAME,
-    NUMBER,
-    TEXT,
-    Shape,
-    among,
-    at,
-    describe_flaw,
-    dict_of,
-    list_of,
-    optional,
-    record,
-    to_plain,
-    whole,
-)
+from gamms.plain import describe_flaw, to_plain
 from gamms.rules.endings import as_nodes, disclose_to_all, get_state, refuse_unknown
 from gamms.rules.meetings import find_nodes_within
 from gamms.text import shown
@@ -92,12 +77,8 @@ def hold(
             rank=Rank.PLACES,
             key=place.key,
             disclose=disclose_to_all(HELD, place.key),
-            keeps=at((HELD, place.key), _HOLDING),
         ),
     )
-
-
-_HOLDING = record({"team": optional(NAME), "turns": whole()}, {"nodes": TEXT, "of": whole()})
 
 
 class _HoldRule(NamedTuple):
@@ -208,7 +189,6 @@ def discover(
             rank=Rank.PLACES,
             key=game.key,
             disclose=disclose_to_all(DISCOVERED, game.key),
-            keeps=at((DISCOVERED, game.key), game.shape),
         ),
     )
 
@@ -221,12 +201,6 @@ class _DiscoveryRule(NamedTuple):
     score: float
     hops: float
     key: str
-
-    @property
-    def shape(self) -> Shape:
-        """The shape of the rule's state."""
-        nodes = list_of(among(self.what, f"one of the nodes to discover ({', '.join(map(str, self.what))})"))
-        return record({"by": dict_of(NAME, nodes)}, {"nodes": TEXT})
 
     def prepare(self, ctx: Context) -> None:
         """Check the nodes against the map, and publish that nothing is discovered."""
@@ -307,23 +281,12 @@ def idleness(
             teams=sorted(patrol.teams or (), key=str),
             rank=Rank.PLACES,
             key=patrol.key,
-            keeps=at((_IDLENESS, patrol.key), _VISITED),
         ),
     )
 
 
 _IDLENESS = "idleness"
 _SAME = 1e-9  # turns: visits of several agents with less between them are one
-_VISITED = record(
-    {
-        "begun": NUMBER,
-        "nodes": list_of(ID),
-        "visits": list_of(whole()),
-        "left": list_of(NUMBER),
-        "idle": list_of(NUMBER),
-        "worst": list_of(NUMBER),
-    }
-)
 
 
 class _IdlenessRule(NamedTuple):

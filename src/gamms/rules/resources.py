@@ -15,7 +15,6 @@ from gamms.game.deeds import get_fields
 from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, as_node_id, find_shortest_edges
-from gamms.plain import NUMBER, TEXT, at, dict_of, record, whole
 from gamms.rules.endings import get_state, refuse_unknown
 from gamms.rules.meetings import TraveledEdges
 from gamms.text import shown
@@ -24,9 +23,6 @@ from gamms.typing.game import TEAMS, Leg, Move
 from gamms.visual.drawers.standings import COOLDOWNS, RESOURCES, render_amounts, render_cooldowns
 
 _EMPTY = ("stay", "eliminate")
-_TANK = record(
-    {"amounts": dict_of(TEXT, NUMBER), "turn": whole(-1), "flights": dict_of(TEXT, whole())}, {"full": NUMBER}
-)
 _SLACK = 1e-9  # tolerance: rounding must not refuse an amount that is just enough
 
 
@@ -108,7 +104,6 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
             rank=Rank.RESOURCES,
             key=tank.name,
             disclose=tank.disclose,
-            keeps=at((RESOURCES, tank.name), _TANK),
         ),
     )
 
@@ -392,6 +387,5 @@ def cooldown(deed: str, turns: int) -> Rule:
             rank=Rank.RESOURCES,
             key=f"cooldown of {kind}",
             disclose=partial(_find_cooldowns, kind),
-            keeps=at((COOLDOWNS, kind), record({"left": dict_of(TEXT, whole())}, {"of": whole()})),
         ),
     )

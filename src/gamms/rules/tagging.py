@@ -16,7 +16,6 @@ from gamms.game.block.state import Arrays, GameArrays, GameRow
 from gamms.game.roles import as_teams_and_roles
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import IntArray
-from gamms.plain import TEXT, at, dict_of, record, whole
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import disclose_to_all, get_state
 from gamms.rules.in_core import in_core, is_exact_in_core
@@ -25,7 +24,7 @@ from gamms.rules.territory import (
     Territory,
     TerritorySource,
     as_territory,
-    find_shapes,
+    list_fact_names,
     list_owners,
     list_roles,
 )
@@ -37,7 +36,6 @@ Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the cont
 
 
 _THEN = ("respawn", "eliminate")
-_COUNTS = dict_of(TEXT, whole())  # agent -> turn, or times
 
 
 @show_as_call
@@ -147,8 +145,7 @@ def _make_rule(taggings: Sequence[_TagRule]) -> Rule:
             player=player,
             uses_scores=True,
             needs_ground=any(tagging.nearness.unit == "euclid" for tagging in taggings),
-            reads=record({}, find_shapes(tagging.ground for tagging in taggings)),
-            reads_owners=[*find_shapes(tagging.ground for tagging in taggings)],
+            reads_owners=list_fact_names(tagging.ground for tagging in taggings),
         ),
     )
 
@@ -232,7 +229,6 @@ def respawn(
             player=player,
             begin_arrays=begin_arrays,
             show_arrays=show_arrays,
-            keeps=at(("respawns", key), record({"out": _COUNTS, "times": _COUNTS})),
         ),
     )
 

@@ -12,7 +12,6 @@ from gamms.errors import BadType, BadValue
 from gamms.game.roles import Role, as_team_or_role, find_roles, get_team, read_owner
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.graph import as_node_id
-from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, either
 from gamms.rules.endings import disclose_to_all
 from gamms.rules.in_core import in_core
 from gamms.text import shown
@@ -143,7 +142,6 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
             owners=list(owned),
             drawer=TerritoryDrawer(fact, colors),
             disclose=disclose_to_all(TERRITORIES, fact),
-            keeps=at((TERRITORIES,), dict_of(NAME, ANYTHING)),
             core_form=core_form,
         ),
     )
@@ -196,12 +194,9 @@ def as_territory(territory: object) -> TerritorySource | None:
     return TerritorySource(territory if isinstance(territory, str) else _check_territory(territory))
 
 
-def find_shapes(grounds: Iterable[TerritorySource | None]) -> dict[str, Shape]:
-    """Return the shapes of the facts that are territories of rules, by name."""
-    return {one.given: _OWNERS for one in grounds if one is not None and isinstance(one.given, str)}
-
-
-_OWNERS = dict_of(ID, either(NAME, dict_of(TEXT, ANYTHING)))
+def list_fact_names(grounds: Iterable[TerritorySource | None]) -> list[str]:
+    """Return the names of the facts that are territories of rules."""
+    return [one.given for one in grounds if one is not None and isinstance(one.given, str)]
 
 
 def list_owners(source: TerritorySource | None) -> list[Hashable]:

@@ -46,7 +46,7 @@ _FEW = 8  # names that an error lists
 _NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 _BYTES_PER_LETTER = 1 << 10  # of memory for the syntax tree of a Python file: "f();f();…" takes 720
 _REFUSED = frozenset({"__main__", "gamms", *sys.stdlib_module_names})
-_stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> modification times and sizes of its files
+_stamps: dict[str, dict[str, tuple[int, int]]] = {}  # private package -> modification times and sizes of its files
 
 
 Function = Callable[..., Any]
@@ -427,7 +427,7 @@ class CodeLibrary:
         self.sources = sources
         self.folder = sources.folder
         self._known: dict[str, Function] = {}
-        self._stamps: dict[Path, tuple[int, int]] = {}  # of the imported files of the folder
+        self._stamps: dict[str, tuple[int, int]] = {}  # of the imported files of the folder
 
     def get(self, text: str, path: str, short: str | None = None) -> Function:
         """Import the function of a reference; see `find`.
@@ -446,7 +446,7 @@ class CodeLibrary:
 
     def is_current(self) -> bool:
         """Return whether no file of the folder has changed since its functions were imported."""
-        return self.folder is None or _is_current(name_private_package(self.folder), self._stamps)
+        return self.folder is None or self._stamps == _read_stamps(name_private_package(self.folder))
 
     def get_known(self, text: str, short: str | None = None) -> Function | None:
         """Return the function of a reference if it has been imported; else None."""
@@ -505,7 +505,7 @@ def _import_privately(found: CodeReference, folder: Path) -> ModuleType:
     folder = folder.resolve()
     package = name_private_package(folder)
     stamps = _stamps.setdefault(package, {})
-    if not _is_current(package, stamps):
+    if stamps != _read_stamps(package):
         for name in [name for name in sys.modules if name.partition(".")[0] == package]:
             del sys.modules[name]
         stamps.clear()
@@ -519,23 +519,20 @@ def _import_privately(found: CodeReference, folder: Path) -> ModuleType:
         module = importlib.import_module(f"{package}.{found.module}")
     finally:
         sys.dont_write_bytecode = before
-    stamps.update({file: _read_stamp(file) for file in _list_loaded_files(package)})
+    stamps.update(_read_stamps(package))
     return module
 
 
-def _is_current(package: str, stamps: Mapping[Path, tuple[int, int]]) -> bool:
-    """Return whether the loaded files of a private package have these stamps, and no other files are loaded."""
-    return all(stamps.get(file) == _read_stamp(file) for file in [*stamps, *_list_loaded_files(package)])
-
-
-def _list_loaded_files(package: str) -> list[Path]:
+def _read_stamps(package: str) -> dict[str, tuple[int, int]]:
+    """Return the times and sizes of the loaded files of a private package."""
     modules = [module for name, module in [*sys.modules.items()] if name.startswith(f"{package}.")]
-    return [Path(file) for file in (getattr(module, "__file__", None) for module in modules) if file is not None]
+    files = [file for module in modules if (file := getattr(module, "__file__", None))]
+    return {file: _read_stamp(file) for file in files}
 
 
-def _read_stamp(file: Path) -> tuple[int, int]:
+def _read_stamp(file: str) -> tuple[int, int]:
     with suppress(OSError):
-        status = file.stat()
+        status = os.stat(file)  # noqa: PTH116 - a text
         return (status.st_mtime_ns, status.st_size)
     return (0, 0)
 

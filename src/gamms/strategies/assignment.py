@@ -11,7 +11,6 @@ from gamms.context import Context
 from gamms.deciding import get_phase
 from gamms.game.movement.routes import RoutesFromNodes
 from gamms.ir.graph import FloatArray
-from gamms.plain import ID, TEXT, at, dict_of, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
     find_enemies_in_sight,
@@ -26,9 +25,6 @@ from gamms.strategies.knowledge import (
 from gamms.strategies.travel import random_walk
 from gamms.typing.game import State, Strategy
 from gamms.typing.routes import get_cached, get_cached_in_moment
-
-_REPORTS = dict_of(TEXT, tuple_of(whole(), ID))  # agent -> the turn of a report, and the node
-_BOARD = at(("assign",), record({}, {"mates": _REPORTS, "enemies": _REPORTS}))
 
 
 @show_as_call
@@ -63,7 +59,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
             target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
         move_to_agent(ctx, state, target, seen, fallback, "assign")
 
-    offer_steps(strategy, None, fallback, team_memory=_BOARD)
+    offer_steps(strategy, None, fallback)
     return strategy
 
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range, show_as_call
-from gamms.belief.evidence import fit_memory
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.core import strategies as core
@@ -272,7 +271,7 @@ def follow_belief(
         node = None if row < 0 else int(ctx.graph.columns().node_ids[row])
         move_to(ctx, state, node, fallback, "follow_belief")
 
-    offer_steps(strategy, None, fallback, memory=fit_memory, team_memory=fit_memory)
+    offer_steps(strategy, None, fallback)
     return strategy
 
 

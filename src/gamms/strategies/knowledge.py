@@ -19,7 +19,6 @@ from gamms.game.movement.travel import find_usable_graph, get_mode_graph
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, get_strategy_spec
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import as_node_id, split_mode
-from gamms.plain import Shape
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, EdgeAction, NodeId, State, Strategy
 from gamms.typing.sensor_engine import ON_GROUND, SensorType
@@ -355,27 +354,16 @@ def _pass(_: object) -> None:
 # -- strategies in the core -----------------------------------------------------------------------------------
 
 
-def offer_steps(
-    strategy: Callable[..., None],
-    *steps: CoreStep | Callable[[Any], None] | None,
-    memory: Shape | None = None,
-    team_memory: Shape | None = None,
-) -> None:
+def offer_steps(strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None] | None) -> None:
     """Declare the steps by which the core plays a strategy, if all strategies that it calls have steps, too.
 
     Args:
         strategy: a function of the state.
         steps: steps that the core tries, in order; strategies that the strategy calls; None: the core cannot play it.
-        memory: the shape of its values in `state["memory"]`; None: it stores none.
-        team_memory: the shape of its values in `state["team_memory"]`; None: it stores none.
     """
-    called = [StrategySpec(core_steps=(one,)) if isinstance(one, CoreStep) else get_strategy_spec(one) for one in steps]
-    several = [one.core_steps for one in called]
-    memories = [*((memory,) if memory else ()), *(shape for one in called for shape in one.memory)]
-    shared = [*((team_memory,) if team_memory else ()), *(shape for one in called for shape in one.team_memory)]
-    found = None if None in several else tuple(step for own in several for step in own or ())
-    if found is not None or memories or shared:
-        declare(strategy, StrategySpec(core_steps=found, memory=tuple(memories), team_memory=tuple(shared)))
+    several = [(one,) if isinstance(one, CoreStep) else get_strategy_spec(one).core_steps for one in steps]
+    if None not in several:
+        declare(strategy, StrategySpec(core_steps=tuple(step for own in several for step in own or ())))
 
 
 offer_steps(_pass)

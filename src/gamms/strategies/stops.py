@@ -11,7 +11,6 @@ from gamms.errors import NoPath
 from gamms.game.movement.routes import RoutesWithTurns
 from gamms.game.movement.travel import get_mode_graph
 from gamms.game.strategy_specs import CoreStep
-from gamms.plain import ID, NUMBER, list_of, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
     check_nodes,
@@ -72,9 +71,7 @@ def route(
         state["action"] = path if path[1] == here else path[1:]
 
     step = CoreStep("follow", stops.nodes, int(is_nearest_first), stops.following, key)
-    number = whole(0, len(stops.nodes))
-    path = list_of(tuple_of(ID, number, NUMBER))
-    offer_steps(strategy, step, fallback, memory=record({}, {key: number, way_key: optional(tuple_of(NUMBER, path))}))
+    offer_steps(strategy, step, fallback)
     return strategy
 
 

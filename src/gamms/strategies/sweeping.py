@@ -8,7 +8,6 @@ from gamms.arguments import as_context, as_flag, show_as_call
 from gamms.context import Context
 from gamms.deciding import get_phase
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.plain import ID, NODE, at, optional, set_of
 from gamms.strategies.knowledge import (
     as_otherwise,
     check_nodes,
@@ -71,12 +70,8 @@ def sweep(
             memory["sweep target"] = target
         move_to(ctx, state, target, fallback, "sweep")
 
-    offer_steps(strategy, None, fallback, memory=_TARGET, team_memory=_VISITED)
+    offer_steps(strategy, None, fallback)
     return strategy
-
-
-_TARGET = at(("sweep target",), optional(NODE))
-_VISITED = at(("sweep", "visited"), set_of(ID))
 
 
 def _find_next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, visited: set[int]) -> int | None:

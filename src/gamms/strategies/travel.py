@@ -10,7 +10,6 @@ from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
 from gamms.game.strategy_specs import CoreStep, get_strategy_spec
 from gamms.ir.graph import as_node_id
-from gamms.plain import ANYTHING, NODE, at, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -206,8 +205,7 @@ def random_waypoints(
         memory["random_waypoints"] = target, left
         move_to(ctx, state, target, fallback, "random_waypoints")
 
-    kept = at(("random_waypoints",), tuple_of(optional(NODE), whole(-1)))
-    offer_steps(strategy, CoreStep("wander", chosen, turns, key="random_waypoints"), fallback, memory=kept)
+    offer_steps(strategy, CoreStep("wander", chosen, turns, key="random_waypoints"), fallback)
     return strategy
 
 
@@ -346,7 +344,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _find_first_node(state.get("action"))}
 
-    offer_steps(unblock, None, goes_on, memory=at(("unblock",), _COUNTERS))
+    offer_steps(unblock, None, goes_on)
     return unblock
 
 
@@ -355,16 +353,13 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
 
 _NOT_BLOCKED = {"blocked": 0, "calm": 0, "often": 0, "yield": 0, "ahead": None}  # turns, turns, times, turns, a node
 _MOST_OFTEN = 8  # times: up to 256 turns of giving way
-_COUNTERS = record(
-    {"blocked": whole(), "calm": whole(), "often": whole(0, _MOST_OFTEN), "yield": whole(), "ahead": ANYTHING}
-)
 
 
 def _count_patience(state: State, known: dict[str, Any], patience: int, *, is_blocked: bool) -> dict[str, Any]:
     """Return the counters of an agent after another turn; draws a number if it was blocked for long."""
     blocked = known["blocked"] + 1 if is_blocked else 0
     calm = 0 if is_blocked else known["calm"] + 1
-    often = 0 if calm > 2 ** known["often"] else known["often"]
+    often = 0 if calm > 2 ** min(known["often"], _MOST_OFTEN) else known["often"]
     left = max(0, known["yield"] - 1)
     if blocked >= patience and draw_fraction(state, "unblock") < 0.5:
         often = min(often + 1, _MOST_OFTEN)

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from gamms import kernels
 from gamms.core.ask import find_point
 from gamms.core.contacts import Polylines
 from gamms.errors import ContextTerminated, UnknownName
@@ -145,7 +144,6 @@ class Lines:
         self._x = found.xs
         self._y = found.ys
         self._lengths = found.lengths
-        self._shares = found.shares
 
     def find_points(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the points x and y at shares of edge rows, and the directions cos and sin there, (places,)."""
@@ -172,34 +170,6 @@ class Lines:
             place = place[goes_on] + 1
             left = (left - length)[goes_on]
         return x, y, cos, sin
-
-    def find_corners(
-        self, edges: IntArray, begin: FloatArray, end: FloatArray
-    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Return the corners of parts of edges, as `cut_line`: the indices of the parts, shares, x and y."""
-        number = np.arange(len(edges))
-        first = self._first[edges]
-        bent = np.flatnonzero(self._count[edges] > 1)
-        of, points = kernels.expand_ranges(first[bent] + 1, (first + self._count[edges])[bent] + 1)
-        of = bent[of]
-        share = self._shares[points]
-        between = (np.minimum(begin, end)[of] < share) & (share < np.maximum(begin, end)[of])
-        of = of[between]
-        points = points[between]
-        share = share[between]
-        counts = np.bincount(of, minlength=len(edges))
-        begins = np.cumsum(counts + 2) - counts - 2  # first corner of each part
-        rank = np.arange(len(of)) - (np.cumsum(counts) - counts)[of]
-        places = begins[of] + 1 + np.where((begin <= end)[of], rank, counts[of] - 1 - rank)
-        which = np.repeat(number, counts + 2)
-        shares, x, y = np.empty((3, len(which)))
-        shares[places] = share
-        x[places] = self._x[points]
-        y[places] = self._y[points]
-        for where, ends in ((begins, begin), (begins + counts + 1, end)):
-            shares[where] = ends
-            (x[where], y[where]) = self.find_points(edges, ends)[:2]
-        return which, shares, x, y
 
 
 def locate_on_edge(progress: Progress, length: float, line: Line) -> OnEdge:
