@@ -389,6 +389,33 @@ def test_numbers_that_cannot_be_built_are_refused_in_one_page_and_the_game_goes_
         assert len(contents(other.game())[0]) == 4
 
 
+def test_numbers_with_which_the_first_turn_fails_are_refused_and_no_person_plays_the_turn_that_is_tried(join):
+    faults = ["too fast"]
+
+    def err(state):
+        if live.ctx.game.turn == 1 and faults:
+            raise ZeroDivisionError(faults.pop())
+
+    with web.serve(HUNT, is_paused=True, strategies={"red": err}) as live:
+        admin = join(live.links["admin"])
+        admin.say(type="step")
+        admin.read_turns(1)
+        playing = live.ctx
+        admin.told.clear()
+        live._options = live._options | {"strategies": {"red": err, "blue": web.human("ben", joins_within=9e5)}}
+        admin.say(type="restart", numbers={"max_turns": 5})
+        admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
+        [refused] = [one["words"] for one in admin.told if one["type"] == "refused"]
+        assert refused == "Not restarted: too fast"
+        with live._trying:
+            assert (live.ctx, live.scenario, live.streams.turns) == (playing, HUNT, 1)
+        admin.say(type="pause", paused=False)
+        admin.say(type="restart", numbers={"max_turns": 0})
+        admin.read(lambda client: client.bytes and client.game().turns == 0)
+        admin.read(lambda client: client.told[-1].get("over"))
+        assert live.wait(60).turns == 0
+
+
 def test_an_error_in_a_game_that_a_page_has_restarted_is_shown_and_the_next_restart_plays(join):
     faults = []
 

@@ -549,10 +549,12 @@ class Live(Handle):
         threading.Thread(target=self._restart_if_possible, args=args, name="gamms restart", daemon=True).start()
 
     def _restart_if_possible(self, connection: Connection, scenario: Scenario, seed: int | None) -> None:
-        """Restart the game, or tell the page that requested it why the new one cannot be built."""
+        """Restart the game, or tell the page why the new one cannot be built, or why its first turn fails."""
         try:
             with scenario.build(seed, self._options.get("strategies")) as ctx:
-                People.open(ctx)
+                People.open(ctx).let_go()
+                if ctx.game.max_turns != 0:
+                    ctx.game.step()
         except BaseException as error:  # noqa: BLE001 - the code of a scenario may raise anything
             connection.tell({"type": "refused", "words": f"Not restarted: {reason(error)}"})
         else:
