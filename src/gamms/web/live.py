@@ -581,9 +581,13 @@ def list_numbers(scenario: Scenario) -> Iterator[dict[str, Plain]]:
         is_whole = isinstance(value, int)
         low = 0 if value >= 0 else 4 * value
         high = max(10 if is_whole else 1.0, 4 * value)
-        yield {"path": path, "value": value, "low": low, "high": high, "step": 1 if is_whole else (high - low) / 200}
+        step = 1 if is_whole else (high - low) / 200
+        if value > 0 and path.rpartition(".")[2] in _POSITIVE:
+            low = min(step, value)
+        yield {"path": path, "value": value, "low": low, "high": high, "step": step}
 
 
+_POSITIVE = {"capacity", "count", "goal", "speed", "times", "turn_seconds", "turns"}  # a scenario refuses 0 for these
 _NO_NUMBERS = ("map", "seed", "name", "description", "facts")
 _NO_KEYS = {"node", "near", "at"}  # their numbers are node ids
 
