@@ -553,8 +553,7 @@ class Live(Handle):
         try:
             with scenario.build(seed, self._options.get("strategies")) as ctx:
                 People.open(ctx).let_go()
-                if ctx.game.max_turns != 0:
-                    ctx.game.step()
+                ctx.game.step()
         except BaseException as error:  # noqa: BLE001 - the code of a scenario may raise anything
             connection.tell({"type": "refused", "words": f"Not restarted: {reason(error)}"})
         else:
