@@ -550,3 +550,40 @@ def test_shipped_rules_go_on_after_ctrl_c_at_any_line_that_makes_their_columns(u
     assert len(lines) > 20
     for line in [*lines]:
         assert play(line) == wanted
+
+
+def test_an_agent_goes_on_from_its_place_before_the_turn_if_ctrl_c_comes_while_arrivals_end():
+    def walk(state):
+        state["action"] = state["legal"][-1]
+
+    def play(stop):
+        def trace(frame, event, _):
+            nonlocal stop
+            if Path(frame.f_code.co_filename).name != "arrivals.py" or frame.f_code.co_name != "close":
+                return None
+            if event == "line":
+                stop -= 1
+                if stop == 0:
+                    raise KeyboardInterrupt
+            return trace
+
+        with gamms.create_context(seed=1, game={"speed_unit": "metres", "decide": "arrival"}) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 9, spacing=10.0))
+            agents = [ctx.agent.create_agent(name, start_node_id=0, speed=14.0, strategy=walk) for name in ("a", "b")]
+            ctx.game.step()
+            before = [one.xy for one in agents]
+            was_traced = sys.gettrace()
+            try:
+                sys.settrace(trace)
+                ctx.game.step()
+            except KeyboardInterrupt:
+                sys.settrace(was_traced)
+                assert [one.xy for one in agents] == before
+                ctx.game.step()
+            finally:
+                sys.settrace(was_traced)
+            return [one.xy for one in agents]
+
+    wanted = play(0)
+    for stop in range(1, 7):
+        assert play(stop) == wanted
