@@ -255,3 +255,21 @@ def test_an_agent_does_not_make_the_move_of_a_deleted_agent_of_its_name():
         ctx.game.add(replace, phase="deeds")
         results = check_games(ctx, seeds=[5, 6])
         assert [result.agents["red"]["node"] for result in results] == [4, 4]
+
+
+def test_an_agent_replaced_in_each_part_of_a_turn_was_never_there_at_its_begin():
+    def replace(ctx):
+        ctx.agent.delete_agent("blue")
+        ctx.agent.create_agent("blue", start_node_id=0, team="blue", strategy=stay)
+
+    def see(ctx):
+        [track] = ctx.game.tracks([ctx.agent.get_agent("blue")])
+        ctx.game.emit("seen", times=track.times)
+
+    with grid_game(1, 2, max_turns=2, order=[["red"], ["blue"]]) as ctx:
+        for team in ("red", "blue"):
+            ctx.agent.create_agent(team, start_node_id=0, team=team, strategy=stay)
+        ctx.game.add(replace, phase="deeds")
+        ctx.game.add(see, phase="deeds")
+        [result] = check_games(ctx, seeds=[6])
+        assert [event["times"] for event in result.events] == [(1.0,)] * 4

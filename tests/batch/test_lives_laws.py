@@ -8,16 +8,11 @@ from random_lives import find_difference, make_game
 IS_THOROUGH = os.environ.get("GAMMS_THOROUGH") == "1"
 IS_BRIEF = os.environ.get("GAMMS_BRIEF") == "1"
 SEEDS = range(400) if IS_THOROUGH else (7, 15, 19, 46, 72, 104)[: 2 if IS_BRIEF else 6]
-APART = {104}
-"""Games that differ still: in a later part of the turn, an agent created in an earlier one seems to have been there."""
-WHY_APART = "games of a batch have one order of agents; rows with an order of their own end it"
 
 
 @pytest.mark.law
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_game_in_which_agents_come_and_go_is_the_same_among_many_others(seed, request):
-    if seed in APART:
-        request.applymarker(pytest.mark.xfail(strict=True, reason=WHY_APART))
+def test_a_game_in_which_agents_come_and_go_is_the_same_among_many_others(seed):
     game = make_game(seed)
     with game.ctx:
         assert find_difference(game) == ""

@@ -112,3 +112,16 @@ def test_array_rules_know_where_teams_that_move_one_after_another_are_about_to_g
         ctx.game.add(toll)
         results = check(ctx, SEEDS)
     assert any(event["kind"] == "tag" for result in results for event in result.events)
+
+
+def test_an_agent_that_a_rule_takes_off_its_edge_after_its_move_leaves_room_there():
+    settings = {"max_turns": 1, "speed_unit": "metres", "order": [["red"], ["blue"]]}
+    with gamms.create_context(seed=6, logger_config={"level": "CRITICAL"}, game=settings) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 2, spacing=10.0))
+        ctx.game.conflicts = Conflicts(None, edge_capacity=1)
+        for team in ("red", "blue"):
+            there = gamms.strategies.goto(ctx, 1)
+            ctx.agent.create_agent(team, start_node_id=0, team=team, speed=3.0, strategy=there)
+        ctx.game.add(lambda ctx: ctx.game.respawn("red"), phase="deeds")
+        [result] = check(ctx, [6])
+        assert [result.agents[name]["blocked"] for name in ("red", "blue")] == [0, 0]

@@ -16,7 +16,7 @@ from gamms.game.messages import MessageTraffic
 from gamms.game.turn import TurnEngine
 from gamms.ir.deeds import DeedLog, PlainDeeds
 from gamms.recorder.detached import DetachedState
-from gamms.rules import Conflicts
+from gamms.rules import Conflicts, meetings, tag
 from gamms.scenario import Scenario
 from gamms.strategies import random_walk
 from gamms.typing.sensor_engine import find_owner
@@ -513,3 +513,77 @@ def test_who_follows_a_game_begins_again_before_the_interrupted_turn():
         assert dict(zip(keyframe["names"], keyframe["node"].tolist(), strict=True)) == nodes
         assert follower.state.game.scores == ctx.game.scores
         ctx.record.unfollow(follower)
+
+
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_shipped_rules_go_on_after_ctrl_c_at_any_line_that_makes_their_columns(unit):
+    making = {"take_agents", "make_scratch", "_make_room", "make_tracks", "renew_rules"}
+    lines = {}
+
+    def play(line):
+        def trace(frame, event, _):
+            if frame.f_code.co_filename != meetings.__file__ or frame.f_code.co_name not in making:
+                return None
+            if event == "line":
+                if frame.f_lineno == line:
+                    raise KeyboardInterrupt
+                lines.setdefault(frame.f_lineno)
+            return trace
+
+        speed = {"speed": 10.0} if unit == "metres" else {}
+        with gamms.create_context(seed=1, game={"speed_unit": unit}) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 9, spacing=10.0))
+            for team, node in (("red", 0), ("blue", 8)):
+                ctx.agent.create_agent(team, start_node_id=node, team=team, strategy=random_walk, **speed)
+            ctx.game.add(tag("red", "blue"))
+            before = sys.gettrace()
+            try:
+                sys.settrace(trace)
+                ctx.game.run(3)
+            except KeyboardInterrupt:
+                ctx.game.run(3 - ctx.game.turn)
+            finally:
+                sys.settrace(before)
+            return ctx.game.result().agents, ctx.game.turn
+
+    wanted = play(None)
+    assert len(lines) > 20
+    for line in [*lines]:
+        assert play(line) == wanted
+
+
+def test_an_agent_goes_on_from_its_place_before_the_turn_if_ctrl_c_comes_while_arrivals_end():
+    def walk(state):
+        state["action"] = state["legal"][-1]
+
+    def play(stop):
+        def trace(frame, event, _):
+            nonlocal stop
+            if Path(frame.f_code.co_filename).name != "arrivals.py" or frame.f_code.co_name != "close":
+                return None
+            if event == "line":
+                stop -= 1
+                if stop == 0:
+                    raise KeyboardInterrupt
+            return trace
+
+        with gamms.create_context(seed=1, game={"speed_unit": "metres", "decide": "arrival"}) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 9, spacing=10.0))
+            agents = [ctx.agent.create_agent(name, start_node_id=0, speed=14.0, strategy=walk) for name in ("a", "b")]
+            ctx.game.step()
+            before = [one.xy for one in agents]
+            was_traced = sys.gettrace()
+            try:
+                sys.settrace(trace)
+                ctx.game.step()
+            except KeyboardInterrupt:
+                sys.settrace(was_traced)
+                assert [one.xy for one in agents] == before
+                ctx.game.step()
+            finally:
+                sys.settrace(was_traced)
+            return [one.xy for one in agents]
+
+    wanted = play(0)
+    for stop in range(1, 7):
+        assert play(stop) == wanted

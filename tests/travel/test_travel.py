@@ -292,6 +292,29 @@ def test_who_is_on_an_edge_that_closes_is_back_at_the_node_it_passed_last():
     assert anna.seen[2]["blocked"] == "the edge from node 0 to node 1 was closed"
 
 
+@pytest.mark.parametrize(("phase", "turn", "counted"), [("before", 2, [(0.0, 1)]), ("after", 3, [(0.0, 0), (0.0, 1)])])
+def test_whoever_is_on_an_edge_that_closes_counts_as_blocked_once_when_a_turn_begins(phase, turn, counted):
+    ctx = road(0, 90)
+    on_edge = ctx.agent.create_agent("anna", start_node_id=0, speed=10.0)
+    on_edge.register_strategy(lambda state: state.update(action=state["legal"][-1]))
+
+    def close(ctx):
+        if ctx.game.turn == turn:
+            ctx.graph.close_roads(edges=[0])
+
+    ctx.game.add(close, phase=phase)
+    found = []
+    with ctx.game.batch(seeds=[1]) as games:
+        for _ in range(5):
+            games.step()
+            ctx.game.step()
+            found.append((x_of(on_edge), ctx.game.result().agents["anna"]["blocked"]))
+            assert games.result(0).agents == ctx.game.result().agents
+            assert x_of(games.context(0).agent.get_agent("anna")) == x_of(on_edge)
+    assert found[:2] == [(pytest.approx(10.0), 0), (pytest.approx(20.0), 0)]
+    assert found[2:] == [*counted, (0.0, 1), (0.0, 1)][:3]
+
+
 def test_a_way_that_closes_before_agents_move_stops_those_that_were_to_go_it():
     ctx = road(0, 90, 180)
     agents = [agent(ctx, "anna", 0, 1, speed=10.0), agent(ctx, "bert", 2, 1, speed=10.0)]

@@ -347,7 +347,7 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
             admin.say(type="restart", numbers={count: wrong})
             admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
             refused = [one["words"] for one in admin.told if one["type"] == "refused"]
-            assert refused == [f"{count} must be a whole number from 0 to 10, not {wrong!r}."]
+            assert refused == [f"{count} must be a whole number from 1 to 10, not {wrong!r}."]
         assert live.wait(0.0) is first
         admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})
         admin.read(lambda client: client.bytes and client.game().turns == 12)
@@ -356,17 +356,15 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
 
 
 def test_numbers_that_cannot_be_built_are_refused_in_one_page_and_the_game_goes_on(join):
-    limited = HUNT.replace(rules=[{"rule": "time_limit", "with": {"turns": 8}}])
+    back = {"rule": "respawn", "with": {"after": 3}}
+    limited = HUNT.replace(rules=[{"rule": "time_limit", "with": {"turns": 8}}, back])
     with web.serve(limited, is_paused=True) as live:
         admin, other = join(live.links["admin"]), join(live.links["admin"])
         admin.say(type="step")
         other.read_turns(1)
         playing = live.ctx
         for path, words in (
-            (
-                "rules.0.with.turns",
-                r"item 1 of rules \(time_limit\): time_limit raised BadValue: turns must be at least 1",
-            ),
+            ("rules.1.with.after", r"item 2 of rules \(respawn\): respawn raised BadValue: after must be at least 1"),
             ("teams.red.within", r"teams\.red: only 1 of 2 agents could be placed, within 0"),
         ):
             admin.told.clear()
@@ -387,6 +385,33 @@ def test_numbers_that_cannot_be_built_are_refused_in_one_page_and_the_game_goes_
         assert live.wait(60) is not None
         other.read(lambda client: client.game().turns == 3)
         assert len(contents(other.game())[0]) == 4
+
+
+def test_numbers_with_which_the_first_turn_fails_are_refused_and_no_person_plays_the_turn_that_is_tried(join):
+    faults = ["too fast"]
+
+    def err(state):
+        if live.ctx.game.turn == 1 and faults:
+            raise ZeroDivisionError(faults.pop())
+
+    with web.serve(HUNT, is_paused=True, strategies={"red": err}) as live:
+        admin = join(live.links["admin"])
+        admin.say(type="step")
+        admin.read_turns(1)
+        playing = live.ctx
+        admin.told.clear()
+        live._options = live._options | {"strategies": {"red": err, "blue": web.human("ben", joins_within=9e5)}}
+        admin.say(type="restart", numbers={"max_turns": 5})
+        admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
+        [refused] = [one["words"] for one in admin.told if one["type"] == "refused"]
+        assert refused == "Not restarted: too fast"
+        with live._trying:
+            assert (live.ctx, live.scenario, live.streams.turns) == (playing, HUNT, 1)
+        admin.say(type="pause", paused=False)
+        admin.say(type="restart", numbers={"max_turns": 0})
+        admin.read(lambda client: client.bytes and client.game().turns == 0)
+        admin.read(lambda client: client.told[-1].get("over"))
+        assert live.wait(60).turns == 0
 
 
 def test_an_error_in_a_game_that_a_page_has_restarted_is_shown_and_the_next_restart_plays(join):
@@ -417,7 +442,7 @@ def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_ke
     found = {one["path"]: tuple(one.values())[1:] for one in list_numbers(made) if "blue" not in one["path"]}
     assert found == {
         "sensors.eyes.range_m": (25, 0, 100, 1),
-        "teams.red.count": (2, 0, 10, 1),
+        "teams.red.count": (2, 1, 10, 1),
         "teams.red.within": (20, 0, 80, 1),
         "teams.red.meta.pay": (-1.5, -6.0, 1.0, 0.035),
         "teams.red.meta.debt": (-2, -8, 10, 1),
@@ -425,6 +450,11 @@ def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_ke
         "teams.red.meta.many.0.x": (4, 0, 16, 1),
         "max_turns": (40, 0, 160, 1),
     }
+    slow = HUNT.replace(
+        **{"teams.red.speed": 0.5, "conflicts.capacity": 1, "rules": [], "teams.red.meta": {"turns": 0}}
+    )
+    lows = {one["path"]: one["low"] for one in list_numbers(slow)}
+    assert [lows[key] for key in ("teams.red.speed", "conflicts.capacity", "teams.red.meta.turns")] == [0.01, 1, 0]
     many = HUNT.replace(**{"teams.red.meta": {f"key_{number}": number for number in range(99)}})
     assert len(list(list_numbers(many))) == 60
 
@@ -961,7 +991,7 @@ def test_the_numbers_of_a_scenario_are_sliders_beside_the_map_for_those_who_may_
         assert page.value("gamms.panel.element.hidden") is False
         row = "[...document.querySelectorAll('.number-row')].find((one) => one.textContent == 'teams.red.count')"
         parts = f"[...{row}.querySelectorAll('input')].map((one) => [one.type, one.min, one.max, one.value])"
-        assert page.value(parts) == [["number", "0", "10", "2"], ["range", "0", "10", "2"]]
+        assert page.value(parts) == [["number", "1", "10", "2"], ["range", "1", "10", "2"]]
         page.value(f"{row}.querySelector('[type=range]').value = 3")
         page.value(f"{row}.querySelector('[type=range]').dispatchEvent(new Event('input'))")
         assert page.value(f"{row}.querySelector('[type=number]').value") == "3"

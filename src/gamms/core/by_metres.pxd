@@ -29,6 +29,8 @@ cdef class MetreMovers(TripMovers):
     cdef i64 find_goal(self, i64 row) except -1 nogil
     @cython.locals(row=i64, own=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int stand(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(part=i64, i=i64)
     cdef int go_all(self, GameColumns games, i64 game) except -1 nogil
 

@@ -111,6 +111,15 @@ class MetreMovers(TripMovers):
         self.ends[row] = self.trips.node[own]
         return 0
 
+    def stand(self, games: GameColumns, game: int, i: int) -> int:
+        """Set the place that conflicts read of an agent that has moved in an earlier part of the turn."""
+        row = game * games.agents + i
+        self.roads.use(rules.find_first_place(games, game, i))
+        is_there(games, self, game, i)
+        self.end_places[row] = self.start_places[row]
+        self.ends[row] = games.node[row]
+        return 0
+
     def go_all(self, games: GameColumns, game: int) -> int:
         """Write the ends of the paths of this part of the turn to the columns of the games."""
         part = self.part[game]

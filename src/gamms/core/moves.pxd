@@ -64,6 +64,8 @@ cdef class OneEdgeMovers:
     cdef i64 find_goal(self, i64 row) except -1 nogil
     @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int stand(self, GameColumns games, i64 game, i64 i) except -1 nogil
 
 
 cdef class TripMovers(OneEdgeMovers):

@@ -196,7 +196,7 @@ class OneEdgeMovers:
             if is_put or is_stopped(games, self, row, i):
                 self.stay(games, game, i)
             if games.placed[row] and self.part_of[i] < self.part[game]:  # since it moved: conflicts read where it is
-                self.ends[row] = games.node[row]
+                self.stand(games, game, i)
             leave_or_join(games, self, row)
         return 0
 
@@ -243,6 +243,12 @@ class OneEdgeMovers:
 
     def stay(self, games: GameColumns, game: int, i: int) -> int:
         """Undo the move of an agent: it stays at its place for the whole turn."""
+        row = game * games.agents + i
+        self.ends[row] = games.node[row]
+        return 0
+
+    def stand(self, games: GameColumns, game: int, i: int) -> int:
+        """Set the place that conflicts read of an agent that has moved in an earlier part of the turn."""
         row = game * games.agents + i
         self.ends[row] = games.node[row]
         return 0

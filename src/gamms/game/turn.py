@@ -798,10 +798,11 @@ class TurnEngine(GameTurn):
             while arrivals.arrive():
                 self._decide_here(turn, arrivals)
         finally:
-            self.legality.keep_map(keeps=False)
-            self.legality.set_time(0.0)
-            if self._has_all_agents():
-                arrivals.close()
+            with delay_interrupts():
+                self.legality.keep_map(keeps=False)
+                self.legality.set_time(0.0)
+                if self._has_all_agents():
+                    arrivals.close()
         arrivals.end(turn)
         if under_way is not None:
             order.moving.let_take_part(turn.took_part)  # agents that have come meanwhile stay

@@ -585,6 +585,8 @@ class AgentBlock(AgentColumns):
             self._show()
         self.team_rows = values["team_rows"].copy()
         self.placed = values["placed"].copy()
+        self.under_way.places.clear()  # an error or Ctrl-C may come before they are put back
+        self.under_way.pass_time(0.0)
         self._note_all()
         self._unlocated.update(self.flyers)
         if structure is None:

@@ -579,7 +579,7 @@ class TurnContacts(RuleMoves):
     def _make_room(self, most: int, most_legs: int) -> None:
         """Make columns with room for `most` nodes and `most_legs` legs of each agent."""
         size = self.roster.room
-        self.most = most
+        self.most = 0  # if Ctrl-C comes in between, they are made again
         self.most_legs = most_legs
         self.columns = _make_zeros("q", size * most), _make_zeros("d", size * most), _make_zeros("q", size)
         self.steps = (rules.AgentPaths if self.are_steps else rules.GivenPaths)(*self.columns)
@@ -593,6 +593,7 @@ class TurnContacts(RuleMoves):
         shares = [_make_zeros("d", size * most_legs) if most_legs else _NO_FLOATS for _ in range(5)]
         self.legs = core.Legs(most_legs, self._counts, *numbers, *shares)
         self.rules = None
+        self.most = most
 
     def draw_by(self, ctx: Context, seeds: int) -> None:
         """Use the random draws of the present seed, which has changed `seeds` times."""
@@ -822,9 +823,9 @@ class GameContacts(MovesForRules):
     def make_scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
         """Return buffers with room for this many pieces and keys."""
         if pieces > self._most or keys > self.keys:
+            self.pieces = make_motion_intervals(2 * pieces, 2 * keys)  # first: Ctrl-C may come in between
             self._most = 2 * pieces
             self.keys = 2 * keys
-            self.pieces = make_motion_intervals(self._most, self.keys)
         return self.pieces
 
     def _locate_node(self, node: int) -> Position:
@@ -893,12 +894,14 @@ class GameContacts(MovesForRules):
     def take_agents(self, ctx: Context) -> None:
         """Take the present agents."""
         block = ctx.agent.block
-        self.epoch = self.phase.epoch
+        epoch = self.phase.epoch
         agents = block, block.structure.entries
         if self._agents == agents:
+            self.epoch = epoch
             return
-        self._agents = agents
         roster = self._roster
+        self._agents = None  # if Ctrl-C comes in between, they are taken again
+        self._roster = None
         self.turns.note_departed()
         gone = [team for team, number in self.turns.departed_teams.items() if number]
         if roster is not None and roster.follow(block, gone):
@@ -907,13 +910,15 @@ class GameContacts(MovesForRules):
                 self.tracks.follow_agents()
         else:
             roster = Roster(block, gone, ctx.agent.get_agent)
-            self._roster = roster
             self.steps = TurnContacts(self, roster, are_steps=True)
             self.tracks = None
             self.turn_number = roster.turn
             self.bound = None
         self.block = block
         self.forget()
+        self._roster = roster
+        self._agents = agents
+        self.epoch = epoch
 
     def bind_columns(self) -> None:
         """Let rules read the memory that the block of agents uses now."""

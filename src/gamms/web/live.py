@@ -549,10 +549,11 @@ class Live(Handle):
         threading.Thread(target=self._restart_if_possible, args=args, name="gamms restart", daemon=True).start()
 
     def _restart_if_possible(self, connection: Connection, scenario: Scenario, seed: int | None) -> None:
-        """Restart the game, or tell the page that requested it why the new one cannot be built."""
+        """Restart the game, or tell the page why the new one cannot be built, or why its first turn fails."""
         try:
             with scenario.build(seed, self._options.get("strategies")) as ctx:
-                People.open(ctx)
+                People.open(ctx).let_go()
+                ctx.game.step()
         except BaseException as error:  # noqa: BLE001 - the code of a scenario may raise anything
             connection.tell({"type": "refused", "words": f"Not restarted: {reason(error)}"})
         else:
@@ -579,9 +580,13 @@ def list_numbers(scenario: Scenario) -> Iterator[dict[str, Plain]]:
         is_whole = isinstance(value, int)
         low = 0 if value >= 0 else 4 * value
         high = max(10 if is_whole else 1.0, 4 * value)
-        yield {"path": path, "value": value, "low": low, "high": high, "step": 1 if is_whole else (high - low) / 200}
+        step = 1 if is_whole else (high - low) / 200
+        if value > 0 and path.rpartition(".")[2] in _POSITIVE:
+            low = min(step, value)
+        yield {"path": path, "value": value, "low": low, "high": high, "step": step}
 
 
+_POSITIVE = {"capacity", "count", "goal", "speed", "times", "turn_seconds", "turns"}  # a scenario refuses 0 for these
 _NO_NUMBERS = ("map", "seed", "name", "description", "facts")
 _NO_KEYS = {"node", "near", "at"}  # their numbers are node ids
 

@@ -641,6 +641,9 @@ class PointedContext:
         found = Population(self._game, self._state, before)
         before.renew_journal()
         known = self._known.setdefault(found.key, found)
+        moved = self.get_row(number).moved
+        if moved is not None and moved[1] is known:  # its agents are those that have moved, and not these
+            known = self._known[found.key] = found
         if known is not found:
             self.show(known)
         self._note_shown(known)
