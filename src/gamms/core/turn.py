@@ -934,7 +934,7 @@ class GameTurn(TurnDriver):
         """Publish errors, team memories and messages, after all agents have decided."""
         raise NotImplementedError
 
-    def _leave_closed_edges(self, order: Any, part: Any) -> None:
+    def _leave_closed_edges(self, order: Any, indices: Any) -> None:
         """Move agents on removed edges to the node that they passed last."""
         raise NotImplementedError
 
@@ -1307,7 +1307,7 @@ class GameTurn(TurnDriver):
             answers.begin(order.slots, order.get_nodes(), None, None)
         answers.paths = paths
         if asked.is_paced:
-            self._leave_closed_edges(order, part)
+            self._leave_closed_edges(order, part.select_present(part.paced))
             self.travel.prepare(len(order.block))
         self.asked += 1
         self.asked_part = (order, part)

@@ -518,12 +518,12 @@ class GamesOnOneMap:
                 error.add_note(f"In the strategy {self._called} of a batch, {describe_turns(view.turn, view.games)}.")
             raise
 
-    def leave_closed_edges(self, games: IntArray, part: int) -> None:
-        """Move agents on closed edges, in a part of the turn, to the nodes that they passed last."""
+    def leave_closed_edges(self, games: IntArray, part: int | None = None) -> None:
+        """Move agents on closed edges to the nodes that they passed last; `part`: only those of a part of the turn."""
         by = self.state.movement
         if not by.by_metres:
             return
-        members = self.state.alive[games] & (self.core.part_of == part)
+        members = self.state.alive[games] & (True if part is None else self.core.part_of == part)
         left = by.leave_closed_edges(games, members)
         self.state.counts["blocked"][left[0], left[1]] += 1  # each agent is on one edge
         if self.cursor is not None:
@@ -593,7 +593,7 @@ class GamesOnOneMap:
     def do_deeds(self, games: IntArray, part: int) -> IntArray:
         """Call the rules of the phase "deeds"; return the games in which roads were closed or opened."""
         roads = self.state.roads
-        before = [roads.get_map(game) for game in games.tolist()]
+        before = roads.number[games]
         lived = self.state.alive[games]
         for named in self.plan.list_rules("deeds"):
             self.call(named, games, part)
@@ -602,8 +602,8 @@ class GamesOnOneMap:
         if self.state.flights is not None:
             are_put = (self.state.node[games] != self._block.start[games]) & (self.core.part_of == part)
             self.state.flights.cancel(flatten(games, np.int64), get_memory(are_put), are_put.shape[1])
-        are_other = [roads.get_map(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
-        return games[np.array(are_other, np.bool_)]
+        changed: IntArray = games[roads.number[games] != before]
+        return changed
 
     def cut_off(self, changed: IntArray, part: int) -> None:
         """Keep agents in place whose path was closed in these games."""
@@ -1165,8 +1165,10 @@ class BatchEngine(TurnDriver):
     def run_after_moves(self) -> int:
         """Call rules and collectors in the games that have moved."""
         for one, games in self._select_maps(self._now.playing):
+            before = one.state.roads.number[games]
             for named in one.core.play_rules(games):
                 one.call(named, games)
+            one.leave_closed_edges(games[one.state.roads.number[games] != before])
             if one.cursor is not None:
                 one.cursor.collect(games)
         if self._radio is not None:

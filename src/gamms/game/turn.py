@@ -576,7 +576,11 @@ class TurnEngine(GameTurn):
         began = perf_counter()
         begun = self.begun
         self.begun = None
+        has_left = begun is not None and begun.collects  # the batch, after rules that may have closed edges
+        revision = None if has_left else self._ctx.graph.graph.revision
         self.rules.apply(phase, self.state, begun)
+        if phase == "after" and self._ctx.graph.graph.revision != revision:
+            self._leave_closed_edges(self.get_order(), range(len(self.get_order().slots)))
         self.state.timings["rules"] += perf_counter() - began
 
     def _do_deeds(self, turn: TurnMoves, number: int) -> None:
@@ -783,7 +787,7 @@ class TurnEngine(GameTurn):
         self.under_way = None
         self._departure_before = self._ctx.agent.storage.last_departure
         if under_way is None:
-            self._leave_closed_edges(order, part)
+            self._leave_closed_edges(order, part.select_present(part.paced))
         elif not order.index_of.keys() >= {*under_way.names}:
             self._departure_before = None
             self._refuse_deletion()
@@ -958,15 +962,15 @@ class TurnEngine(GameTurn):
             rows = order.selection.rows
             self.near.learn([order.block.get_node(rows[i]) for i in part.select_present(part.asked)])
 
-    def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
-        """Move agents on removed edges to the node that they passed last."""
+    def _leave_closed_edges(self, order: TurnOrder, indices: Iterable[int]) -> None:
+        """Move agents of some slots that are on removed edges to the nodes that they passed last."""
         block = self._ctx.agent.block
         travel = self.legality.travel
         if not block.travellers:
             return
         roads = travel.roads
         rows = order.selection.rows
-        for i in [i for i in part.select_present(part.paced) if rows[i] in block.travellers]:
+        for i in [i for i in indices if rows[i] in block.travellers and block.alive[rows[i]]]:
             slot = order.slots[i]
             place = block.get_edge_position(slot.row) if slot.travels else None
             if place is not None and roads.get_row_of_edge(place.edge) is None:
