@@ -454,10 +454,15 @@ _FINER_UNITS = (("milliseconds", 1e14, "1,000"), ("microseconds", 1e17, "1,000,0
 _LATEST_S = 1e11  # seconds since 1970 in the year 5138; milliseconds since 1970 are more from 1973 on
 
 
+def is_finer_time(seconds: float) -> bool:
+    """Return whether a time is too large for seconds since 1970, because it has a finer unit."""
+    return abs(seconds) >= _LATEST_S
+
+
 def refuse_finer_time(seconds: float, name: str) -> None:
     """Refuse a time that is too large for seconds since 1970, because it has a finer unit (BadValue)."""
     for unit, most, divisor in _FINER_UNITS:
-        if _LATEST_S <= abs(seconds) < most:
+        if is_finer_time(seconds) and abs(seconds) < most:
             raise BadValue(
                 f"{name} is {seconds:.0f}, which is no number of seconds since 1970; it may be {unit}. Divide times by "
                 f"{divisor}, or write them like 2025-06-15T15:06:40Z."

@@ -7,6 +7,7 @@ from collections import Counter, deque
 from collections.abc import AsyncIterable, Callable, Iterable, Mapping
 from typing import Any, NamedTuple, Self
 
+from gamms.arguments import is_finer_time
 from gamms.bridge.lines import Fix, as_fix
 from gamms.clocks import Clock, as_clock
 from gamms.errors import BadType, BadValue
@@ -39,7 +40,7 @@ class Feed(NotPickled):
         send: takes messages for the robot; None: the robot gets no messages.
 
     Attributes:
-        counts: "received", "bad" (no position), "dropped" (fixes came faster than they were taken).
+        counts: "received", "bad" (no position, or a time in milliseconds), "dropped" (fixes came faster than they were taken).
     """
 
     _not_pickled = (
@@ -71,7 +72,7 @@ class Feed(NotPickled):
         received = ReceivedFix(as_fix(fix), self.clock.now())
         with self._lock:
             self.counts["received"] += 1
-            if received.fix.flaw is not None:
+            if received.fix.flaw is not None or is_finer_time(received.fix.t or 0.0):
                 self.counts["bad"] += 1
                 return
             if len(self._waiting) == self._waiting.maxlen:

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Union
 import msgspec
 import msgspec.structs
 
-from gamms.arguments import as_float, refuse_finer_time
+from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, nearest
 from gamms.text import shown
 
@@ -28,8 +28,7 @@ class Fix(msgspec.Struct, frozen=True, tag="fix", tag_field="type"):
     """A measured position of a robot.
 
     Attributes:
-        t: the time of the measurement, seconds by the clock of the sender, since 1970 or another moment; None: the time
-            of arrival. A time in milliseconds since 1970 is a flaw.
+        t: the time of the measurement, seconds by the clock of the sender; None: the time of arrival.
         lat, lon: degrees (WGS84); or
         x, y: map units.
         heading: degrees clockwise from north; None: unknown.
@@ -48,14 +47,10 @@ class Fix(msgspec.Struct, frozen=True, tag="fix", tag_field="type"):
 
     @property
     def flaw(self) -> str | None:
-        """The reason why the numbers are not a position at a time; None: they are."""
+        """The reason why the numbers are not a position; None: they are."""
         given = [value for name in _NUMBERS if (value := getattr(self, name)) is not None]
         if not all(map(isfinite, given)):
             return "a number is NaN or infinite"
-        try:
-            refuse_finer_time(self.t or 0.0, "t")
-        except BadValue as error:
-            return str(error)
         if self.x is not None and self.y is not None:
             return None if abs(self.x) <= _FAR and abs(self.y) <= _FAR else "x or y is beyond any map"
         if self.lat is None or self.lon is None:

@@ -245,8 +245,7 @@ class GamesOnOneMap:
             is_given: whether actions come from outside.
             is_single: whether one game plays: it is taken back only if the turn is not counted.
         """
-        array_rules = [one for one in self.plan.rules if one.spec.is_array_function]
-        if any(not is_single or one.phase != "after" for one in array_rules):
+        if any(one.spec.is_array_function and one.phase != "after" for one in self.plan.rules):
             return True
         may_raise = len(self.plan.groups) > 0 or self.state.radio is not None
         may_raise_later = (may_raise and self.core.num_parts > 1) or self.is_asking_at_arrivals(is_given=is_given)
