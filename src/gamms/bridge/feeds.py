@@ -40,7 +40,8 @@ class Feed(NotPickled):
         send: takes messages for the robot; None: the robot gets no messages.
 
     Attributes:
-        counts: "received", "bad" (no position, or a time in milliseconds), "dropped" (fixes came faster than they were taken).
+        counts: "received", "bad" (no position, or a time in milliseconds), "dropped" (fixes came faster than they were
+            taken).
     """
 
     _not_pickled = (

@@ -488,7 +488,7 @@ class Game(Surface, RuleVerbs):
             collected=self._collectors.get_tables(),
             **over,
         )
-        found.make_later(self._summarize_later())
+        found._make_later(self._summarize_later())
         return found
 
     def _summarize_later(self) -> Callable[[], dict[str, Any]]:

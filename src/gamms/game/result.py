@@ -91,18 +91,20 @@ class Result(Surface):
     collected: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
-    def make_later(self, make: Callable[[], Mapping[str, Any]]) -> None:
+    def _make_later(self, make: Callable[[], Mapping[str, Any]]) -> None:
         """Set `agents` and `provenance` when one of them is read first, to what the function returns."""
         del self.agents
         del self.provenance
         self._make = make
 
-    def __getattr__(self, name: str) -> Any:
-        make = vars(self).pop("_make", None)
-        if make is None:
-            return super().__getattr__(name)
-        vars(self).update(make())
-        return getattr(self, name)
+    if not TYPE_CHECKING:  # type checkers know the attributes
+
+        def __getattr__(self, name: str) -> Any:
+            make = vars(self).pop("_make", None)
+            if make is None:
+                return super().__getattr__(name)
+            vars(self).update(make())
+            return getattr(self, name)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all attributes, also those that are made when they are read first."""
