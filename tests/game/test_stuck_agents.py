@@ -126,3 +126,28 @@ def test_an_environment_names_learners_that_cannot_move(game, said):
     env.close()
     (line,) = said()
     assert line.startswith(START.format("'anna' (no open edge leads away from node 20)"))
+
+
+def test_an_agent_that_only_one_seed_lets_begin_on_a_lone_node_is_named(roads, tmp_path, said):
+    roads.graph.save(tmp_path / "roads.gamms")
+
+    def make():
+        teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}}
+        return scenario.Scenario(map={"file": "roads.gamms"}, teams=teams, max_turns=2, folder=tmp_path)
+
+    ends = {seed: make().play(seed=seed).agents["red_0"]["node"] for seed in range(12)}
+    free, stuck = (next(seed for seed, node in ends.items() if (node == 20) == is_stuck) for is_stuck in (False, True))
+    said_before = len(said())
+    with make().batch(seeds=[free, stuck]) as games:
+        games.run()
+        games.run()
+    (line,) = said()[said_before:]
+    why = f"no open edge leads away from node 20, where the seed {stuck} lets it begin"
+    assert line.startswith(START.format(f"'red_0' ({why})"))
+
+
+def test_no_agent_is_named_where_every_node_is_legal(roads, heard):
+    roads.game.legal = "any"
+    roads.agent.create_agent("anna", start_node_id=20, strategy=random_walk)
+    roads.game.run(1)
+    assert heard == []

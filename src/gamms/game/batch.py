@@ -460,7 +460,7 @@ class Batch(Surface, Immutable, NotPickled):
             raise BadValue("These games have no rule that could end them: give run(max_turns=…) or add a rule.")
         if as_bool(warn, "warn"):
             game.internals.warn_of_idle_teams()
-            game.internals.warn_of_stuck_agents()
+            self._warn_of_stuck_agents()
             self._say_what_is_slow()
         with self._lock_for_playing(), progress_line() as line:
             show = line if is_shown else None
@@ -539,6 +539,17 @@ class Batch(Surface, Immutable, NotPickled):
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())
         show(f"{over} of {len(self)} games over, turn {int(self._engine.count_turns().max())}")
+
+    def _warn_of_stuck_agents(self) -> None:
+        """Log a warning with agents that cannot move from where they begin in some game."""
+        for number in self._engine.maps_in_use:
+            state = self._engine.get_map_state(number)
+            games = np.flatnonzero((self._source_of == number) & (state.turn == self._first_turn))
+            seeds = [self.seeds[game] for game in games.tolist()]
+            nodes = state.streets.ids(state.node[games]).T.tolist()
+            each = zip(state.roster.names, nodes, strict=True)
+            seeds_at = {name: dict(zip(starts, seeds, strict=True)) for name, starts in each if seeds}
+            self._sources[number].game.internals.warn_of_stuck_agents(seeds_at)
 
     def _say_what_is_slow(self) -> None:
         if self._is_said or self.slow is None:

@@ -400,15 +400,23 @@ _MOST_NAMED = 3  # agents, in a warning
 _IS_NAMED = ("agents that cannot move",)
 
 
-def warn_of_stuck_agents(ctx: HostContext, named: set[Hashable], *, has_learners: bool = False) -> None:
+def warn_of_stuck_agents(
+    ctx: HostContext,
+    named: set[Hashable],
+    seeds_at: Mapping[str, Mapping[int, int]] | None = None,
+    *,
+    has_learners: bool = False,
+) -> None:
     """Log a warning with agents that decide but cannot move on the map as it is, once.
 
     Args:
         ctx: the context.
         named: what was named before; this warning is added.
+        seeds_at: agent -> the nodes on which it begins in several games, each with the seed of a game; None: it is
+            where the context has it.
         has_learners: whether agents without a strategy get their actions from outside.
     """
-    found = [] if _IS_NAMED in named else [*_list_stuck_agents(ctx, has_learners), *_list_traps(ctx)]
+    found = [] if _IS_NAMED in named else [*_list_stuck_agents(ctx, seeds_at or {}, has_learners), *_list_traps(ctx)]
     if found:
         named.add(_IS_NAMED)
         more = f" and {len(found) - _MOST_NAMED:,} more" if len(found) > _MOST_NAMED else ""
@@ -419,7 +427,9 @@ def warn_of_stuck_agents(ctx: HostContext, named: set[Hashable], *, has_learners
         )
 
 
-def _list_stuck_agents(ctx: HostContext, has_learners: bool) -> Iterator[str]:
+def _list_stuck_agents(
+    ctx: HostContext, seeds_at: Mapping[str, Mapping[int, int]], has_learners: bool
+) -> Iterator[str]:
     block = ctx.agent.block
     columns = ctx.graph.columns()
     exits = {}  # mode -> ids of the nodes from which an edge leads away
@@ -436,9 +446,12 @@ def _list_stuck_agents(ctx: HostContext, has_learners: bool) -> Iterator[str]:
         if not (is_asked and block.alive[row]) or getattr(strategy, "__name__", "") == "stay":
             continue
         mode = block.modes[row]
-        if row not in flyers and node not in exits[mode]:
+        starts = seeds_at.get(name, {node: None})
+        stuck_at = [] if row in flyers or ctx.game.legal == "any" else [*starts.keys() - exits[mode]]
+        if stuck_at:
             whose = "" if mode is None else f" for its mode {split_mode(mode)[0]!r}"
-            yield f"{name!r} (no open edge{whose} leads away from node {node})"
+            when = "" if len(starts) == 1 else f", where the seed {starts[stuck_at[0]]} lets it begin"
+            yield f"{name!r} (no open edge{whose} leads away from node {stuck_at[0]}{when})"
         elif block.speed[row] == 0.0:
             yield f"{name!r} (its speed is 0)"
 

@@ -700,9 +700,11 @@ class GameInternals(ContextPart):
         decided = {team for team, strategy in zip(teams, strategies, strict=True) if strategy is not None}
         warn_of_idle(teams, decided.union(ctx.game.plans), self.named_idle, ctx.logger.warning)
 
-    def warn_of_stuck_agents(self, *, has_learners: bool = False) -> None:
+    def warn_of_stuck_agents(
+        self, seeds_at: Mapping[str, Mapping[int, int]] | None = None, *, has_learners: bool = False
+    ) -> None:
         """Log a warning that names agents which decide but cannot move, once; see there."""
-        warn_of_stuck_agents(self._parts.ctx, self.named_idle, has_learners=has_learners)
+        warn_of_stuck_agents(self._parts.ctx, self.named_idle, seeds_at, has_learners=has_learners)
 
     @property
     def parts(self) -> SnapshotTaker:
