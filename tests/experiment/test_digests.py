@@ -1,6 +1,7 @@
 import logging
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -24,6 +25,11 @@ STAY = "def act(state):\n    state['action'] = state['curr_pos']\n"
 MOVE = "def act(state):\n    state['action'] = state['legal'][-1]\n"
 LAZY = "def go(state):\n    from .{} import act\n\n    act(state)\n"
 READER = "from pathlib import Path\n\ndef go(state):\n    Path(__file__).with_name('p.txt').read_text()\n"
+
+AT_IMPORT = (
+    "from pathlib import Path\n\nRULE = Path(__file__).with_name('p.txt').read_text()\n\n"
+    "def go(state):\n    state['action'] = eval(RULE)\n"
+)
 
 
 @pytest.fixture
@@ -59,6 +65,22 @@ def test_a_scenario_that_was_loaded_before_its_code_changed_plays_the_code_of_it
     assert [row["moves.red"] for row in experiment.run(game, range(2))] == [0, 0]
     (folder / "helper.py").write_text(MOVE)
     assert [row["moves.red"] for row in experiment.run(game, range(2))] == [3, 3]
+
+
+def test_an_executor_that_has_played_older_code_plays_the_code_of_the_rows(folder):
+    with ThreadPoolExecutor(1) as executor:
+        assert [row["moves.red"] for row in play(folder, executor=executor)] == [0, 0]
+        (folder / "helper.py").write_text(MOVE)
+        assert [row["moves.red"] for row in play(folder, executor=executor)] == [3, 3]
+
+
+def test_declared_files_that_code_reads_at_its_import_are_read_again(folder):
+    (folder / "players.py").write_text(AT_IMPORT)
+    (folder / "g.yaml").write_text(f"{GAME}\nfiles: [p.txt]\n")
+    (folder / "p.txt").write_text("state['curr_pos']")
+    assert [row["moves.red"] for row in play(folder)] == [0, 0]
+    (folder / "p.txt").write_text("state['legal'][-1]")
+    assert [row["moves.red"] for row in play(folder)] == [3, 3]
 
 
 @pytest.mark.parametrize("name", [".hidden", "env", "results"])
