@@ -185,6 +185,37 @@ def test_functions_count_by_code_defaults_and_all_values_that_they_use():
     assert hash_function(make_closure(sys.stdout))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import functools, json\n@functools.wraps(json.dumps)\ndef f(s): return VALUE",
+        "import functools\nfrom gamms import strategies\n@functools.wraps(strategies.stay)\ndef f(s): return VALUE",
+        "def g(*a): return a\ndef h(a): return a\nk = [g, h][VALUE - 1]\ndef f(s): return k(s)",
+        "import collections\nk = collections.deque([VALUE])\ndef f(s): return k",
+        "class A(list): pass\nk = A([VALUE])\ndef f(s): return k",
+        "class A(float):\n  def act(self): return VALUE\nk = A(1)\ndef f(s): return k.act()",
+        "import enum\nclass A(enum.IntEnum):\n  X = 1\n  def act(self): return VALUE\ndef f(s, k=A.X): return k",
+        "class A(tuple):\n  def __new__(cls): return (VALUE,)\ndef f(s): return A()",
+    ],
+)
+def test_wrappers_signatures_and_values_of_all_kinds_count(text):
+    first, second, again = (hash_function(make_function(text.replace("VALUE", value))) for value in "121")
+    assert first == again != second
+
+
+def test_functions_of_a_program_that_an_installed_tool_runs_count_by_their_code(monkeypatch):
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "/lib/site-packages/tool/__main__.py")
+    assert hash_function(make_function("def f(s): return 1")) != hash_function(make_function("def f(s): return 2"))
+
+
+def test_values_that_are_nested_too_deeply_are_refused_in_a_sentence():
+    chain = []
+    for _ in range(3_000):
+        chain = [chain]
+    with pytest.raises(BadValue, match="nested too deeply for a digest"):
+        hash_function(make_closure(chain))
+
+
 def test_functions_that_gamms_makes_count_by_what_they_hold_and_files_by_their_content(tmp_path):
     made = [hash_function(strategies.pool([make_closure(value)])) for value in (1, 2, 2)]
     assert made[0] != made[1] == made[2]
