@@ -338,11 +338,11 @@ def _list_parts(value: Any) -> Iterable[Any]:
         return chain.from_iterable(value.items())
     if isinstance(value, (FunctionType, ModuleType, type)):
         return _list_parts_of_code(value)
-    if hasattr(value, "requires_grad"):  # a tensor
-        value = value.detach().cpu().numpy()
-    with suppress(Exception):  # of code that makes values picklable
-        if kind in _PARTS:
-            return [getattr(value, name) for name in _PARTS[kind]]
+    if kind in _PARTS:
+        return [getattr(value, name, None) for name in _PARTS[kind]]  # an empty cell has no contents
+    with suppress(Exception):  # of attributes that are made when they are read, and of code that makes values picklable
+        if hasattr(kind, "requires_grad"):  # a tensor
+            value = value.detach().cpu().numpy()
         reduced = value.__reduce_ex__(4)  # which may have iterators over the items
         return reduced, getattr(value, "__wrapped__", None), *map(list, filter(None, reduced[3:5]))
     return ()
@@ -350,7 +350,8 @@ def _list_parts(value: Any) -> Iterable[Any]:
 
 def _list_parts_of_code(value: FunctionType | ModuleType | type) -> Iterable[Any]:
     """Return what makes up a function, class or module; the name of one that versions of packages determine."""
-    module = getattr(value, "__globals__", {}).get("__name__") or getattr(value, "__module__", None) or value.__name__
+    of_code = getattr(value, "__globals__", {}).get("__name__")
+    module = str(of_code or getattr(value, "__module__", None) or value.__name__)
     file = getattr(sys.modules.get(module), "__file__", None) or ""
     if module.partition(".")[0] in _VERSIONED or (
         module != "__main__" and not _INSTALLED.isdisjoint(Path(file).parts)  # an installed tool may run a program
