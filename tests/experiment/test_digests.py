@@ -1,6 +1,7 @@
 import logging
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -24,6 +25,11 @@ STAY = "def act(state):\n    state['action'] = state['curr_pos']\n"
 MOVE = "def act(state):\n    state['action'] = state['legal'][-1]\n"
 LAZY = "def go(state):\n    from .{} import act\n\n    act(state)\n"
 READER = "from pathlib import Path\n\ndef go(state):\n    Path(__file__).with_name('p.txt').read_text()\n"
+
+AT_IMPORT = (
+    "from pathlib import Path\n\nRULE = Path(__file__).with_name('p.txt').read_text()\n\n"
+    "def go(state):\n    state['action'] = eval(RULE)\n"
+)
 
 
 @pytest.fixture
@@ -59,6 +65,22 @@ def test_a_scenario_that_was_loaded_before_its_code_changed_plays_the_code_of_it
     assert [row["moves.red"] for row in experiment.run(game, range(2))] == [0, 0]
     (folder / "helper.py").write_text(MOVE)
     assert [row["moves.red"] for row in experiment.run(game, range(2))] == [3, 3]
+
+
+def test_an_executor_that_has_played_older_code_plays_the_code_of_the_rows(folder):
+    with ThreadPoolExecutor(1) as executor:
+        assert [row["moves.red"] for row in play(folder, executor=executor)] == [0, 0]
+        (folder / "helper.py").write_text(MOVE)
+        assert [row["moves.red"] for row in play(folder, executor=executor)] == [3, 3]
+
+
+def test_declared_files_that_code_reads_at_its_import_are_read_again(folder):
+    (folder / "players.py").write_text(AT_IMPORT)
+    (folder / "g.yaml").write_text(f"{GAME}\nfiles: [p.txt]\n")
+    (folder / "p.txt").write_text("state['curr_pos']")
+    assert [row["moves.red"] for row in play(folder)] == [0, 0]
+    (folder / "p.txt").write_text("state['legal'][-1]")
+    assert [row["moves.red"] for row in play(folder)] == [3, 3]
 
 
 @pytest.mark.parametrize("name", [".hidden", "env", "results"])
@@ -161,6 +183,37 @@ def test_functions_count_by_code_defaults_and_all_values_that_they_use():
     assert found[: len(texts)] == [hash_function(make_function(text, K=1)) for text in texts]
     assert hash_function(make_closure(iter("ab")))
     assert hash_function(make_closure(sys.stdout))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import functools, json\n@functools.wraps(json.dumps)\ndef f(s): return VALUE",
+        "import functools\nfrom gamms import strategies\n@functools.wraps(strategies.stay)\ndef f(s): return VALUE",
+        "def g(*a): return a\ndef h(a): return a\nk = [g, h][VALUE - 1]\ndef f(s): return k(s)",
+        "import collections\nk = collections.deque([VALUE])\ndef f(s): return k",
+        "class A(list): pass\nk = A([VALUE])\ndef f(s): return k",
+        "class A(float):\n  def act(self): return VALUE\nk = A(1)\ndef f(s): return k.act()",
+        "import enum\nclass A(enum.IntEnum):\n  X = 1\n  def act(self): return VALUE\ndef f(s, k=A.X): return k",
+        "class A(tuple):\n  def __new__(cls): return (VALUE,)\ndef f(s): return A()",
+    ],
+)
+def test_wrappers_signatures_and_values_of_all_kinds_count(text):
+    first, second, again = (hash_function(make_function(text.replace("VALUE", value))) for value in "121")
+    assert first == again != second
+
+
+def test_functions_of_a_program_that_an_installed_tool_runs_count_by_their_code(monkeypatch):
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "/lib/site-packages/tool/__main__.py")
+    assert hash_function(make_function("def f(s): return 1")) != hash_function(make_function("def f(s): return 2"))
+
+
+def test_values_that_are_nested_too_deeply_are_refused_in_a_sentence():
+    chain = []
+    for _ in range(3_000):
+        chain = [chain]
+    with pytest.raises(BadValue, match="nested too deeply for a digest"):
+        hash_function(make_closure(chain))
 
 
 def test_functions_that_gamms_makes_count_by_what_they_hold_and_files_by_their_content(tmp_path):

@@ -30,13 +30,14 @@ class ExperimentSettings(NamedTuple):
         scenario: the scenario, without the changes of variants.
         collect: name -> function of the result of a game.
         max_memory: the bytes of memory that a step may take.
-        code: the files of code in the folder of the scenario that the digests of rows cover.
+        code: the files of code in the folder of the scenario that the digests of rows cover, and their SHA-256, by
+            which a worker knows that they have changed.
     """
 
     scenario: Scenario
     collect: dict[str, Callable[[Result], Any]]
     max_memory: int
-    code: frozenset[str]
+    code: Mapping[str, str]
 
 
 class Task(NamedTuple):

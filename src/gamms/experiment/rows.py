@@ -441,7 +441,7 @@ class Rows(Sequence[Row]):
     def _play_row(self, id: str) -> tuple[Row, list[SeriesLine]]:
         """Play the game of a row again; return its row without the columns of the plan, and its collected values."""
         scenario, seed, strategies = self._find_game(id)
-        code = frozenset(hash_code(scenario.folder))
+        code = hash_code(scenario.folder)
         settings = ExperimentSettings(scenario, {}, max_memory(), code)
         played = VariantPlayer(settings, Variant({}, {}, dict(strategies))).play([seed])
         return played.rows[0], [*list_series_lines(id, played.series[0])]

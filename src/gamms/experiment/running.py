@@ -50,6 +50,7 @@ from gamms.progress import Show
 from gamms.progress import show_progress as progress_line
 from gamms.scenario import Scenario
 from gamms.scenario import load as load_scenario
+from gamms.scenario.code import forget_modules
 from gamms.scenario.scenario import from_plain
 from gamms.text import make_printable_line, remove_addresses, shown
 from gamms.versions import versions
@@ -231,7 +232,10 @@ def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
 
 
 def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collect: object) -> _GamePlan:
-    base = _as_scenario(scenario).replace()  # type: ignore[arg-type] # which is checked there; with the code of now
+    given = _as_scenario(scenario)  # type: ignore[arg-type] # which is checked there
+    if given.spec.files and given.folder:
+        forget_modules(given.folder)  # which may have read these files
+    base = given.replace()  # with the code of now
     if isinstance(seeds, int):
         raise BadType(f"seeds must be integers: [{seeds}] for the one seed, range({max(seeds, 2)}) for the first ones.")
     chosen = as_ids(seeds, "seeds")
@@ -382,7 +386,7 @@ class _Runner:
 
     def _make_settings(self) -> ExperimentSettings:
         plan = self._plan
-        return ExperimentSettings(plan.scenario, plan.collect, max_memory(), frozenset(plan.code))
+        return ExperimentSettings(plan.scenario, plan.collect, max_memory(), plan.code)
 
     def _make_pool(self, *, is_fresh: bool = False) -> WorkerPool:
         pool = WorkerPool(1 if is_fresh else self._workers or count_cores(), is_fresh=is_fresh)

@@ -41,7 +41,7 @@ _NO_CODE = {"pyvenv.cfg", "conda-meta", "experiment.json"}  # in environments an
 _INSTALLED = {"site-packages", "dist-packages"}
 _VERSIONED = {"gamms", *sys.stdlib_module_names}
 _PARTS: Mapping[type, Sequence[str]] = {  # attributes that make up values which cannot be pickled
-    CodeType: ("co_code", "co_consts", "co_names", "co_varnames"),
+    CodeType: ("co_code", "co_consts", "co_names", "co_varnames", "co_argcount"),
     CellType: ("cell_contents",),
     property: ("fget", "fset", "fdel"),
     staticmethod: ("__func__",),
@@ -294,8 +294,17 @@ def hash_function(function: Function) -> str:
 
     Functions of installed packages count by their names and what they close over, and paths of files by the content.
     Values that cannot be pickled count by their types.
+
+    Raises:
+        BadValue: the values that it uses are nested too deeply.
     """
-    return hash_value(_describe(function, {}))
+    try:
+        return hash_value(_describe(function, {}))
+    except RecursionError:
+        raise BadValue(
+            "A function of the experiment uses values that are nested too deeply for a digest, such as a long chain of "
+            "objects: hold them in a list, and let them refer to each other by their places there."
+        ) from None
 
 
 def _describe(value: object, seen: dict[int, Any]) -> Plain:
@@ -305,7 +314,7 @@ def _describe(value: object, seen: dict[int, Any]) -> Plain:
         value: any value.
         seen: id -> number and value, of those that were described before.
     """
-    if value is None or isinstance(value, (bool, int, float, str)):
+    if value is None or type(value) in (bool, int, float, str):
         return repr(value)
     if isinstance(value, Path) and value.is_file():  # such as that of a saved policy
         return _hash_file(value)
@@ -329,26 +338,31 @@ def _list_parts(value: Any) -> Iterable[Any]:
         return chain.from_iterable(value.items())
     if isinstance(value, (FunctionType, ModuleType, type)):
         return _list_parts_of_code(value)
-    if hasattr(value, "requires_grad"):  # a tensor
-        value = value.detach().cpu().numpy()
-    with suppress(Exception):  # of code that makes values picklable
-        if kind in _PARTS:
-            return [getattr(value, name) for name in _PARTS[kind]]
-        return value.__reduce_ex__(4), getattr(value, "__wrapped__", None)
+    if kind in _PARTS:
+        return [getattr(value, name, None) for name in _PARTS[kind]]  # an empty cell has no contents
+    with suppress(Exception):  # of attributes that are made when they are read, and of code that makes values picklable
+        if hasattr(kind, "requires_grad"):  # a tensor
+            value = value.detach().cpu().numpy()
+        reduced = value.__reduce_ex__(4)  # which may have iterators over the items
+        return reduced, getattr(value, "__wrapped__", None), *map(list, filter(None, reduced[3:5]))
     return ()
 
 
 def _list_parts_of_code(value: FunctionType | ModuleType | type) -> Iterable[Any]:
     """Return what makes up a function, class or module; the name of one that versions of packages determine."""
-    module = getattr(value, "__module__", None) or value.__name__
+    of_code = getattr(value, "__globals__", {}).get("__name__")
+    module = str(of_code or getattr(value, "__module__", None) or value.__name__)
     file = getattr(sys.modules.get(module), "__file__", None) or ""
-    if module.partition(".")[0] in _VERSIONED or not _INSTALLED.isdisjoint(Path(file).parts):
+    if module.partition(".")[0] in _VERSIONED or (
+        module != "__main__" and not _INSTALLED.isdisjoint(Path(file).parts)  # an installed tool may run a program
+    ):
         return module, getattr(value, "__qualname__", ""), getattr(value, "__closure__", None)
     if isinstance(value, FunctionType):
         known = value.__globals__
         used = {name: known[name] for name in _list_names(value.__code__) if name in known}
         return *(getattr(value, name) for name in _OF_FUNCTION), used
-    members = {name: one for name, one in vars(value).items() if name[:2] != "__" or isinstance(one, FunctionType)}
+    made = (FunctionType, staticmethod, classmethod)
+    members = {name: one for name, one in vars(value).items() if name[:2] != "__" or isinstance(one, made)}
     return getattr(value, "__bases__", ()), members
 
 

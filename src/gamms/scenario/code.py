@@ -504,11 +504,8 @@ def _import_privately(found: CodeReference, folder: Path) -> ModuleType:
     """Import a module of a scenario's folder under a private name, again if a file has changed."""
     folder = folder.resolve()
     package = name_private_package(folder)
-    stamps = _stamps.setdefault(package, {})
-    if stamps != _read_stamps(package):
-        for name in [name for name in sys.modules if name.partition(".")[0] == package]:
-            del sys.modules[name]
-        stamps.clear()
+    if _stamps.get(package) != _read_stamps(package):
+        forget_modules(folder)
     if package not in sys.modules:
         sys.modules[package] = ModuleType(package)
         sys.modules[package].__path__ = [str(folder)]
@@ -519,8 +516,15 @@ def _import_privately(found: CodeReference, folder: Path) -> ModuleType:
         module = importlib.import_module(f"{package}.{found.module}")
     finally:
         sys.dont_write_bytecode = before
-    stamps.update(_read_stamps(package))
+    _stamps[package] = _read_stamps(package)
     return module
+
+
+def forget_modules(folder: Path) -> None:
+    """Let the modules of a folder be imported again when they are used next."""
+    package = name_private_package(folder)
+    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+        del sys.modules[name]
 
 
 def _read_stamps(package: str) -> dict[str, tuple[int, int]]:
