@@ -577,11 +577,15 @@ class TurnEngine(GameTurn):
         begun = self.begun
         self.begun = None
         has_left = begun is not None and begun.collects  # the batch, after rules that may have closed edges
-        revision = None if has_left else self._ctx.graph.graph.revision
+        revision = -1 if has_left else self._get_revision()
         self.rules.apply(phase, self.state, begun)
-        if phase == "after" and self._ctx.graph.graph.revision != revision:
+        if phase == "after" and self._get_revision() not in (None, revision):
             self._leave_closed_edges(self.get_order(), range(len(self.get_order().slots)))
         self.state.timings["rules"] += perf_counter() - began
+
+    def _get_revision(self) -> int | None:
+        """Return the revision of the map; None: it is unknown, or the context has ended."""
+        return None if self._ctx.is_terminated() else self._ctx.graph.graph.revision
 
     def _do_deeds(self, turn: TurnMoves, number: int) -> None:
         """Call the rules that refuse moves and deeds, log the remaining deeds, and call the rules that execute deeds.
