@@ -26,7 +26,6 @@ EYES = {
     "next": {"type": "NEIGHBOR"},
     "below": {"type": "AERIAL_AGENT", "sensor_range": 30.0, "fov": 2.5},
 }
-ONE_ORDER = "the games of a batch share one order of names, until each row has its own"
 
 
 class Golden(NamedTuple):
@@ -35,13 +34,11 @@ class Golden(NamedTuple):
     Attributes:
         num_games: the number of games whose results are kept, with the seeds 0, 1, 2, …
         most_agents: see `Scenario.batch`.
-        differs_in: why many games of a batch differ from the games alone; "": they do not.
     """
 
     scenario: Scenario
     num_games: int = 2
     most_agents: dict | None = None
-    differs_in: str = ""
 
 
 def make(rules, red=2, blue=2, max_turns=8, red_strategy=WALK, blue_strategy=EXPLORE, **more):
@@ -90,7 +87,7 @@ def list_games():
             40,
         ),
         "births_with_sensors": Golden(make([call("give_birth", sensors=True), buried, TAG]), 40),
-        "reserved_rows": Golden(make([call("reinforce"), TAG, BACK]), 300, {"red": ["red_9"]}, ONE_ORDER),
+        "reserved_rows": Golden(make([call("reinforce"), TAG, BACK]), 300, {"red": ["red_9"]}),
         "deleted_carriers": Golden(make([FLAGS, call("delete_carrier")], max_turns=12), 40),
         "deeds_that_last": Golden(
             make([TAG, BACK], red_strategy="functions:work", settings={"deeds": deeds}, max_turns=12), 40

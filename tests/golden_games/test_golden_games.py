@@ -78,14 +78,7 @@ def test_two_games_in_a_batch_are_the_games_alone_and_so_is_the_recording(name, 
     assert_same_recording((tmp_path / "game.ggr").read_bytes(), name)
 
 
-MANY = [
-    pytest.param(name, marks=pytest.mark.xfail(reason=golden.differs_in) if golden.differs_in else ())
-    for name, golden in GAMES.items()
-    if golden.num_games >= 16
-]
-
-
-@pytest.mark.parametrize("name", MANY)
+@pytest.mark.parametrize("name", [name for name, golden in GAMES.items() if golden.num_games >= 16])
 def test_each_of_many_games_in_a_batch_is_the_game_alone(name):
     golden = GAMES[name]
     with golden.scenario.batch(golden.num_games, most_agents=golden.most_agents) as games:

@@ -222,3 +222,30 @@ def test_a_function_that_says_who_is_on_a_side_may_not_create_agents(road):
     ctx.game.add(tag(is_red, "blue"))
     with pytest.raises(IllegalMutation, match="created or deleted agents"):
         ctx.game.step()
+
+
+def test_an_agent_that_comes_again_and_is_put_out_at_once_misses_its_turns(road):
+    ctx = road(a=("red", 1, 1), b=("blue", 3, 3))
+
+    def change(ctx):
+        turn = ctx.game.turn
+        if turn in (1, 4):
+            ctx.game.eliminate("a")
+        elif turn == 2:
+            ctx.agent.delete_agent("a")
+        elif turn == 3:
+            ctx.agent.create_agent("a", start_node_id=1, team="red")
+            ctx.game.eliminate("a")
+
+    ctx.game.add(change)
+    ctx.game.add(respawn(after=2))
+    with ctx.game.batch(2, most_agents={"red": ["c"]}) as games:
+        games.run(6)
+        found = [games.result(number).events for number in range(2)]
+    ctx.game.run(6)
+    assert found == [ctx.game.events] * 2
+    assert [(event["turn"], event["kind"]) for event in ctx.game.events] == [
+        (1, "eliminated"),
+        (3, "eliminated"),
+        (5, "respawned"),
+    ]

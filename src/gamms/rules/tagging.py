@@ -203,10 +203,9 @@ def respawn(
         return {"out": roster.column(known.get("out", {}), -1), "times": roster.column(known.get("times", {}), 0)}
 
     def show(state: dict[str, Any], kept: Arrays, names: Sequence[str], returned: Iterable[str] = ()) -> None:
-        deleted = {name: turn for name, turn in state["out"].items() if name not in names}
         times = _name_values(kept["times"], names, 0)
         state["times"] |= {name: times[name] for name in dict.fromkeys((*returned, *times)) if name in times}
-        state["out"] = {**deleted, **_name_values(kept["out"], names, -1)}
+        state["out"] = _name_values(kept["out"], names, -1)
 
     def show_arrays(ctx: Context, state: GameArrays | GameRow, events: list[dict[str, Any]], _: int | None) -> None:
         known = get_state(ctx, "respawns", key, {"out": {}, "times": {}})
