@@ -5,6 +5,7 @@ import json
 import pickle
 import re
 import sys
+import threading
 import time
 from fractions import Fraction
 
@@ -305,3 +306,35 @@ def test_a_result_that_is_read_later_tells_of_the_turn_in_which_it_was_made(ctx,
         assert one.provenance["strategies"].keys() == {"a", "b"}
         assert one.provenance["strategies"]["a"]
     assert result == copies[0]
+
+
+def test_a_result_keeps_what_is_set_before_the_rest_is_made(ctx):
+    result = ctx.game.run(1)
+    result.agents = {"mine": {}}
+    assert result.provenance["strategies"] == {}
+    assert result.agents == {"mine": {}}
+
+
+def test_threads_may_read_a_result_first_at_once_and_after_an_error(ctx):
+    result, found, are_in = ctx.game.run(1), [], threading.Barrier(2)
+    made = vars(result)["_make"]
+
+    def make():
+        are_in.wait(timeout=60)  # both have found that nothing is made
+        return made()
+
+    def fail():
+        raise KeyboardInterrupt
+
+    vars(result)["_make"] = fail
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            _ = result.agents
+    vars(result)["_make"] = make
+    threads = [threading.Thread(target=lambda: found.append(result.agents), daemon=True) for _ in range(2)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert len(found) == 2
+    assert found[0] is found[1]

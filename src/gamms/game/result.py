@@ -100,11 +100,11 @@ class Result(Surface):
     if not TYPE_CHECKING:  # type checkers know the attributes
 
         def __getattr__(self, name: str) -> Any:
-            make = vars(self).pop("_make", None)
-            if make is None:
-                return super().__getattr__(name)
-            vars(self).update(make())
-            return getattr(self, name)
+            make = vars(self).get("_make")
+            for key, value in make().items() if make is not None else ():
+                vars(self).setdefault(key, value)  # others may have set it since
+            vars(self).pop("_make", None)
+            return vars(self)[name] if name in vars(self) else super().__getattr__(name)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all attributes, also those that are made when they are read first."""
