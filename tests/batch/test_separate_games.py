@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from batch_scenes import assert_as_alone, assert_as_shown, plain, scene
+from batch_scenes import assert_as_alone, assert_as_shown, check_games, plain, scene
 
 import gamms
 from gamms.errors import BadValue
@@ -1038,3 +1038,34 @@ def test_a_game_that_leaves_with_another_order_of_play_begins_it_in_the_next_tur
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert_as_alone(games, alone)
+
+
+def add_events(ctx):
+    """Add a rule that tells of each turn."""
+    ctx.game.add(lambda ctx: ctx.game.emit("told", at=[one.current_node_id for one in ctx.game.agents]))
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda ctx: setattr(ctx.game, "order", [["red"], ["blue"]]),
+        lambda ctx: setattr(ctx.game, "max_turns", 2),
+        lambda ctx: setattr(ctx.agent.get_agent("blue_0"), "speed", 2),
+        lambda ctx: ctx.game.collect("turn", lambda ctx: ctx.game.turn),
+        add_events,
+    ],
+)
+def test_a_game_leaves_whose_rule_replaces_an_agent_and_changes_settings_in_one_turn(change, phase):
+    with scene(red=1, blue=1, max_turns=4).build() as ctx:
+
+        def replace(ctx):
+            if ctx.seed != 1 and ctx.game.turn < 2 and not ctx.game.data:
+                ctx.game.data["is_done"] = True
+                ctx.agent.delete_agent("red_0")
+                ctx.agent.create_agent("red_0", start_node_id=7, team="red", strategy=gamms.strategies.random_walk)
+                change(ctx)
+
+        ctx.game.add(replace, phase=phase)
+        ctx.game.add(lambda ctx: ctx.game.emit("part"), phase="deeds")
+        check_games(ctx, 4)

@@ -1064,6 +1064,8 @@ class ShownGame(GamesInContext):
         self._pointed.shows_more = self._pointed.shows_more or is_other or have_changed or have_facts or rng is not None
         if self._pointed.map.count_changes() != self._pointed.map_changes:
             self._take_roads()  # before the agents, which may be on new nodes
+        if is_other and self._list_fixed_values() != self._fixed:
+            self.go_alone("changes settings, rules or collectors")
         block = self._take_agents(journal) if have_changed else self.block
         if self._read:
             self._take_logs(self._read)
@@ -1071,8 +1073,6 @@ class ShownGame(GamesInContext):
             self._state.numbers[name][self._pointed.number, self._population.numbers] = getattr(block, name)
         if have_facts:
             self._take_facts()
-        if is_other and self._list_fixed_values() != self._fixed:
-            self.go_alone("changes settings, rules or collectors")
         if self.read_of_core:
             self.go_alone(self.read_of_core)
 
@@ -1156,28 +1156,30 @@ class ShownGame(GamesInContext):
     def _take_agents(self, journal: Journal) -> AgentBlock:
         """Store the changes of agents; return their block."""
         self._pointed.detach_agents()
-        changed = self._take_population() if self._pointed.has_other_agents() else None
-        self._take_changes(journal, changed)
+        are_others = self._pointed.has_other_agents()
+        kinds = {one[0] for one in journal.log if type(one) is tuple}
+        if AGENT_ATTRIBUTE in kinds:
+            self._attributes.keep(self.get_own_row())
+        if not kinds <= _CHANGING | (_EQUIPPING if are_others else set()):
+            self.go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
+        changed = self._take_population() if are_others else None  # now these are shown as in an earlier game
+        self._take_changes(journal, kinds, changed)
         return changed or self.block
 
-    def _take_changes(self, journal: Journal, changed: AgentBlock | None) -> None:
+    def _take_changes(self, journal: Journal, kinds: set[int], changed: AgentBlock | None) -> None:
         """Write the nodes of agents that were placed elsewhere, and which agents live.
 
         Args:
             journal: the changes that a function has made.
+            kinds: the kinds of these changes.
             changed: the agents, if it has created or deleted some; else None.
         """
         state = self._state
         number = self._pointed.number
         block = changed or self.block
-        kinds = {one[0] for one in journal.log if type(one) is tuple}
         progressed = [name for name in map(journal.names.__getitem__, journal.progressed) if name in block.rows]
         journal.log.clear()
         journal.progressed.clear()
-        if AGENT_ATTRIBUTE in kinds:
-            self._attributes.keep(self.get_own_row())
-        if not kinds <= _CHANGING | (_EQUIPPING if changed else set()):
-            self.go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._population.numbers
         for name in progressed:
             state.movement.clear(number, self.number_of[name])
