@@ -7,6 +7,7 @@ import re
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from fractions import Fraction
 
 import numpy as np
@@ -338,3 +339,15 @@ def test_threads_may_read_a_result_first_at_once_and_after_an_error(ctx):
         one.join()
     assert len(found) == 2
     assert found[0] is found[1]
+
+
+@pytest.mark.parametrize("per", ["game", "agent"])
+def test_a_collector_that_raises_leaves_no_part_of_a_row(ctx, play, per):
+    play("a", 0, 0, 0, 0, team="red")
+    ctx.game.collect("turns", lambda _: ctx.game.turn if ctx.game.turn != 2 else (one for one in ()), per=per)
+    for turn in range(1, 5):
+        with pytest.raises(TypeError, match="generator") if turn == 2 else nullcontext():
+            ctx.game.step()
+    table = ctx.game.result().table("turns")
+    assert table["turn"].tolist() == table["value"].tolist() == [1, 3, 4]
+    assert {len(column) for column in table.values()} == {3}

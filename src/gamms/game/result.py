@@ -565,10 +565,11 @@ class Collectors:
             if turn % every:
                 continue
             for agent in agents() if per == "agent" else (None,):
+                value = deepcopy(fn(ctx if agent is None else agent))
                 columns["turn"].append(turn)
                 if agent is not None:
                     columns["agent"].append(agent.name)
-                columns["value"].append(deepcopy(fn(ctx if agent is None else agent)))
+                columns["value"].append(value)
 
     def list_last_numbers(self, turn: int) -> dict[str, CollectedNumbers]:
         """Return the numbers among the last values that were due up to a turn; see `GameState.collected`."""
