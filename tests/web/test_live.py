@@ -459,6 +459,22 @@ def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_ke
     assert len(list(list_numbers(many))) == 60
 
 
+def test_a_chosen_number_changes_neither_the_bounds_nor_the_kind_of_the_next_choice(join):
+    made = HUNT.replace(**{"teams.red.meta": {"price": 0.5}, "max_turns": 8})
+    with web.serve(made, speed=None) as live:
+        live.wait(60)
+        admin = join(live.links["admin"])
+        for chosen in ({"teams.red.meta.price": 1, "max_turns": 2}, {"teams.red.meta.price": 0.25, "max_turns": 7}):
+            turns = chosen["max_turns"]
+            admin.say(type="restart", numbers=chosen)
+            admin.read(lambda client, turns=turns: client.bytes and client.game().turns == turns)
+            admin.read(lambda client: client.told and client.told[-1].get("over"))
+            assert [one for one in admin.told if one["type"] == "refused"] == []
+            shown = {one["path"]: [*one.values()][1:] for one in admin.told[-1]["numbers"]}
+            assert shown["teams.red.meta.price"] == [chosen["teams.red.meta.price"], 0, 2.0, 0.01]
+            assert shown["max_turns"] == [turns, 0, 32, 1]
+
+
 def test_a_context_whose_server_is_closed_goes_on_unwatched():
     with gamms.create_context(seed=1) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))

@@ -229,6 +229,7 @@ class Live(Handle):
             _check_speed(options.get("speed", 4.0)), is_paused=as_bool(options.get("is_paused", False), "is_paused")
         )
         self.scenario: Scenario | None = game if isinstance(game, Scenario) else None
+        self._first = self.scenario  # with the numbers of its file
         self.ctx: Context | None = game if isinstance(game, Context) else None
         self.streams = Streams(self._get_columns)
         self.handlers: dict[str, Handler] = {
@@ -391,6 +392,7 @@ class Live(Handle):
                     continue
                 known = stamps
                 self.scenario = source()
+                self._first = self.scenario
                 self._trouble = None
                 self._play_again()
             except Exception as error:  # noqa: BLE001 - files may be half written, and the code in them raise anything
@@ -511,7 +513,11 @@ class Live(Handle):
         if self._error is not None and (connection.grant.audience.is_everything or connection.grant.may_control):
             status["error"] = f"the game has failed: {reason(self._error)}"  # the reason may name any agent
         if connection.grant.may_control and self.scenario is not None:
-            status |= {"restart": True, "numbers": list(list_numbers(self.scenario)), "seed": self._seed}
+            status |= {
+                "restart": True,
+                "numbers": list(list_numbers(self._first or self.scenario, self.scenario)),
+                "seed": self._seed,
+            }
         connection.tell(status)
 
     # -- messages of clients that may control ---------------------------------------------------------------------
@@ -542,7 +548,7 @@ class Live(Handle):
         chosen = message.get("numbers", {})
         if seed is not None and not (isinstance(seed, int) and not isinstance(seed, bool) and abs(seed) < 1 << 53):
             raise Refused("A seed is a whole number.")
-        scenario = _replace_numbers(self.scenario, chosen)
+        scenario = _replace_numbers(self._first or self.scenario, self.scenario, chosen)
         if not self._trying.acquire(blocking=False):
             raise Refused("Another restart is being tried.")
         args = connection, scenario, seed
@@ -571,11 +577,17 @@ class Live(Handle):
             self.pace.release(is_released=True)
 
 
-def list_numbers(scenario: Scenario) -> Iterator[dict[str, Plain]]:
-    """Yield the numbers of a scenario that can be changed in the browser: `path`, `value`, `low`, `high`, `step`."""
+def list_numbers(scenario: Scenario, changed: Scenario | None = None) -> Iterator[dict[str, Plain]]:
+    """Yield the numbers of a scenario that can be changed in the browser: `path`, `value`, `low`, `high`, `step`.
+
+    Args:
+        scenario: the scenario, from which the bounds follow.
+        changed: the scenario with changed numbers, which has the values; None: none was changed.
+    """
     found = (
         (path, value) for path, value in _list_numbers(scenario.to_dict()) if path.partition(".")[0] not in _NO_NUMBERS
     )
+    now = dict(_list_numbers((changed or scenario).to_dict()))
     for (path, value), _ in zip(found, range(_MOST_NUMBERS), strict=False):
         is_whole = isinstance(value, int)
         low = 0 if value >= 0 else 4 * value
@@ -583,7 +595,7 @@ def list_numbers(scenario: Scenario) -> Iterator[dict[str, Plain]]:
         step = 1 if is_whole else (high - low) / 200
         if value > 0 and path.rpartition(".")[2] in _POSITIVE:
             low = min(step, value)
-        yield {"path": path, "value": value, "low": low, "high": high, "step": step}
+        yield {"path": path, "value": now.get(path, value), "low": low, "high": high, "step": step}
 
 
 _POSITIVE = {"capacity", "count", "goal", "speed", "times", "turn_seconds", "turns"}  # a scenario refuses 0 for these
@@ -682,9 +694,9 @@ def _list_numbers(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[s
             yield from _list_numbers(items, f"{path}{key}.")
 
 
-def _replace_numbers(scenario: Scenario, chosen: object) -> Scenario:
-    """Return a copy of a scenario with the chosen numbers, path -> number, after checking them."""
-    known = {one["path"]: one for one in list_numbers(scenario)}
+def _replace_numbers(first: Scenario, scenario: Scenario, chosen: object) -> Scenario:
+    """Return a copy of a scenario with the chosen numbers, path -> number, which are in the bounds of the first one."""
+    known = {one["path"]: one for one in list_numbers(first)}
     if not isinstance(chosen, dict):
         raise Refused("The numbers are a mapping from paths to numbers.")
     for path, value in chosen.items():
@@ -695,7 +707,7 @@ def _replace_numbers(scenario: Scenario, chosen: object) -> Scenario:
         if not _is_number(value) or not low <= value <= high or (one["step"] == 1 and value != int(value)):
             kind = "whole number" if one["step"] == 1 else "number"
             raise Refused(f"{path} must be a {kind} from {low:g} to {high:g}, not {shown(value)}.")
-    whole = {path: int(value) if known[path]["step"] == 1 else value for path, value in chosen.items()}
+    whole = {path: int(value) if known[path]["step"] == 1 else float(value) for path, value in chosen.items()}
     try:
         return scenario.replace(**whole)
     except GammsError as error:
