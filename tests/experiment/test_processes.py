@@ -10,6 +10,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from traceback import walk_stack
 
+import numpy as np
 import pytest
 import small_hunts
 from small_hunts import HUNT
@@ -162,6 +163,7 @@ except BadValue as error:
     assert "Traceback" not in done.stderr
 
 
-def test_one_integer_is_not_seeds():
+@pytest.mark.parametrize("seeds", [50, np.int64(50)])
+def test_one_integer_is_not_seeds(seeds):
     with pytest.raises(BadType, match=r"\[50\] for the one seed, range\(50\) for the first ones"):
-        experiment.run(HUNT, 50)
+        experiment.run(HUNT, seeds)

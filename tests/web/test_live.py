@@ -956,6 +956,8 @@ def test_addresses_and_options_that_cannot_be_are_refused(paused, monkeypatch):
             web.serve(HUNT, **options)
     with pytest.raises(BadType, match="a context or a scenario"):
         web.serve("hunt.yaml")
+    with pytest.raises(BadType, match="title"):
+        web.serve(HUNT, title=5)
     with HUNT.build() as ctx, pytest.raises(BadValue, match="seed= is for a scenario"):
         web.serve(ctx, seed=1)
     monkeypatch.setitem(sys.modules, "uvicorn", None)

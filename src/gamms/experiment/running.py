@@ -13,6 +13,7 @@ from contextlib import ExitStack
 from functools import partial
 from importlib.util import find_spec
 from itertools import product
+from numbers import Integral
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from gamms.arguments import as_bool, as_count, as_function_of, as_ids, as_mapping, as_path, explain_call_errors
@@ -236,8 +237,10 @@ def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collec
     if given.spec.files and given.folder:
         forget_modules(given.folder)  # which may have read these files
     base = given.replace()  # with the code of now
-    if isinstance(seeds, int):
-        raise BadType(f"seeds must be integers: [{seeds}] for the one seed, range({max(seeds, 2)}) for the first ones.")
+    if isinstance(seeds, Integral):
+        raise BadType(
+            f"seeds must be integers: [{int(seeds)}] for the one seed, range({max(int(seeds), 2)}) for the first ones."
+        )
     chosen = as_ids(seeds, "seeds")
     if not chosen or len(set(chosen)) < len(chosen):
         raise BadValue(f"seeds must be different integers, at least one, not {shown(chosen)}.")

@@ -18,7 +18,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol, TypedDict, Unpack
 
-from gamms.arguments import as_bool, as_float
+from gamms.arguments import as_bool, as_float, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.game.result import Result
@@ -263,7 +263,7 @@ class Live(Handle):
             raise
 
     def _make_server(self, game: Context | Scenario, options: ServeOptions) -> Server:
-        title = options.get("title") or _make_title(game)
+        title = as_text(options.get("title") or _make_title(game), "title")
         site = Site(Links(), {"/": Page(make_live_page(title))}, talk=self)
         network = as_bool(options.get("allow_network", False), "allow_network")
         return Server(site, host=options.get("host", "127.0.0.1"), port=options.get("port", 0), allow_network=network)
