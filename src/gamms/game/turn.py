@@ -576,10 +576,11 @@ class TurnEngine(GameTurn):
         began = perf_counter()
         begun = self.begun
         self.begun = None
+        may_close = phase == "after" and self._settings.speed_unit != "edges"
         has_left = begun is not None and begun.collects  # the batch, after rules that may have closed edges
-        revision = -1 if has_left else self._get_revision()
+        revision = -1 if has_left or not may_close else self._get_revision()
         self.rules.apply(phase, self.state, begun)
-        if phase == "after" and self._get_revision() not in (None, revision):
+        if may_close and self._get_revision() not in (None, revision):
             self._leave_closed_edges(self.get_order(), range(len(self.get_order().slots)))
         self.state.timings["rules"] += perf_counter() - began
 
