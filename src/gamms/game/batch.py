@@ -545,10 +545,12 @@ class Batch(Surface, Immutable, NotPickled):
         for number in self._engine.maps_in_use:
             state = self._engine.get_map_state(number)
             games = np.flatnonzero((self._source_of == number) & (state.turn == self._first_turn))
+            if not len(games):
+                continue
             seeds = [self.seeds[game] for game in games.tolist()]
             nodes = state.streets.ids(state.node[games]).T.tolist()
             each = zip(state.roster.names, nodes, strict=True)
-            seeds_at = {name: dict(zip(starts, seeds, strict=True)) for name, starts in each if seeds}
+            seeds_at = {name: dict(zip(starts, seeds, strict=True)) for name, starts in each}
             self._sources[number].game.internals.warn_of_stuck_agents(seeds_at)
 
     def _say_what_is_slow(self) -> None:
