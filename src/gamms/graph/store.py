@@ -29,30 +29,44 @@ Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...]
 
 
 class Neighborhoods(dict[int, tuple[int, ...]]):
-    """A mapping from node id to the node itself, then its neighbors; computed on demand."""
+    """A mapping from node id to the node itself, then its neighbors; computed on demand.
+
+    Attributes:
+        known: those that any store has computed that shares the tables of this one.
+    """
 
     # NOTE: a dict with __missing__ looks up a known node without a Python call (benchmarks: the loop).
 
     def __init__(self, store: "GraphStore") -> None:
         self._store = store
+        self.known: dict[int, tuple[int, ...]] = {}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
         return deepcopy(self._store, memo).neighborhoods
 
     def forget(self, id: int) -> None:
-        """Drop the neighborhood of a node whose neighbors have changed."""
+        """Drop the neighborhood of a node whose neighbors have changed; the tables are not shared."""
         self.pop(id, None)
+        self.known.pop(id, None)
+
+    def begin_again(self, known: dict[int, tuple[int, ...]]) -> None:
+        """Drop all neighborhoods, for other tables, of which these are known."""
+        self.clear()
+        self.known = known
 
     def learn(self, ids: Iterable[int]) -> None:
         """Compute the neighborhoods of many nodes at once; unknown nodes are left out."""
         row_of = self._store.nodes.index.find_row
         rows = {id: row for id in ids if id not in self and (row := row_of(id)) >= 0}
         for id, targets in zip(rows, self._store.indexes.list_targets_of_each([*rows.values()]), strict=True):
-            self[id] = tuple(dict.fromkeys([id, *targets]))
+            self[id] = self.known[id] = tuple(dict.fromkeys([id, *targets]))
 
     def __missing__(self, id: int) -> tuple[int, ...]:
-        id = records.as_id(id, "a node", self._store)
-        made = tuple(dict.fromkeys([id, *self._store.indexes.list_targets(id)]))
+        made = self.known.get(id)
+        if made is None:
+            id = records.as_id(id, "a node", self._store)
+            made = tuple(dict.fromkeys([id, *self._store.indexes.list_targets(id)]))
+            self.known[id] = made
         self[id] = made
         return made
 
@@ -236,7 +250,7 @@ class GraphStore(TableSharing):
     def close(self) -> None:
         """Release all data; later calls on the graph raise ContextTerminated."""
         self.stop_sharing()
-        self.neighborhoods.clear()
+        self.neighborhoods.begin_again({})
         closed: Any = ClosedTable()
         self.nodes = closed
         self.edges = closed
@@ -268,13 +282,14 @@ class GraphStore(TableSharing):
         self.revision = max(self.revision + 1, other.revision)
         is_same = self.revision == other.revision
         self._columns = columns if is_same else dataclasses.replace(columns, revision=self.revision)
-        self.neighborhoods.clear()
+        self.neighborhoods.begin_again(other.neighborhoods.known)
         self.share_with(other)
 
     def unshare_tables(self) -> None:
         """Stop sharing the tables; called before every change."""
         if self._sharers is None:
             return
+        self.neighborhoods.known = {}
         if self.stop_sharing():
             columns = self.columns()
             revision = self.revision
@@ -302,7 +317,7 @@ class GraphStore(TableSharing):
         return self._numbers.setdefault(table, number_nodes(getattr(self, table).get_array("ids").data))
 
     def _discard_indexes(self) -> None:
-        self.neighborhoods.clear()
+        self.neighborhoods.begin_again({})
         self.indexes = Indexes(self.nodes, self.edges, self.neighborhoods.forget)
 
     def _drop_edge(self, row: int) -> None:
