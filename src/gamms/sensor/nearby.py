@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Collection, Iterable, Sequence
+from functools import cached_property
 from itertools import compress
 from math import inf
 from typing import NamedTuple
@@ -369,17 +370,25 @@ class AgentsOnEdges:
 
 
 class SensorCaches:
-    """The caches shared by the sensors of one context.
-
-    Attributes:
-        views, views_past_obstacles: views by place.
-        nearby: the index of agents.
-    """
+    """The caches shared by the sensors of one context, each made when it is used first."""
 
     def __init__(self, ctx: IContext) -> None:
-        self.views = ViewCache(ctx)
-        self.views_past_obstacles = OccludedViewCache(ctx)
-        self.nearby = NearbyAgents(ctx)
+        self._ctx = ctx
+
+    @cached_property
+    def views(self) -> ViewCache:
+        """Views by place."""
+        return ViewCache(self._ctx)
+
+    @cached_property
+    def views_past_obstacles(self) -> OccludedViewCache:
+        """Views by place, past obstacles."""
+        return OccludedViewCache(self._ctx)
+
+    @cached_property
+    def nearby(self) -> NearbyAgents:
+        """The index of agents."""
+        return NearbyAgents(self._ctx)
 
 
 def get_caches(ctx: IContext) -> SensorCaches:

@@ -737,7 +737,7 @@ class Travel(TravelSearch):
         self._roads: RoadMap | None = None
         self._key: tuple[Any, ...] = ()
         self.keeps_map = False
-        self._make_room(0)
+        self._most = 0
 
     @property
     def roads(self) -> RoadMap:
