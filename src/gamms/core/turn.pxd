@@ -1,7 +1,7 @@
 cimport cython
 
 from gamms.core cimport arrivals, block, conflicts, moves, observe, rules
-from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents, NodeNumbers
+from gamms.core.agents cimport AgentColumns, AgentView, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask cimport ask_each
 from gamms.core.conflicts cimport Contests, MoveRequests
 from gamms.core.moves cimport OneEdgeMovers
@@ -193,6 +193,8 @@ cdef class GameTurn(TurnDriver):
     cdef public i64 look_again, ask_until, asks_for, unread_turns, shipped_epoch, shipped_seeds
     cdef public object revised, reader, shipped_revision
     cdef public UnreadStates unread
+    cdef list _named
+    cdef tuple _named_of
 
     @cython.locals(shipped=ShippedDecisions, to=MoveColumns, is_known=bint, is_unread=bint)
     cpdef bint decide_in_core(self, object order, object part) except -1
@@ -204,6 +206,8 @@ cdef class GameTurn(TurnDriver):
     cdef MoveColumns _ask_rest(self, object order, object rest)
     @cython.locals(moving=MovingAgents)
     cpdef list list_living(self)
+    @cython.locals(key=tuple, found=list, columns=AgentColumns, agent=AgentView)
+    cdef list _select_living(self, object block, object agents)
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)

@@ -35,7 +35,7 @@ from time import perf_counter
 from typing import Any
 
 from gamms.core import arrivals, block, conflicts, moves, observe, rules
-from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents, NodeNumbers
+from gamms.core.agents import AgentColumns, AgentView, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask import DecidingAgent, SensorCall, ask_each
 from gamms.core.block import INT64
 from gamms.core.conflicts import Contests, MoveRequests
@@ -877,6 +877,8 @@ class GameTurn(TurnDriver):
         self.unread_turns = 0
         self.revised: Any = None
         self.unread: UnreadStates | None = None
+        self._named: list[Any] = []  # all agents in the order of names, without an order of turns
+        self._named_of: Any = None  # their block, and its version
         self.reader: Any = self._read_states
         self.are_memories_in_core = False
         self.state = state
@@ -1086,11 +1088,24 @@ class GameTurn(TurnDriver):
             if order is None or order.block is not block or order.entries != block.structure.entries:
                 if not block.has_teams:
                     # NOTE: a changed set of agents requires no new order here, which costs more (decision 0057).
-                    every = [agents.agents[name] for name in sorted(agents.agents)]
-                    return [one for one in every if one.alive]
+                    return self._select_living(block, agents)
                 order = self.get_order()
         moving: MovingAgents = order.moving
         return moving.select_living(order.list_agents(self._ctx.agent.agents) if order.agents is None else order.agents)
+
+    def _select_living(self, block: Any, agents: Any) -> list[Any]:
+        """Return the living agents of a block in the order of names, without an order of turns."""
+        key = self._named_of
+        if key is None or key[0] is not block or key[1] != block.structure.entries:
+            self._named = [agents.agents[name] for name in sorted(agents.agents)]
+            self._named_of = block, block.structure.entries
+        columns: AgentColumns = block
+        found = []
+        for one in self._named:
+            agent: AgentView = one
+            if columns._lives[agent._row]:
+                found.append(agent)
+        return found
 
     def play_decisions(self, number: int) -> int:
         """Let the agents of a part of the turn observe and decide."""
