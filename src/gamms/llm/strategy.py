@@ -112,8 +112,11 @@ class Strategy(ShallowCopyMixin):
         twin = object.__new__(Strategy)
         twin.__dict__.update(self.__dict__)
         twin._fallback = get_counterpart(self._fallback, memo)
-        twin._ctx = None
+        ctx = memo.get(id(self._ctx))  # None: it is not copied together with its context
+        twin._ctx = ctx
         twin._account = UsageAccount(self._account.name, self._settings)
+        if ctx is not None:
+            twin._account = get_counterpart(self._account, memo)
         return twin
 
     def prepare(self, ctx: Context) -> None:
