@@ -393,7 +393,6 @@ PLAYS = {
     "calls a rule": {
         "game/settings.py apply",
         "game/settings.py _make_player",  # makes what `apply` calls
-        "game/cursor/cursor.py call",  # of batches
     },
 }
 

@@ -406,8 +406,12 @@ class _CapturedContext:
         self._sensors = sensors
         self._map = graph.engine.SharedMap(ctx.graph)
 
+    def renew_map(self) -> None:
+        """Take the map of the context again, for one more fork."""
+        self._map.renew()
+
     def make_fork(self, seed: int, memo: dict[int, Any]) -> Context:
-        """Return the fork, and add the copies to the memo of `copy.deepcopy`; call it once. See `Context.fork`."""
+        """Return the fork, and add the copies to the memo of `copy.deepcopy`; call it once after each `renew_map`."""
         then = self._attributes
         logger = then["_logger"]
         phase = then["_phase"]

@@ -96,14 +96,13 @@ class DecidePhase(NotPickled):
         strategy_changes: the number of changes of agents' strategies.
         known_names: attributes of agents that were checked for misspellings already.
         agent_kinds: class of agents -> its subclass with the attributes of this context.
-        before_reading: called before reading an attribute of an agent that could be changed in place.
         created: called with the names and start places of agents that were created; None: there is no game yet.
         player: the identifier of the thread that plays a turn; None: no turn is played.
     """
 
     __slots__ = (
         *("_is_reading", "_reading", "agent", "agent_kinds", "are_memories_known", "are_moves_unread"),
-        *("before_reading", "created", "epoch", "known_names", "moment", "owner_changes", "player"),
+        *("created", "epoch", "known_names", "moment", "owner_changes", "player"),
         *("read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
@@ -121,7 +120,6 @@ class DecidePhase(NotPickled):
         self.moment: object = None
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
-        self.before_reading: Callable[[], None] | None = None
         self.created: Callable[[Iterable[tuple[str, Any]]], None] | None = None
         self.player: int | None = None
         self.epoch = 0

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from gamms.game.cursor.separate_games import SeparateGames
+from gamms.game.rows.separate_games import SeparateGames
 from gamms.rules import resource
 from gamms.scenario import Scenario
 

@@ -874,26 +874,26 @@ def draw_unnamed(ctx):
     eval("ctx.game.observation('red_0')['draw'].below(9)", {"ctx": ctx})
 
 
-UNNAMED = {
-    "look": (read_unnamed, "after", "reads what agents have sensed in earlier turns.*write agent.state"),
-    "caught look": (read_and_catch, "after", "reads what agents have sensed in earlier turns"),
-    "attributes": (write_unnamed, "before", "changes the __dict__ of agents.*name __dict__"),
-    "draw": (draw_unnamed, "deeds", "draws by the streams of agents.*'draw' or 'rng'"),
-}
+SAYS_LOOK = "reads what agents have sensed in earlier turns"
+SAYS_DRAW = "draws by the streams of agents.*'draw' or 'rng'"
 
 
-@pytest.mark.parametrize("act", UNNAMED)
-def test_what_a_batch_has_not_kept_is_refused_if_the_code_of_the_function_does_not_name_it(act):
-    function, phase, said = UNNAMED[act]
-
+@pytest.mark.parametrize(
+    ("act", "phase", "strategy", "said"),
+    [
+        (read_unnamed, "after", "gamms.strategies:random_walk", f"{SAYS_LOOK}.*write agent.state"),
+        (read_and_catch, "after", "gamms.strategies:random_walk", SAYS_LOOK),
+        (draw_unnamed, "deeds", "gamms.strategies:random_walk", SAYS_DRAW),
+    ],
+)
+def test_what_a_batch_has_not_kept_is_refused_if_the_code_of_the_function_does_not_name_it(act, phase, strategy, said):
     def rule(ctx):
         if ctx.game.turn == 2 and ctx.seed == 1 and "tired" not in ctx.game.data:
             ctx.game.data["tired"] = True
-            function(ctx)
+            act(ctx)
 
-    with scene([TAG], max_turns=6).build(seed=1) as ctx:
-        for agent in ctx.agent.create_iter():
-            agent.strategy = wander
+    team = {"count": 3, "strategy": strategy}
+    with scene([TAG], teams={"red": team, "blue": team}, max_turns=6).build(seed=1) as ctx:
         ctx.game.add(rule, phase=phase)
         with ctx.game.batch(3) as games:
             games.step()
@@ -903,11 +903,27 @@ def test_what_a_batch_has_not_kept_is_refused_if_the_code_of_the_function_does_n
             with pytest.raises(BadValue, match=said) as caught:
                 games.step()
             assert any("in turn 2" in note for note in caught.value.__notes__)
-            assert act == "attributes" or "In game 1 of a batch, with the seed 1." in caught.value.__notes__
+            assert "In game 1 of a batch, with the seed 1." in caught.value.__notes__
             assert games.turn.tolist() == before
-            assert not hasattr(ctx.agent.get_agent("red_0"), "tired")
             games.run()
             assert games.turn.tolist() == [6, 6, 6]
+
+
+@pytest.mark.parametrize(("act", "phase"), [(write_unnamed, "before"), (draw_unnamed, "deeds")])
+def test_what_a_function_does_without_naming_it_stays_in_its_game(act, phase):
+    def rule(ctx):
+        if ctx.game.turn == 2 and ctx.seed == 1:
+            act(ctx)
+
+    def look(ctx):
+        ctx.game.emit("seen", tired=[getattr(agent, "tired", None) for agent in ctx.game.agents])
+
+    with scene([TAG], max_turns=6).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = wander
+        ctx.game.add(rule, phase=phase)
+        ctx.game.add(look)
+        check_games(ctx, 3)
 
 
 def test_games_that_draw_globally_by_code_that_names_no_generator_are_refused():

@@ -667,10 +667,7 @@ class GuardedAttribute:
     def __get__(self, agent: IAgent | None, owner: type) -> Any:
         if agent is None or self._name not in agent.__dict__:
             raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
-        phase = get_phase(agent)
-        if phase.before_reading is not None and not phase.is_deciding:
-            phase.before_reading()
-        return phase.protect_value(agent.__dict__[self._name])
+        return get_phase(agent).protect_value(agent.__dict__[self._name])
 
     def __set__(self, agent: IAgent, value: object) -> None:
         agent.__dict__[self._name] = value

@@ -73,22 +73,6 @@ cdef class AgentColumns:
     cdef i64 _get_node(self, Py_ssize_t row) except? -1
 
 
-cdef class GamePointer:
-    cdef AgentColumns columns
-    cdef object pointed, engine, state
-    cdef dict own, read
-    cdef readonly list numbers, seeds
-    cdef list turns
-    cdef public bytes have_more
-    cdef const i64[::1] node, previous
-    cdef const u8[::1] lives
-
-    @cython.locals(is_other=bint)
-    cpdef bint show(self, Py_ssize_t at) except -1
-    @cython.locals(columns=AgentColumns, i=Py_ssize_t, size=Py_ssize_t, first=Py_ssize_t, is_other=bint)
-    cpdef bint point(self, Py_ssize_t game) except -1
-
-
 @cython.final
 cdef class MovingAgents:
     cdef AgentColumns columns

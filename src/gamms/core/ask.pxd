@@ -1,8 +1,7 @@
 cimport cython
 
 from gamms.core cimport travel
-from gamms.core.agents cimport AgentColumns, GamePointer, MoveColumns, MovingAgents
-from gamms.core.draws cimport TurnCounter
+from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents
 from gamms.core.sight cimport RangeSearch, NodeViews
 from gamms.core.travel cimport GoalPaths, PathsBySlot, ReachSearch, RoadEdges, TurnPaths
 
@@ -66,29 +65,3 @@ cpdef int ask_each(
     object answers, object phase, list individuals, list sensors, list slots, MoveColumns moves, object near, object alike,
     MovingAgents movers, object search
 ) except -1
-
-
-cdef class GamesInContext:
-    cdef public object _pointed, _phase, _state
-    cdef public dict _own_of_ctx, _read, _facts, facts_shown
-    cdef list _rows
-    cdef const i64[::1] _stop
-    cdef public list core_facts, lasts
-    cdef public object why, read_of_core, raised, row, journal, looks
-    cdef public TurnCounter table
-    cdef public i64 epoch
-    cdef public bint has_more
-
-    @cython.locals(has_more=bint)
-    cpdef bint show(self, GamePointer games, Py_ssize_t at) except -1
-    cpdef bint has_changed(self) except -1
-    @cython.locals(last=list)
-    cpdef bint has_asked(self) except -1
-    @cython.locals(at=Py_ssize_t, begun=i64, has_drawn=bint, has_looked=bint)
-    cpdef Py_ssize_t call_each(self, GamePointer games, object function, tuple args) except -1
-    @cython.locals(at=Py_ssize_t, wanted=i64[::1], asks_anew=bint, takes_all=bint, is_common=bint)
-    cpdef Py_ssize_t ask_agents(self, GamePointer games, object asker, list are_blocked, list places) except -1
-
-
-@cython.locals(i=Py_ssize_t, slot=Py_ssize_t, moves=MoveColumns)
-cdef int write_ends(object answers, list slots, i64[::1] ends, Py_ssize_t first) except -1

@@ -3,7 +3,7 @@
 Read `game.py` first, then `turn.py`; the state is `gamms.ir.game_state`. A rule is a plain function, so new rules need
 no changes here. `batch.py` is the interface of many games at once, which `batch_engine.py` plays in the core, phase by
 phase: `block` has their state, `movement` how agents go, `array_functions` what array rules and strategies get, and
-`cursor` calls plain functions. May import: typing, kernels, ir and below, never another engine.
+`rows` calls plain functions. May import: typing, kernels, ir and below, never another engine.
 """
 
 from gamms.errors import IllegalMutation

@@ -41,12 +41,12 @@ from gamms.game.block.columns import (
     make_roster,
 )
 from gamms.game.block.state import Columns, GameArrays, LeavingGame
-from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
-from gamms.game.cursor.separate_games import SeparateGames
 from gamms.game.hidden_state import is_drawing_globally, refuse_changes
 from gamms.game.plan import find_first_called
 from gamms.game.random_streams import get_global_state, seed_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
+from gamms.game.rows.own_functions import FunctionsPerGame, MakeFunctions
+from gamms.game.rows.separate_games import SeparateGames
 from gamms.game.strategy_specs import PoolSpec, list_pools, name_strategy
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -588,7 +588,6 @@ class Batch(Surface, Immutable, NotPickled):
             self._prepare(starts.next[numbers], given)
         self._put_seeds(numbers, given, starts.streets[starts.next[numbers]], first)
         if any(own.is_needed for own in self._own):
-            self._engine.release()
             self._take_functions(numbers)
         self._engine.start(numbers, first)
         self._note_begun(numbers)
@@ -945,7 +944,6 @@ class Batch(Surface, Immutable, NotPickled):
         if source.build is not None:
             game = source.build(seed).game
             return game
-        self._engine.release()
         own = self._own[self._source_of[number]]
         own.remove()
         game = source.game.fork(0)

@@ -38,17 +38,9 @@ from gamms.game.block.columns import (
 )
 from gamms.game.block.in_core import CoreColumns, CoreGames, get_memory, is_function, list_called_rules, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, make_movement
-from gamms.game.block.sensing import is_turning_with_agent, look, note_sensors
+from gamms.game.block.sensing import is_turning_with_agent, note_sensors
 from gamms.game.block.state import NO_STOP, GameArrays, LeavingGame
 from gamms.game.conflicts import flatten
-from gamms.game.cursor.called_functions import (
-    CalledFunctions,
-    find_why_all_decide,
-    find_why_apart,
-)
-from gamms.game.cursor.cursor import Cursor
-from gamms.game.cursor.own_functions import FunctionsPerGame, get_function_in
-from gamms.game.cursor.pointed import PointedContext
 from gamms.game.deeds import DeclaredDeeds, check_value
 from gamms.game.hidden_state import find_names
 from gamms.game.lasting import DeedReader
@@ -58,6 +50,14 @@ from gamms.game.movement.legality import IllegalAction, explain_edge, refuse_any
 from gamms.game.movement.roads import join_streets
 from gamms.game.plan import RowPlan, StrategyGroup, find_first_called
 from gamms.game.result import Result, list_opponents
+from gamms.game.rows.called_functions import (
+    CalledFunctions,
+    find_why_all_decide,
+    find_why_apart,
+)
+from gamms.game.rows.contexts import RowContexts
+from gamms.game.rows.functions import RowFunctions
+from gamms.game.rows.own_functions import FunctionsPerGame, get_function_in
 from gamms.game.settings import NamedRule
 from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays
 from gamms.ir.columns import Failure, select_rows
@@ -99,7 +99,8 @@ class GamesOnOneMap:
         why_all_decide: why all agents decide in the context; "": they do not.
         plan: what the games share.
         core: plays the games in the core.
-        cursor: calls plain functions; None: there are none.
+        contexts: the games in contexts of their own.
+        calls: calls plain functions; None: there are none.
 
     Raises:
         GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
@@ -134,17 +135,16 @@ class GamesOnOneMap:
         self._begin_all(starts, games)
         carried = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
         note_sensors(state, with_nodes=any(map(is_turning_with_agent, carried)))
-        self._pointed = PointedContext(game, state, own)
-        state.look = partial(look, game, state, self._pointed)
-        state.change_roads = self._pointed.change_roads
         state.facts.update(game.facts)
         self._prepare(plan.rules)
         is_apart = plan.calls_each or not (state.radio is None and state.flights is None)
         asked = np.flatnonzero(plan.is_asked).tolist()
         self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
         observing = np.flatnonzero(plan.is_observing).tolist()
-        self.cursor = self._make_cursor(asked, observing) if plan.calls_each else None
-        self._pointed.forget(games)
+        self.contexts = RowContexts(game, state, self.core, own, partial(self._find_called, asked, observing))
+        state.look = self.contexts.look
+        state.change_roads = self.contexts.change_roads
+        self.calls = RowFunctions(self.contexts, state, self.core) if plan.calls_each else None
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
         self._called = as_code(find_decider(roster.agents[asked[0]], settings["plans"])) if asked else ""
@@ -182,24 +182,17 @@ class GamesOnOneMap:
             if asks_all or is_named or (at_arrivals and has_counted_looks(agent)):
                 call_each(decider)
 
-    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int]) -> Cursor:
-        """Return the object that calls plain functions; see `CalledFunctions.from_game`."""
-        roster = self.state.roster
+    def _find_called(self, asked: Sequence[int], observing: Sequence[int]) -> CalledFunctions:
+        """Return the plain functions that are called; see `CalledFunctions.from_game`."""
+        has_array_functions = self.plan.has_array_functions
         asks_all = len(self.why_all_decide) > 0
-        called = CalledFunctions.from_game(
-            self.game,
-            roster,
-            asked,
-            observing,
-            has_array_functions=self.plan.has_array_functions,
-            asks_all=asks_all,
-        )
-        return Cursor(self.game, self._pointed, self.state, self.core, called)
+        called = self.game, self.state.roster, asked, observing
+        return CalledFunctions.from_game(*called, has_array_functions=has_array_functions, asks_all=asks_all)
 
     def fork(self, number: int) -> PlayedGame:
         """Return a game as it is between two turns, in a context of its own."""
-        cursor = self.cursor or self._make_cursor((), ())
-        return cursor.fork(number)
+        functions = self.calls or RowFunctions(self.contexts, self.state, self.core)
+        return functions.fork(number)
 
     def _prepare(self, rules: Sequence[NamedRule]) -> None:
         """Let rules write what agents know of them at the start."""
@@ -219,9 +212,13 @@ class GamesOnOneMap:
 
     def _get_data(self, number: int) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game."""
-        row = self._pointed.rows[number]
-        shown = self._first_data if row is None or row.data is None else row.data
-        return self.state.data_apart.get(number, shown)
+        return self.state.data_apart.get(number) or self.contexts.get_data(number, self._first_data)
+
+    @property
+    def asking(self) -> int | None:
+        """The number of the game whose strategies are called now; None: none are called."""
+        row = None if self.calls is None else self.calls.asking
+        return None if row is None else row.number
 
     @property
     def _at_arrivals(self) -> bool:
@@ -231,12 +228,12 @@ class GamesOnOneMap:
     def functions(self) -> list[Callable[..., object]]:
         """The functions that are called."""
         rules = [one.spec.array_form for one in self.plan.rules if one.spec.is_array_function]
-        plain = [] if self.cursor is None else self.cursor.functions
+        plain = [] if self.calls is None else self.calls.functions
         return [*(group.form for group in self.plan.groups), *filter(None, rules), *plain]
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes all later changes."""
-        return self.state.checkpoint(self.core.moves) if self.cursor is None else self.cursor.checkpoint()
+        return self.state.checkpoint(self.core.moves) if self.calls is None else self.calls.checkpoint()
 
     def is_checkpoint_needed(self, *, is_given: bool, is_single: bool) -> bool:
         """Return whether functions may raise after something has changed.
@@ -249,7 +246,7 @@ class GamesOnOneMap:
             return True
         may_raise = len(self.plan.groups) > 0 or self.state.radio is not None
         may_raise_later = (may_raise and self.core.num_parts > 1) or self.is_asking_at_arrivals(is_given=is_given)
-        calls = self.cursor is not None and (not is_single or self.game.internals.parts.turns.needs_checkpoint)
+        calls = self.calls is not None and (not is_single or self.game.internals.parts.turns.needs_checkpoint)
         return calls or may_raise_later or self.plan.leaves_out
 
     def is_asking_at_arrivals(self, *, is_given: bool) -> bool:
@@ -279,7 +276,7 @@ class GamesOnOneMap:
         self.state.forget(games, seeds)
         self._initial.put_values(self.state, games)
         self._put_own(games)
-        self._pointed.forget(games)
+        self.contexts.forget(games)
 
     def _put_own(self, games: IntArray) -> None:
         """Set the scores, events and open roads that differ between games at their start."""
@@ -335,7 +332,7 @@ class GamesOnOneMap:
         """
         self._flights = []
         for team, wanted in given.items():
-            acts = self.cursor is not None or wanted.deeds or wanted.messages
+            acts = self.calls is not None or wanted.deeds or wanted.messages
             if not acts and wanted.flights is None:
                 continue
             agents = wanted.select_agents(self.state.roster, team)
@@ -343,8 +340,8 @@ class GamesOnOneMap:
                 self._flights.append((agents, wanted.flights))
             if acts:
                 view = make_asked_view(self.state, games, agents, here)
-                if self.cursor is not None:
-                    self.cursor.note_given(view)
+                if self.calls is not None:
+                    self.calls.note_given(view)
                 wanted.act(view)
                 self._take_acts(view)
 
@@ -507,11 +504,11 @@ class GamesOnOneMap:
         observing = np.flatnonzero(self.plan.is_observing & are_next & (is_given | ~self.plan.is_asked))
         if here is not None:
             games = games[here[games][:, np.append(asked, observing)].any(axis=1)]
-        if self.cursor is None or not len(games) or not len(asked) + len(observing):
+        if self.calls is None or not len(games) or not len(asked) + len(observing):
             return
         view = ArrayView(self.state, games, asked)
         try:
-            self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing, here, part)
+            self._block.given[np.ix_(games, asked)] = self.calls.decide(view, observing, here, part)
         except Exception as error:
             if len(asked) and not getattr(error, "__notes__", ()):  # which name the function that has raised
                 error.add_note(f"In the strategy {self._called} of a batch, {describe_turns(view.turn, view.games)}.")
@@ -525,26 +522,24 @@ class GamesOnOneMap:
         members = self.state.alive[games] & (True if part is None else self.core.part_of == part)
         left = by.leave_closed_edges(games, members)
         self.state.counts["blocked"][left[0], left[1]] += 1  # each agent is on one edge
-        if self.cursor is not None:
-            self.cursor.note_closed_edges(*left)
+        if self.calls is not None:
+            self.calls.note_closed_edges(*left)
         if len(left[0]):
             self.state.now.clear()
 
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn in some games, in which functions are called on arrival."""
         self.core.begin_arrivals(games)
-        if self.cursor is not None:
-            self.cursor.begin_arrivals()
 
     def give_way_at_arrivals(self, games: IntArray, part: int) -> None:
         """Stop the arrived agents of a part of the turn that lose conflicts decided by a function."""
-        if self.cursor is not None and self.plan.has_conflicts and len(games):
-            self.cursor.give_way_at_arrivals(games, part)
+        if self.calls is not None and self.plan.has_conflicts and len(games):
+            self.calls.give_way_at_arrivals(games, part)
 
     def note_losers(self, games: IntArray) -> None:
         """Tell agents that conflicts have stopped them on arrival."""
-        if self.cursor is not None:
-            self.cursor.note_losers(games)
+        if self.calls is not None:
+            self.calls.note_losers(games)
 
     def _group_by_roads(self, games: IntArray) -> Iterator[IntArray]:
         """Yield groups of games with the same open roads, for which an array function is called together."""
@@ -586,8 +581,8 @@ class GamesOnOneMap:
     def check(self, games: IntArray, part: int) -> None:
         """Call the rules that may refuse moves and deeds of a part of the turn."""
         self.core.note_places(are_open=False)
-        if self.plan.has_checks and self.cursor is not None and len(games):
-            self.cursor.check(games, part)
+        if self.plan.has_checks and self.calls is not None and len(games):
+            self.calls.check(games, part)
 
     def do_deeds(self, games: IntArray, part: int) -> IntArray:
         """Call the rules of the phase "deeds"; return the games in which roads were closed or opened."""
@@ -607,21 +602,21 @@ class GamesOnOneMap:
     def cut_off(self, changed: IntArray, part: int) -> None:
         """Keep agents in place whose path was closed in these games."""
         self.core.note_places(are_open=True)
-        if self.cursor is not None and len(changed):
-            self.cursor.cut_off(changed, part)
+        if self.calls is not None and len(changed):
+            self.calls.cut_off(changed, part)
 
     def give_way(self, games: IntArray, part: int) -> None:
         """Keep agents in place that lose conflicts decided by a function."""
-        if self.cursor is not None and self.plan.has_conflicts and len(games) and not self._at_arrivals:
-            self.cursor.give_way(games, part)
+        if self.calls is not None and self.plan.has_conflicts and len(games) and not self._at_arrivals:
+            self.calls.give_way(games, part)
 
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
-        """Call a rule function for some games; see `Cursor.call`."""
+        """Call a rule function for some games; see `RowFunctions.call`."""
         if not len(games):
             return
         if named.spec.array_form is None:
-            if self.cursor is not None:
-                self.cursor.call(named, games, part)
+            if self.calls is not None:
+                self.calls.call(named, games, part)
             return
         for some in self._group_by_roads(games):
             for few in self._group_by_beginning(some):
@@ -867,14 +862,13 @@ class BatchEngine(TurnDriver):
     @property
     def current(self) -> int:
         """The number of the map whose strategies are called now; 0: none are called."""
-        called = (number for number, one in enumerate(self._maps) if one.cursor is not None and one.cursor.is_asking)
+        called = (number for number, one in enumerate(self._maps) if one.asking is not None)
         return next(called, 0)
 
     @property
     def loaded(self) -> int | None:
         """The number of the game whose strategies are called now; None: none are called."""
-        cursor = self._maps[self.current].cursor
-        return cursor.number if cursor is not None and cursor.is_asking else None
+        return self._maps[self.current].asking
 
     @property
     def functions(self) -> list[Callable[..., object]]:
@@ -890,13 +884,7 @@ class BatchEngine(TurnDriver):
     @property
     def calls_each(self) -> bool:
         """Whether plain functions are called game by game."""
-        return any(one.cursor is not None for one in self._in_use)
-
-    def release(self) -> None:
-        """Restore the contexts as they were before plain functions were called."""
-        for one in self._maps:
-            if one.cursor is not None:
-                one.cursor.release()
+        return any(one.calls is not None for one in self._in_use)
 
     def start(self, games: IntArray, first: int | IntArray) -> None:
         """Begin games with their next rows; `first`: the number of the map of each one that has the first streets."""
@@ -1160,6 +1148,8 @@ class BatchEngine(TurnDriver):
         """Take back the parts of the turn that were played; see `_undo_on_error`."""
         self._block.part[:] = self._now.first
         self._block.held[:] = 0
+        for one in self._in_use:
+            one.contexts.decide_again()
 
     def run_after_moves(self) -> int:
         """Call rules and collectors in the games that have moved."""
@@ -1168,8 +1158,8 @@ class BatchEngine(TurnDriver):
             for named in one.core.play_rules(games):
                 one.call(named, games)
             one.leave_closed_edges(games[one.state.roads.number[games] != before])
-            if one.cursor is not None:
-                one.cursor.collect(games)
+            if one.calls is not None:
+                one.calls.collect(games)
         if self._radio is not None:
             self._radio.end_turns(1)
         return 0
@@ -1534,12 +1524,12 @@ class BatchEngine(TurnDriver):
         template = on_map.game.result()
         nodes = state.streets.ids(state.node[game]).tolist()
         roster = state.roster
-        cursor = on_map.cursor
-        own = None if cursor is None else cursor.get_agents(game)
+        calls = on_map.calls
+        own = None if calls is None else calls.get_agents(game)
         if own is None:
             own = [(agent, agent.strategy) for agent in roster.agents if not isinstance(agent, ComingAgent)]
         ends = {agent.name: agent.team for agent, _ in own}
-        gone = on_map.game.internals.state.departed if cursor is None else cursor.get_departed(game)
+        gone = on_map.game.internals.state.departed if calls is None else calls.get_departed(game)
         agents = {}
         for number, name in enumerate(roster.names):
             if name in ends or name in gone:
@@ -1565,7 +1555,7 @@ class BatchEngine(TurnDriver):
             agents=dict(sorted(agents.items())),
             errors=[dict(error) for error in state.errors.list_entries(game)],
             deeds=[dict(deed) for deed in self._deed_log.list_entries(game)],
-            collected=template.collected if on_map.cursor is None else on_map.cursor.get_collected(game),
+            collected=template.collected if on_map.calls is None else on_map.calls.get_collected(game),
             messages=[] if self._radio is None else [dict(message) for message in self._radio.list_entries(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],

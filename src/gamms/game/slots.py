@@ -410,6 +410,10 @@ class Slots(Sequence[AgentSlot]):
         self.moved.fill(0)
         self.blocked.fill(0)
 
+    def begin_departures(self, last: DeletedAgent) -> None:
+        """Count agents as deleted since these slots were made if they were deleted after another one."""
+        self._departure = last
+
     @property
     def departed(self) -> dict[str, IAgent]:
         """Name -> the agent deleted since these slots were current; if several had the name, the first."""

@@ -327,15 +327,24 @@ class ForkSource:
         """Replace the collectors of the game; see `Collectors.snapshot`."""
         self.snapshot._parts["collectors"] = collectors
 
+    def renew_map(self) -> None:
+        """Take the map of the game again, for one more fork of a game that has not changed."""
+        self._context.renew_map()
+
     def make_fork(
-        self, seed: int, fork: object = None, functions: Sequence[tuple[object, object]] = ()
+        self,
+        seed: int,
+        fork: object = None,
+        functions: Sequence[tuple[object, object]] = (),
+        shared: Sequence[object] = (),
     ) -> tuple[Any, Memo]:
-        """Make a complete fork; call it once.
+        """Make a complete fork; call it once after each `renew_map`.
 
         Args:
             seed: its seed.
             fork: what functions get in place of the game; None: the new game.
             functions: pairs of a function of the game, and another whose counterpart the fork has in its place.
+            shared: objects of the game that the fork has, too; see `list_shareable`.
 
         Returns:
             The context (Any: its class imports this one), and a memo of `copy.deepcopy`: id of an object -> its copy.
@@ -344,6 +353,7 @@ class ForkSource:
         ahead: GameInternals = ctx.game.internals
         ahead.scenario = self._scenario
         memo[id(self._game)] = fork or ctx.game
+        memo |= {id(one): one for one in shared}
         memo |= {id(function): get_counterpart(other, memo) for function, other in functions}
         self.copy_game(ahead.parts, memo)
         return ctx, memo
@@ -522,6 +532,8 @@ def get_counterpart(value: object, memo: Memo) -> Any:
         return value
     if isinstance(value, (FunctionType, MethodType, partial)):
         return _rebind_value(value, memo)
+    if id(value) in memo:
+        return memo[id(value)]
     trial = dict(memo)
     try:
         made = deepcopy(value, trial)
@@ -529,6 +541,74 @@ def get_counterpart(value: object, memo: Memo) -> Any:
         return value
     add_copies(memo, trial)
     return made
+
+
+def list_shareable(values: Iterable[object], memo: Memo) -> list[object]:
+    """Return the objects that forks may share instead of copies, because they hold no part of a context.
+
+    Args:
+        values: functions and settings: objects, or functions that may hold methods of objects.
+        memo: what `ForkSource.make_context` returns for a fork.
+    """
+    found: dict[int, object] = {}
+    for value in values:
+        _collect_copied(value, found, set())
+    return [one for one in found.values() if not _holds_parts(one, memo)]
+
+
+def _collect_copied(
+    value: object, found: dict[int, object], seen: set[tuple[int, bool]], *, is_held: bool = False
+) -> None:
+    """Add the objects that `get_counterpart` copies for a function or a setting to others, by `id`.
+
+    Args:
+        value: the function or setting, or what a function holds.
+        found: gets the objects.
+        seen: the `id` of what was looked through before, and whether it was held.
+        is_held: whether a function holds the value: then it is shared, unless it is a function, too.
+    """
+    kind: Any = type(value)
+    one: Any = value
+    if kind in _SCALARS or (id(value), is_held) in seen:
+        return
+    seen.add((id(value), is_held))
+    if kind is MethodType:
+        _collect_copied(one.__self__, found, seen)
+    elif kind is FunctionType:
+        for cell in one.__closure__ or ():
+            _collect_copied(_get_content(cell), found, seen, is_held=True)
+    elif kind in _PARTIAL:
+        for part in (one.func, *one.args, *one.keywords.values()):
+            _collect_copied(part, found, seen, is_held=True)
+    elif not is_held:
+        found[id(value)] = value
+    elif kind in (list, tuple, dict):
+        for part in one.values() if kind is dict else one:
+            _collect_copied(part, found, seen, is_held=True)
+
+
+def _holds_parts(value: object, memo: Memo) -> bool:
+    """Return whether a copy of an object in a fork holds parts of the fork."""
+    watched = _WatchedMemo(memo)
+    try:
+        deepcopy(value, watched)
+    except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+        return False  # it is shared in any case
+    return watched.is_read
+
+
+class _WatchedMemo(dict[int, Any]):
+    """A memo of `copy.deepcopy` that notices when a copy is taken that it has from the beginning."""
+
+    def __init__(self, memo: Memo) -> None:
+        super().__init__(memo)
+        self._first = frozenset(memo)
+        self.is_read = False
+
+    def get(self, key: int, default: object = None) -> Any:
+        """Return the copy of an object by its `id`."""
+        self.is_read = self.is_read or key in self._first
+        return super().get(key, default)
 
 
 def _rebind_value(value: object, memo: Memo) -> Any:

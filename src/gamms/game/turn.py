@@ -79,6 +79,7 @@ class TurnEngine(GameTurn):
         find_shipped: returns the decisions of the agents of an order in the core, see `native.ShippedFinder`; None:
             they are always asked.
         seen: slot -> state, in the last part of a turn in which all observed before any decided.
+        loop_owner: the engine whose event loop awaits answers, for the games of a batch; None: this one.
         departed_teams: team -> the number of names of deleted agents that were in it when they were deleted last.
     """
 
@@ -112,6 +113,7 @@ class TurnEngine(GameTurn):
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
         self.answers = Decisions(settings, state, phase, self.legality, self.make_observation, self.sense)
         self._loop: EventLoop | None = None
+        self.loop_owner: TurnEngine | None = None
         self.find_shipped: Callable[[TurnOrder], tuple[ShippedDecisions | None, int]] | None = None
         self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
         self._epoch = -1  # of the order
@@ -293,6 +295,7 @@ class TurnEngine(GameTurn):
 
     def restart_counts(self) -> None:
         """Drop the moves that are not in the counts of the agents yet."""
+        self._earlier.clear()
         for order in self.orders:
             order.slots.restart_counts()
 
@@ -779,12 +782,13 @@ class TurnEngine(GameTurn):
     def _await_answers(self, decisions: Decisions) -> None:
         """Wait for the answers of awaitables."""
         clock = self._settings.clock
-        if self._loop is None or self._loop.clock is not clock:
+        owner = self.loop_owner or self
+        if owner._loop is None or owner._loop.clock is not clock:
             from gamms.game.awaiting import EventLoop  # it loads asyncio
 
-            self.close()
-            self._loop = EventLoop(clock)
-        decisions.collect(self._loop)
+            owner.close()
+            owner._loop = EventLoop(clock)
+        decisions.collect(owner._loop)
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""

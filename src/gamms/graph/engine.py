@@ -665,11 +665,15 @@ class SharedMap:
     def __init__(self, source: GraphEngine) -> None:
         self._source = source
         self._graph = source.graph
-        self._store = source._store.fork()
-        self._obstacles = source._obstacles.fork()
+        self.renew()
+
+    def renew(self) -> None:
+        """Take the present map again, for one more context."""
+        self._store = self._source._store.fork()
+        self._obstacles = self._source._obstacles.fork()
 
     def make_engine(self, ctx: IContext, memo: dict[int, Any]) -> GraphEngine:
-        """Return the engine of the other context; call it once.
+        """Return the engine of the other context; call it once after each `renew`.
 
         Args:
             ctx: that context.

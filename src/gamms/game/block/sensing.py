@@ -1,7 +1,7 @@
 """The data of sensors in the games of a batch: the core computes plain sensors, all others run their own code.
 
 A plain sensor shows the agents of some teams that are within a radius of its agent. Any other sensor is called in a
-context that is pointed at the game, once for each agent that carries it.
+context of the game, once for each agent that carries it.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -13,11 +13,10 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.block.columns import PlayedGame, get_or_make, get_sensors
+from gamms.game.block.columns import get_or_make, get_sensors
 from gamms.game.block.state import GameArrays
 from gamms.game.block.strategy_steps import collect_looks, has_plain_looks, make_search
 from gamms.game.conflicts import flatten
-from gamms.game.cursor.pointed import PointedContext
 from gamms.ir.columns import find_places, select_rows
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -158,7 +157,7 @@ def list_sensors_called_each_turn(agent: IAgent) -> list[str]:
 
 
 def note_sensors(state: GameArrays, *, with_nodes: bool) -> None:
-    """Record which sensors of agents are called in a context that is pointed at their games.
+    """Record which sensors of agents are called in the contexts of their games.
 
     Args:
         state: the state of the games.
@@ -394,23 +393,3 @@ def _list_places(data: Mapping[str, Any], ctx: HostContext) -> list[tuple[str, i
 
 def _list_nodes(data: list[int] | Mapping[str, Any]) -> list[int]:
     return [*(data if isinstance(data, list) else data["nodes"])]
-
-
-def look(game: PlayedGame, state: GameArrays, pointed: PointedContext, games: IntArray) -> None:
-    """Call sensors in the games whose sensor data are out of date.
-
-    Args:
-        game: the game whose context is pointed at other games.
-        state: the state of all games of the batch.
-        pointed: points the context at games.
-        games: their numbers.
-    """
-    known: set[int] = state.now.setdefault("looked", set())
-    new = [number for number in games[~state.is_apart[games]].tolist() if number not in known]
-    if not new:
-        return
-    looks = game.internals.parts.turns.read_sensors
-    with pointed.keep_position():
-        for number in pointed.visit_each(np.array(new)):
-            note_sights(state, game.ctx, looks, number)
-    known.update(new)

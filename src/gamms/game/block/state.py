@@ -189,7 +189,7 @@ class LeavingGame(NamedTuple):
 
 
 class NeedsSeparateContext(GammsError):
-    """A function does what a context that games share cannot do: its game continues in a context of its own."""
+    """A function does what columns cannot hold: its game leaves the batch, and continues in another context."""
 
 
 class EmittedEvents(NamedTuple):

@@ -5,18 +5,15 @@ from typing import Any, NamedTuple
 
 from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_sensors
 from gamms.game.block.in_core import list_called_rules
-from gamms.game.cursor.own_functions import FunctionPerGame, find_some_function
 from gamms.game.hidden_state import find_names, may_change_games
-from gamms.game.movement.moves import TurnMoves
 from gamms.game.plan import find_first_called, has_function_of_conflicts, is_plain_rule
+from gamms.game.rows.own_functions import FunctionPerGame, find_some_function
 from gamms.ir.game_state import KEPT, GameState
 
 _OF_SENSORS = {"get_sensor", "sensors"}
 """Names by which a function gets sensors."""
 _OF_ANY_NAME = {"__getattribute__", "attrgetter", "getattr", "getattr_static"}
 """Names by which a function may read attributes whose names are not in its code."""
-_OF_DICTS = {"__dict__", "vars"}
-"""Names by which a function may change the attributes of an agent unnoticed."""
 _LOOKS = {"get_state", "observation", "sense"}
 """Names by which a function asks sensors, or gets the random streams of an agent."""
 _DRAWS = {"draw", "rng"}
@@ -27,7 +24,6 @@ class StartValues(NamedTuple):
     """The values with which games begin; see `GameState`."""
 
     turn: int
-    moves: TurnMoves | None
     counts: dict[str, dict[str, int]]
     blocked: dict[str, str]
 
@@ -35,7 +31,7 @@ class StartValues(NamedTuple):
     def from_state(cls, state: GameState) -> "StartValues":
         """Return the values with which the game of a context begins."""
         counts = {name: each.copy() for name, each in state.counts.items()}
-        return cls(state.turn, state.moves, counts, dict(state.blocked))
+        return cls(state.turn, counts, dict(state.blocked))
 
 
 class CalledFunctions(NamedTuple):
@@ -43,20 +39,17 @@ class CalledFunctions(NamedTuple):
 
     Attributes:
         functions: the functions.
-        own_functions: those that differ between games.
         periods: the periods of the collectors, in turns.
         asked: the numbers in the roster of agents whose strategies and plans are called.
         observing: the names of these agents, and of those whose sensors are called in each turn.
         core_keys: the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays.
         facts_in_core: the key of each fact that the core knows, and the function that returns it for games.
         has_array_functions: whether array functions are called, too.
-        asks_all: whether all agents decide in the context; see `find_why_all_decide`.
-        change_attributes: whether functions may change the `__dict__` of agents directly.
+        asks_all: whether all agents decide in contexts; see `find_why_all_decide`.
         first: the values with which games begin.
     """
 
     functions: Sequence[Callable[..., object]]
-    own_functions: Sequence[FunctionPerGame]
     periods: frozenset[int]
     asked: frozenset[int]
     observing: frozenset[str]
@@ -64,7 +57,6 @@ class CalledFunctions(NamedTuple):
     facts_in_core: Sequence[tuple[str, Callable[..., Any]]]
     has_array_functions: bool
     asks_all: bool
-    change_attributes: bool
     first: StartValues
 
     @classmethod
@@ -86,14 +78,10 @@ class CalledFunctions(NamedTuple):
             asked: the numbers of agents whose strategies and plans are called.
             observing: the numbers of other agents whose sensors are called in each turn.
             has_array_functions: whether array functions are called, too.
-            asks_all: whether all agents decide in the context; see `find_why_all_decide`.
+            asks_all: whether all agents decide in contexts; see `find_why_all_decide`.
         """
         deciders = [find_decider(roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = game.internals.parts.collectors.by_name.values()
-        of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
-        sensors = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
-        of_sensors = [getattr(one, "function", None) for one in sensors]
-        every = *deciders, *of_rules, *of_sensors
         specs = [one.spec for one in list_called_rules(game, roster) if one.spec.core_form is not None]
         rules = list_rule_functions(game, roster)
         return cls(
@@ -102,7 +90,6 @@ class CalledFunctions(NamedTuple):
                 *map(find_some_function, deciders),
                 *(one.fn for one in collectors),
             ],
-            own_functions=[one for one in every if isinstance(one, FunctionPerGame)],
             periods=frozenset(one.every for one in collectors),
             asked=frozenset(asked),
             observing=frozenset(roster.names[number] for number in (*asked, *observing)),
@@ -110,7 +97,6 @@ class CalledFunctions(NamedTuple):
             facts_in_core=[(str(spec.key), spec.facts_of) for spec in specs if spec.facts_of is not None],
             has_array_functions=has_array_functions,
             asks_all=asks_all,
-            change_attributes=any(not _OF_DICTS.isdisjoint(names) for names in _name_all(game, roster)),
             first=StartValues.from_state(game.internals.state),
         )
 

@@ -1,6 +1,6 @@
-"""The games of a batch that are played in contexts of their own.
+"""The games of a batch that have left it, or were never in it: the turn engine plays each in a context.
 
-They do what games that share a context cannot do, for example change a setting: only the turn engine plays them.
+A function has done there what columns cannot hold, for example changed a setting: only the turn engine plays them.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence

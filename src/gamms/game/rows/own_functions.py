@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
 
@@ -23,20 +23,22 @@ MakeFunctions = Callable[[int], Mapping[Owner, Any]]
 
 
 class FunctionPerGame:
-    """A strategy, a rule, a sensor, or the plan of a team, with a different function in each game.
+    """Stands for a strategy, a rule, a sensor, or the plan of a team, with a different function in each game.
 
     Attributes:
         of_game: the function of each game; None: the game has none yet.
-        number: the number of the game that a call is for.
     """
 
     def __init__(self, num_games: int) -> None:
         self.of_game: list[Any] = [None] * num_games
-        self.number = 0
 
-    def __call__(self, *asked: Any) -> Any:
-        """Call the function of the current game."""
-        return self.of_game[self.number](*asked)
+    def __deepcopy__(self, memo: dict[int, Any]) -> "FunctionPerGame":
+        """Return this object: the context of each game has its own function instead."""
+        return self
+
+    def __call__(self, *_: object) -> NoReturn:
+        """Refuse to be called: the context of each game has its own function instead."""
+        raise NotImplementedError
 
     def __repr__(self) -> str:
         """Return the name of the first game's function that exists."""
@@ -107,6 +109,18 @@ class FirstValues(NamedTuple):
         events = [dict(event) for event in state.events]
         return cls(dict(state.facts), copy_items(state.data), dict(state.scores), events, attributes, *private)
 
+    def put(self, game: PlayedGame) -> None:
+        """Give these values to a game in a new context, but for scores and events."""
+        state = game.internals.state
+        for agent, own in zip(game.ctx.agent.storage.share().members, self.attributes, strict=True):
+            agent.__dict__.clear()
+            for name, value in copy_values(own).items():
+                setattr(agent, name, value)
+        state.put("facts", dict(self.facts))
+        state.put("data", copy_items(self.data))
+        state.agent_facts = copy_deep(self.agent_facts)
+        state.team_facts = copy_deep(self.team_facts)
+
 
 class _Map(Protocol):
     """The part of the snapshot of a map that games compare."""
@@ -134,7 +148,7 @@ class FunctionsPerGame:
     """The differences between the games on one map from their start.
 
     Args:
-        game: the game in whose context the functions are called.
+        game: the game in whose context the functions are made.
         make: resets the game with a seed, and makes the functions of the seed; None: they do not differ.
         seeds: the seeds of all games of the batch.
         more_edges: see the attribute.
@@ -181,11 +195,12 @@ class FunctionsPerGame:
         """Whether games may differ from their start."""
         return self._make is not None or len(self._preparing) > 0
 
-    def take(self, games: IntArray, seeds: Sequence[int]) -> None:
-        """Make the functions of games; afterwards, the context is reset with its first seed.
+    def list_functions(self) -> list[FunctionPerGame]:
+        """Return what stands for functions that differ between games."""
+        return [*self._own.values(), *self._rules.values()]
 
-        The context must not be pointed at a game of the batch.
-        """
+    def take(self, games: IntArray, seeds: Sequence[int]) -> None:
+        """Make the functions of games; afterwards, the context is reset with its first seed."""
         self._decide_by(self._first)
         self._first = self._begin(self._seed)
         map = self._game.ctx.graph.storage.snapshot()

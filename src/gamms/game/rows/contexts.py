@@ -1,0 +1,208 @@
+"""The games of a batch in contexts of their own, which are made when functions are called in them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from gamms.core.rows import RowColumns
+from gamms.game.block.columns import PlayedGame
+from gamms.game.block.in_core import CoreGames, get_memory
+from gamms.game.block.sensing import note_sights
+from gamms.game.block.state import GameArrays
+from gamms.game.rows.called_functions import CalledFunctions
+from gamms.game.rows.own_functions import FirstValues, FunctionsPerGame, get_function_of_game
+from gamms.game.rows.row import PhaseCall, RowMeans, RowOfGame
+from gamms.game.snapshots import ForkSource, list_shareable
+from gamms.ir.graph import IntArray
+
+
+class RowContexts:
+    """The games on one map of a batch, each in a context of its own, which is made when a function is called in it.
+
+    Args:
+        game: the game at its start.
+        state: the state of all games.
+        core: plays the games in the core.
+        own: the differences between the games from their start.
+        make_called: returns the functions that are called.
+
+    Attributes:
+        game: see the arguments.
+        call: what is the same in all games in which a function is called.
+        rows: the games, by number.
+    """
+
+    def __init__(
+        self,
+        game: PlayedGame,
+        state: GameArrays,
+        core: CoreGames,
+        own: FunctionsPerGame,
+        make_called: Callable[[], CalledFunctions],
+    ) -> None:
+        self.game = game
+        self.call = PhaseCall()
+        self.rows: dict[int, RowOfGame] = {}
+        self._kept: dict[int, tuple[Any, ...]] = {}  # values of games at the last checkpoint
+        self._state = state
+        self._core = core
+        self._own = own
+        self._make_called = make_called
+
+    @cached_property
+    def called(self) -> CalledFunctions:
+        """The functions that are called."""
+        return self._make_called()
+
+    @cached_property
+    def _source(self) -> ForkSource:
+        """The start, of which the contexts are forks."""
+        return ForkSource(self.game.internals.parts, only_plain=False)
+
+    @cached_property
+    def _shared(self) -> list[object]:
+        """The functions and settings that are objects which all games share."""
+        settings = self.game.settings()
+        plans = [plan.function for plan in settings["plans"].values()]
+        functions = [*self.called.functions, *self.game.ctx.agent.storage.list_strategies(), *plans]
+        functions += [*settings.values(), *(rule.rule for rule in self.game.rules)]
+        ctx, memo = ForkSource(self.game.internals.parts, only_plain=False).make_context(0)
+        found = list_shareable({id(one): one for one in functions}.values(), memo)
+        ctx.terminate()
+        return found
+
+    @cached_property
+    def _means(self) -> RowMeans:
+        """What all these games share."""
+        number_of = {name: number for number, name in enumerate(self._state.roster.names)}
+        return RowMeans(
+            state=self._state,
+            core=self._core,
+            called=self.called,
+            call=self.call,
+            columns=self._make_columns(),
+            number_of=number_of,
+            at_rest=self.game.snapshot(),
+            turns=self.game.internals.parts.turns,
+        )
+
+    def _make_columns(self) -> RowColumns:
+        """Return the columns of all games that contexts show."""
+        state = self._state
+        ids: IntArray = np.ascontiguousarray(state.streets.columns.node_ids, np.int64)
+        numbers = np.zeros_like(ids)
+        self.game.ctx.agent.block.numbers.write(ids.data, numbers.data)
+        rows = np.zeros(numbers.max(initial=-1) + 1, np.int64)
+        rows[numbers] = np.arange(len(numbers))
+        columns = (state.turn, state.node, state.previous, state.alive, state.placed, numbers, rows)
+        return RowColumns(state.stop.data, *map(get_memory, columns))
+
+    def get(self, number: int) -> "RowOfGame":
+        """Return a game in its context, which may change from now on; see `checkpoint`."""
+        row = self.rows.get(number)
+        if row is None:
+            row = self._make(number)
+            self.rows[number] = row
+        if number not in self._kept:  # NOTE: only now, when the row is read in any case (w8_games.py rule)
+            self._kept[number] = row.copy_turn_values()
+        return row
+
+    def _make(self, number: int) -> "RowOfGame":
+        """Return a game at its start in a new context."""
+        means = self._means
+        functions = [(one, get_function_of_game(one, number)) for one in self._own.list_functions()]
+        source = self._source
+        source.renew_map()
+        ctx, _ = source.make_fork(self._state.seeds[number], functions=functions, shared=self._shared)
+        self._begin(number, ctx.game)
+        row = RowOfGame(ctx.game, number, means)
+        row.has_first_functions = _list_functions(ctx.game) == _list_functions(self.game)
+        return row
+
+    def _begin(self, number: int, game: PlayedGame) -> None:
+        """Give a game at its start the values with which it begins, unlike others."""
+        rng = self._own.rngs[number]
+        start = self.game.internals.state.start
+        if rng is None and start is not None:
+            rng = start.get_rng_state(self._state.seeds[number])
+        if rng is not None:
+            game.ctx.reseed(self._state.seeds[number], rng)
+        first: FirstValues | None = self._own.first[number] if self._own.first else None
+        if first is not None:
+            first.put(game)
+
+    def forget(self, games: IntArray) -> None:
+        """Begin games again in their contexts, or end these contexts if functions are not those of the start."""
+        if self._own.is_needed:  # the game in the context of the start has begun again, too
+            self.__dict__.pop("_source", None)
+            self.__dict__.pop("_shared", None)
+        for number in games.tolist() if self.rows else ():
+            self._kept.pop(number, None)
+            row = self.rows.get(number)
+            if row is not None and row.has_first_functions and not self._own.is_needed:
+                row.begin_again(self._state.seeds[number], partial(self._begin, number))
+            elif row is not None:
+                del self.rows[number]
+                row.ctx.terminate()
+
+    def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
+        """Close or open roads in some games.
+
+        Args:
+            games: the numbers of the games.
+            verb: the name of the method of `ctx.graph`.
+            edges: ids.
+
+        Raises:
+            UnknownName (KeyError): an edge does not exist in a game.
+        """
+        for number in games.tolist():
+            row = self.get(number)
+            row.show()
+            getattr(row.ctx.graph, verb)(edges)
+            row.take_roads()
+
+    def decide_again(self) -> None:
+        """Let agents decide again in a turn that was not played."""
+        for row in self.rows.values():
+            row.decide_again()
+
+    def look(self, games: IntArray) -> None:
+        """Call sensors in the games whose sensor data are out of date."""
+        state = self._state
+        known: set[int] = state.now.setdefault("looked", set())
+        for number in games[~state.is_apart[games]].tolist():
+            if number not in known:
+                row = self.get(number)
+                row.show()
+                note_sights(state, row.ctx, row.turns.read_sensors, number)
+                known.add(number)
+
+    def get_data(self, number: int, first: Mapping[Any, Any]) -> Mapping[Any, Any]:
+        """Return `ctx.game.data` of a game; `first` is that of the start."""
+        row = self.rows.get(number)
+        return first if row is None else row.values.data
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes later changes; what functions have written themselves stays."""
+        kept: dict[int, tuple[Any, ...]] = {}
+        self._kept = kept
+
+        def take_back() -> None:
+            for number, values in kept.items():
+                self.rows[number].take_back(values)
+
+        return take_back
+
+
+def _list_functions(game: PlayedGame) -> list[int]:
+    """Return the `id` of each function of a game, and of its settings."""
+    parts = game.internals.parts
+    ctx = game.ctx
+    functions = [*ctx.agent.storage.list_strategies(), *(one.rule for one in parts.rules.now.rules)]
+    functions += [one.fn for one in parts.collectors.by_name.values()]
+    functions += [getattr(sensor, "function", None) for sensor in ctx.sensor.sensors.values()]
+    plans = [plan.function for plan in game.settings()["plans"].values()]
+    return [*map(id, functions), *map(id, plans), id(game.settings()["conflicts"])]

@@ -1,0 +1,509 @@
+"""Calls plain functions in the games of a batch, each in the context of its game."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gamms.core.flight import TurnFlights
+from gamms.errors import UnknownAttribute
+from gamms.game.array_functions.view import ArrayView
+from gamms.game.block.columns import PlayedGame
+from gamms.game.block.in_core import CoreGames
+from gamms.game.block.state import GameArrays
+from gamms.game.decisions import Decisions
+from gamms.game.messages import MessageTraffic, read_outboxes
+from gamms.game.movement.courses import Routes
+from gamms.game.rows.contexts import RowContexts
+from gamms.game.rows.row import AskedPart, RowOfGame
+from gamms.game.settings import BegunPhase, NamedRule, RuleTable
+from gamms.game.turn import CLOSED, describe_closed_edge
+from gamms.ir.columns import Failure
+from gamms.ir.deeds import PlainDeeds
+from gamms.ir.game_state import describe_conflict
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+
+
+class RowFunctions:
+    """Calls plain functions in the games on one map of a batch, each in the context of its game.
+
+    Args:
+        contexts: the games.
+        state: the state of all games.
+        core: plays the games in the core.
+
+    Attributes:
+        wanted: (games * agents,) the ids of nodes to which asked agents move; None: they go along routes.
+        asks_anew: whether agents are asked on arrival; see `ask`.
+        takes_all: whether all decisions of agents are taken, not only uncommon ones; see `take_decisions`.
+        blocked: the games in which conflicts have stopped agents in their last turns.
+        asking: the game whose strategies are called; None: none are.
+    """
+
+    wanted: memoryview | None
+    asks_anew: bool
+    takes_all: bool
+
+    def __init__(self, contexts: RowContexts, state: GameArrays, core: CoreGames) -> None:
+        self._contexts = contexts
+        self._state = state
+        state.tell = self.note_undone
+        self._core = core
+        self._called = contexts.called
+        self._call = contexts.call
+        self._deeds = PlainDeeds(0, [])  # that agents want to do now
+        self._find_asked: Callable[[RowOfGame], AskedPart]
+        self.blocked = set[int]()
+        self.asking: RowOfGame | None = None
+        self._order = contexts.game.internals.parts.settings.order
+
+    @property
+    def functions(self) -> Sequence[Callable[..., object]]:
+        """The plain functions that are called."""
+        return self._called.functions
+
+    # -- the games ----------------------------------------------------------------------------------------------
+
+    def _play(self, games: IntArray, play: Callable[[RowOfGame, int], bool]) -> None:
+        """Call functions in those of some games that have not left.
+
+        Args:
+            games: the numbers of the games.
+            play: calls functions in a game, given its index; returns whether the game leaves.
+        """
+        state = self._state
+        known = [(name, facts_of(state, games)) for name, facts_of in self._called.facts_in_core]
+        leaving = state.leaving
+        for place, number in enumerate(games.tolist()):
+            if number in leaving:
+                continue
+            row = self._contexts.get(number)
+            row.show_facts(known, place)
+            try:
+                if play(row, place):
+                    self._let_leave(row)
+                row.raise_refusal()  # which the function may have caught
+            except Exception as error:
+                row.refusal = None
+                error.add_note(f"In game {number} of a batch, with the seed {state.seeds[number]}.")
+                raise
+
+    def _let_leave(self, row: RowOfGame) -> None:
+        """Stop playing a game here."""
+        assert self._call.begun is not None  # noqa: S101 - functions are called in a phase
+        try:
+            self._state.leave(row.number, row.why, row.take_along(self._call.begun))
+        finally:
+            row.put_back()
+
+    def fork(self, number: int) -> PlayedGame:
+        """Return a game, which is between two turns, as it is now in a context of its own."""
+        row = self._contexts.get(number)
+        row.raised = None
+        row.show()
+        self._call.begin(_end_turn, None, is_moving=False)
+        try:
+            game: PlayedGame = row.take_along(_end_turn)
+        finally:
+            self._call.end()
+            row.put_back()
+        game.internals.parts.turns.finish_turn()
+        game.internals.left_as = number
+        return game
+
+    def _begin_phase(self, phase: str, part: int) -> Callable[[RuleTable], BegunPhase]:
+        """Return what makes a phase of a part of the turn, in which games that leave go on."""
+        return lambda table: BegunPhase(phase, table.rules, 0, self._order, part=part)
+
+    def check(self, games: IntArray, part: int) -> None:
+        """Call the rules that may refuse moves and deeds of a part of the turn, in each of these games."""
+        self._play_phase(_calling(self._check), games, "", part=part, begun=self._begin_phase("check", part))
+
+    def _check(self, row: RowOfGame) -> None:
+        number = row.number
+        moves = row.read_field("moves")
+        log = self._state.deed_log
+        part_of = self._core.part_of
+        numbers = row.number_of
+        members = [i for i, name in enumerate(moves.order.names) if part_of[numbers[name]] == row.part]
+        for i, kind, why in row.turns.list_refused(moves, members, row.game.internals.parts.rules):
+            agent = numbers[moves.slots[i].name]
+            self._note_undone(number, agent, why)
+            if kind is None:
+                self._hold(row, agent)
+            else:
+                self._state.note_failure(Failure.make_illegal(number, agent, why))
+                log.refuse(number, agent, kind)
+        row.refuse_other_agents("the check of a rule")
+
+    def cut_off(self, games: IntArray, part: int) -> None:
+        """Keep agents in place whose path was closed in these games."""
+        self._play_phase(_calling(self._cut_off), games, "", part=part, have_joined=True)
+
+    def _cut_off(self, row: RowOfGame) -> None:
+        moves = row.read_field("moves")
+        for i in row.turns.cut_off(moves):
+            agent = row.number_of[moves.slots[i].name]
+            self._hold(row, agent)
+            self._note_undone(row.number, agent, CLOSED)
+
+    def give_way(self, games: IntArray, part: int) -> None:
+        """Keep agents in place that lose conflicts decided by a function, in these games."""
+        begun = self._begin_phase("give way", part)
+        self._play_phase(_calling(self._give_way), games, "", part=part, begun=begun, have_joined=True)
+
+    def _give_way(self, row: RowOfGame) -> None:
+        moves = row.read_field("moves")
+        for i, end in zip(*row.turns.stop_losers(moves), strict=True):
+            agent = row.number_of[moves.slots[i].name]
+            self._hold(row, agent)
+            self._core.note_conflict(row.number, agent, end)
+        row.refuse_other_agents("the function of conflicts")
+
+    def give_way_at_arrivals(self, games: IntArray, part: int) -> None:
+        """Stop arrived agents that lose conflicts decided by a function, in these games."""
+        self._play_phase(_calling(self._give_way_at_arrivals), games, "", begun=self._begin_phase("arrive", part))
+
+    def _give_way_at_arrivals(self, row: RowOfGame) -> None:
+        order = row.order
+        number = row.number
+        agents = [row.number_of[name] for name in order.names]
+        before, after = [[places[agent] for agent in agents] for places in self._core.list_places(number)]
+        for i, _ in row.turns.find_losers(order, before, after):
+            self._core.hold(number, agents[i])
+        row.refuse_other_agents("the function of conflicts")
+        row.leave_with_other_map()
+
+    def note_losers(self, games: IntArray) -> None:
+        """Tell agents that conflicts have stopped them on arrival."""
+        for at, agent in np.argwhere(self._core.find_losers(games)).tolist():
+            game = int(games[at])
+            self._note_undone(game, agent, describe_conflict(self._core.get_wanted_place(game, agent)))
+
+    def _hold(self, row: RowOfGame, agent: int) -> None:
+        """Cancel the move of an agent of a game, and count it."""
+        self._state.counts["blocked"][row.number, agent] += 1
+        row.cancel(agent)
+
+    def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
+        """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
+        name = named.name
+
+        def begin(table: RuleTable) -> BegunPhase:
+            return BegunPhase.from_rule(named, table, self._order, part or 0)
+
+        def play(row: RowOfGame, _: int) -> bool:
+            return row.call(row.rules[name], (row.ctx,))
+
+        self._play_phase(play, games, f"the rule {name!r} (phase {named.phase!r})", part, begin)
+
+    def collect(self, games: IntArray) -> None:
+        """Call the collectors in the games in which they are due."""
+        turns = self._state.turn[games]
+        is_due = np.zeros(len(games), np.bool_)
+        for every in self._called.periods:
+            is_due |= turns % every == 0
+        if is_due.any():
+            self._play_phase(_calling(_collect), games[is_due], "a collector", begun=_end_turn)
+
+    def get_collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
+        """Return the collected values of a game, by the names of collectors."""
+        row = self._contexts.rows.get(game)
+        of_game = self._contexts.game if row is None else row.game
+        return of_game.internals.parts.collectors.get_tables()
+
+    def _play_phase(
+        self,
+        play: Callable[[RowOfGame, int], bool],
+        games: IntArray,
+        what: str,
+        part: int | None = None,
+        begun: Callable[[RuleTable], BegunPhase] | None = None,
+        *,
+        have_joined: bool = False,
+    ) -> None:
+        """Call functions in each of these games.
+
+        Args:
+            play: see `_play`.
+            games: the numbers of the games.
+            what: the functions in words, for errors; "": their errors name them themselves.
+            part: the part of the turn in which agents are about to move; None: they are not.
+            begun: returns the phase of the turn, if a game can leave in it and go on from there.
+            have_joined: whether agents that were created in this part of the turn have joined it.
+        """
+        is_moving = part is not None or self._core.arrival is not None
+        self._call.begin(begun, part, is_moving=is_moving, have_joined=have_joined)
+        try:
+            self._play(games, play)
+        except Exception as error:
+            if what:
+                hint = UnknownAttribute.hint_of(error)
+                error.add_note(f"In {what}, in turn {self._state.turn[games[0]]}.{hint}")
+            raise
+        finally:
+            self._call.end()
+        self._state.now.clear()
+
+    def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None, part: int) -> IntArray:
+        """Return the actions of agents that are asked game by game.
+
+        Args:
+            view: the agents.
+            observing: the numbers of other agents, whose sensors are called.
+            here: (all games, all agents) a mask of the agents that arrive now; None: all agents decide.
+            part: the part of the turn.
+        """
+        state = self._state
+        agents = view.agents
+        games = view.games
+        self.blocked = {*games[np.any(state.blocked[games][:, agents], axis=1)].tolist()}
+        wanted = np.array(state.streets.get_ids(view.node), np.int64)
+        self.wanted = None if self._core.courses is not None else wanted.reshape(-1).data
+        if here is None:
+            asked = agents.tobytes(), observing.tobytes()
+            self._find_asked = lambda row: row.find_asked(*asked)
+        else:
+            self._find_asked = partial(self._find_arriving, here, agents, observing)
+        self._deeds = PlainDeeds(part, [])
+        if self._core.courses is not None:
+            self._core.courses.routes.forget()
+        self.asks_anew = here is not None
+        self.takes_all = self._called.asks_all or self._chooses_more_than_nodes
+        self._call.part = part
+        width = len(agents)
+        self._call.begin(self._begin_phase("decide", part), None, is_moving=True)
+        try:
+            self._play(games, lambda row, place: row.ask(self, place * width))
+        finally:
+            self._call.end()
+            self._call.part = 0
+            self.asking = None
+        if self._deeds.given and not self._core.arrival:
+            state.deed_log.request_deeds(self._deeds)
+        if self._core.courses is not None:
+            self._core.courses.routes.write()
+            return np.full(view.node.shape, -1)
+        return view.action_to(wanted)
+
+    @property
+    def _chooses_more_than_nodes(self) -> bool:
+        """Whether agents of a game decide on more than nodes to move to."""
+        state = self._state
+        has_routes = state.flights is not None or self._core.courses is not None
+        return has_routes or len(state.deeds.declared) > 0 or state.radio is not None
+
+    def find_asked(self, row: RowOfGame) -> AskedPart | None:
+        """Return the agents that are asked in a game; None: there are none."""
+        asked = self._find_asked(row)
+        return asked if asked.part.observing or asked.part.commanded else None
+
+    def _find_arriving(self, here: BoolArray, agents: IntArray, observing: IntArray, row: RowOfGame) -> AskedPart:
+        """Return the agents that arrive now, by a mask (games, agents), of those of these numbers."""
+        arriving, looking = [one[here[row.number, one]].tobytes() for one in (agents, observing)]
+        return row.find_asked(arriving, looking)
+
+    def note_given(self, view: ArrayView) -> None:
+        """Record that agents got actions from outside."""
+        names = self._state.roster.names
+        for at, i in np.argwhere(view.mask).tolist():
+            number = int(view.games[at])
+            if number in self._contexts.rows:
+                self._contexts.get(number).undone.pop(names[view.agents[i]], None)
+
+    def ask(self, row: RowOfGame, asked: AskedPart) -> Decisions:
+        """Return the decisions of agents of a game that arrive; they may have decided before in the same turn."""
+        legality = row.turns.legality
+        legality.set_time(self._state.time[row.number].item())
+        legality.keep_map(keeps=True)
+        try:
+            decisions: Decisions = row.turns.decide(asked.order, asked.part)
+        finally:
+            legality.keep_map(keeps=False)
+            legality.set_time(0.0)
+        return decisions
+
+    def take_decisions(self, row: RowOfGame, decisions: Decisions, asked: AskedPart) -> None:
+        """Store the decisions of agents of a game, but for moves to nodes."""
+        if not row.members.sees_world_only:
+            self._store_changes_by_sensors(row, asked)
+        if self._state.flights is not None:
+            self._choose_flights(row, self._state.flights, decisions, asked)
+        if self._core.courses is not None:
+            self._choose_routes(row, self._core.courses.routes, decisions, asked)
+        chooses = decisions.actions or decisions.paths is not None
+        if chooses or decisions.failures or decisions.written or row.undone:
+            self._take_uncommon(row, decisions, asked)
+        if decisions.actions:
+            self._take_deeds(row, decisions, asked)
+        if self._state.radio is not None:
+            self._take_messages(row, self._state.radio, decisions, asked)
+
+    def _store_changes_by_sensors(self, row: RowOfGame, asked: AskedPart) -> None:
+        """Write the changes that custom sensors made before agents decided.
+
+        Raises:
+            BadValue: agents are left that would have looked before some of the changes; see `ShownGame.refuse`.
+        """
+        have_changed = bool(row.journal.log or row.journal.progressed or row.has_ended or row.has_other_settings)
+        if have_changed or row.has_other_map:
+            lives = np.frombuffer(row.block.alive.tobytes(), np.bool_)
+            decides = self._core.part_of[row.members.numbers] == self._deeds.part
+            if len(asked.part.observing) < np.count_nonzero(lives & decides):
+                what = "that is a sensor changes the game while other agents look in the core"
+                row.refuse(what, "set the attribute, or call the verb, in the sensor itself")
+        if have_changed:
+            row.go_alone("that is a sensor changes agents, settings, rules or collectors, or ends the game")
+        if self._core.arrival is not None:
+            row.leave_with_other_map()
+        row.take()
+
+    def _choose_flights(self, row: RowOfGame, flights: TurnFlights, decisions: Decisions, asked: AskedPart) -> None:
+        """Store the flights that agents of a game have chosen."""
+        for i, name in asked.members:
+            action = decisions.actions.get(i)
+            if action is not None and (action.position is not None or action.quat is not None):
+                chosen = row.number, row.number_of[name], action.position, action.quat
+                flights.chosen.append(chosen)
+
+    def _choose_routes(self, row: RowOfGame, routes: Routes, decisions: Decisions, asked: AskedPart) -> None:
+        """Store the routes that agents of a game have chosen."""
+        for i, name in asked.members:
+            action = decisions.actions.get(i)
+            if action is not None and action.edge is not None:
+                continue
+            if not routes.choose(row.number, row.number_of[name], decisions, i):
+                row.go_alone("chooses a route with an edge that it repeats")
+
+    def _take_uncommon(self, row: RowOfGame, decisions: Decisions, asked: AskedPart) -> None:
+        """Store turns of agents, and why actions failed."""
+        paths = decisions.paths
+        for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
+            track = None if paths is None else paths.make_track(i)
+            if track is not None and len(track.path) > 2:
+                row.go_alone("chooses a route over other nodes")
+            if track is not None:
+                row.go_alone("chooses a route that comes to the node on which it begins")
+        named = dict(asked.members)
+        for i, action in decisions.actions.items():
+            if action.edge is not None:
+                self._take_named_edge(row, row.number_of[named[i]], action.edge)
+            if action.heading != ():
+                self._state.turning.append((row.number, row.number_of[named[i]], action.heading))
+        decide = set(named.values())
+        undone = {name: why for name, why in row.undone.items() if name not in decide}
+        for i, why in decisions.list_undone():
+            undone[named[i]] = f"{undone[named[i]]}; {why}" if named[i] in undone else why
+        row.undone = undone
+        if decisions.written:
+            decisions.merge_team_memories()
+        turn = row.values.turn
+        for i, kind, message in decisions.failures:
+            failure = Failure(row.number, row.number_of[named[i]], kind, message)
+            self._state.failures.append((failure, turn))
+
+    def _take_named_edge(self, row: RowOfGame, agent: int, edge: int) -> None:
+        """Let an agent of a game take an edge."""
+        self._core.edges.put((row.number, agent), np.array(edge), self._state.movement.columns)
+
+    def _take_deeds(self, row: RowOfGame, decisions: Decisions, asked: AskedPart) -> None:
+        """Store the deeds of agents of a game."""
+        number = row.number
+        now = row.values.turn + 1
+        for i, name in asked.members:
+            action = decisions.actions.get(i)
+            if action is not None and action.deeds:
+                agent = row.number_of[name]
+                if self._core.arrival:
+                    self._core.note_late_deeds(np.array([number]), np.array([agent]))
+                self._deeds.add(number, agent, name, now, decisions.starts[i], action.deeds)
+
+    def _take_messages(self, row: RowOfGame, radio: MessageTraffic, decisions: Decisions, asked: AskedPart) -> None:
+        """Store the messages that agents of a game send."""
+        failed = decisions.failed
+        slots = row.order.slots
+        number = row.number
+        having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
+        sending = [slots[i] for i, _ in asked.members if i in having and i not in failed]
+        messages, unsent = read_outboxes(row.ctx, row.ctx.game, sending)
+        flaws = [Failure.make_illegal(number, row.number_of[slot.name], why) for slot, why in unsent]
+        radio.post_checked(number, messages, flaws)
+
+    def note_closed_edges(self, games: IntArray, agents: IntArray, edges: IntArray) -> None:
+        """Tell agents that they have left closed edges."""
+        columns = self._state.movement.columns
+        ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
+        for game, agent, source, target in zip(*(one.tolist() for one in (games, agents, *ends)), strict=True):
+            self._note_undone(game, agent, describe_closed_edge(source, target))
+
+    def note_undone(self, failure: Failure) -> None:
+        """Tell an asked agent, in its next turn, why its action failed in this one."""
+        self._note_undone(failure.game, failure.agent, failure.message)
+
+    def _note_undone(self, game: int, agent: int, why: str) -> None:
+        if agent in self._called.asked:
+            undone = self._contexts.get(game).undone
+            name = self._state.roster.names[agent]
+            undone[name] = f"{undone[name]}; {why}" if name in undone else why
+
+    def tell_blocked(self, row: RowOfGame, asked: AskedPart) -> list[Any]:
+        """Set the reasons why agents failed to act in their last turns; return their slots."""
+        state = self._state
+        told = []
+        slots = row.order.slots
+        numbers = row.number_of
+        number = row.number
+        undone = row.undone
+        for i, name in asked.members:
+            why = [undone[name]] if name in undone else []
+            if self._core.arrival is not None:
+                pass  # `note_losers` has noted conflicts
+            elif state.blocked[number, numbers[name]] and state.turn[number] > self._called.first.turn:
+                why.append(describe_conflict(self._core.get_wanted_place(number, numbers[name])))
+            if why:
+                slots[i].template["blocked"] = "; ".join(why)
+                told.append(slots[i])
+        return told
+
+    def get_agents(self, game: int) -> list[tuple[Any, Any]] | None:
+        """Return the agents of a game and their strategies; None: those of the start."""
+        row = self._contexts.rows.get(game)
+        if row is None:
+            return None
+        agents = row.members.agents
+        return [(agent, strategy) for agent, (strategy, _) in zip(agents.members, agents.equipment, strict=True)]
+
+    def get_departed(self, game: int) -> dict[str, tuple[Any, int]]:
+        """Return the agents that were deleted in a game, with their teams and nodes."""
+        row = self._contexts.rows.get(game)
+        of_game = self._contexts.game if row is None else row.game
+        departed: dict[str, tuple[Any, int]] = of_game.internals.state.departed
+        return departed
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes later changes, but for memories, data, facts and attributes of agents."""
+        undo = self._state.checkpoint(self._core.moves)
+        undo_rows = self._contexts.checkpoint()
+
+        def take_back() -> None:
+            undo()
+            undo_rows()
+
+        return take_back
+
+
+def _end_turn(table: RuleTable) -> BegunPhase:
+    """Return the end of a turn, after all its rules."""
+    return BegunPhase("after", table.rules, len(table.of_phase["after"]), collects=False)
+
+
+def _calling(function: Callable[[RowOfGame], object]) -> Callable[[RowOfGame, int], bool]:
+    """Return what calls a function in a game; see `RowFunctions._play`."""
+    return lambda row, _: row.call(function, (row,))
+
+
+def _collect(row: RowOfGame) -> None:
+    """Call the collectors that are due in a game."""
+    row.game.internals.parts.collectors.collect(row.values.turn, row.ctx, lambda: row.game.agents)

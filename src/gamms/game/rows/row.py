@@ -1,0 +1,1356 @@
+"""A game of a batch in a context of its own: what functions read is read there, and their changes are taken from it."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from gamms.core.copies import copy_deep
+from gamms.core.rows import Call, Row, RowColumns
+from gamms.deciding import UNKNOWN_LOOK, get_phase
+from gamms.errors import BadValue
+from gamms.game.block.columns import PlayedGame
+from gamms.game.block.in_core import CoreGames
+from gamms.game.block.state import STOPPED, GameArrays, GameRow, Heading, NeedsSeparateContext, is_exact_float
+from gamms.game.decisions import Decisions, MadeDecisions
+from gamms.game.lasting import copy_doing, put_doing
+from gamms.game.messages import MessageTraffic
+from gamms.game.movement.arrivals import AgentsUnderWay
+from gamms.game.movement.courses import Courses
+from gamms.game.movement.moves import TurnMoves
+from gamms.game.movement.roads import RoadMap
+from gamms.game.movement.travel import ResolvedAction
+from gamms.game.order import TurnOrder, TurnPart
+from gamms.game.rows.called_functions import CalledFunctions
+from gamms.game.rows.state import GuardedDict, RowStart, RowState, get_memories, get_moves, put_data
+from gamms.game.settings import BegunPhase, RuleTable, as_called
+from gamms.game.slots import COUNTED
+from gamms.game.snapshots import ForkSource, GameStart, Snapshot, copy_moves, copy_rules
+from gamms.game.turn import TurnEngine
+from gamms.ir.agents import AgentBlock, as_ids, get_speed, show_column, show_flights, show_lives, show_progress
+from gamms.ir.events import (
+    AERIAL_AGENT_FLIGHT,
+    AERIAL_AGENT_TURN,
+    AGENT_ATTRIBUTE,
+    AGENT_CREATE,
+    AGENT_DELETE,
+    AGENT_SENSOR_DEREGISTER,
+    AGENT_SENSOR_REGISTER,
+)
+from gamms.ir.game_state import KEPT, BlockedAgents, GameState, Scores, describe_conflict
+from gamms.ir.graph import IntArray
+from gamms.ir.journal import PLAIN, Journal
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, Memo
+from gamms.typing.agent_engine import DeletedAgent
+from gamms.typing.context import HostContext
+
+_NUMBERS = [column.name for column in NUMBERS]
+_CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
+_EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
+_TURNED = CHANGE_EVENTS["heading"].code
+_MOVED = -1  # the kind of a move, which is noted as two numbers
+_ATTRIBUTES = {AGENT_ATTRIBUTE}
+_CHANGING |= {_MOVED, AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, _TURNED}
+
+
+class AskedPart(NamedTuple):
+    """Agents that are asked, some of which may be dead.
+
+    Attributes:
+        order: the order of all agents.
+        part: the living ones, as a part of a turn.
+        places: the slot of each agent; -1: it is dead.
+        members: the slots and names of the living ones.
+    """
+
+    order: TurnOrder
+    part: TurnPart
+    places: list[int]
+    members: list[tuple[int, str]]
+
+
+class PhaseCall(Call):
+    """The phase of a turn in which functions are called.
+
+    Attributes:
+        moving_part: the part of the turn in which agents are about to move; None: they are not.
+        have_joined: whether agents created in this part of the turn take part in it.
+        begun: returns the phase from the rules of a game, if it can leave in it and go on from there; else None.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.moving_part: int | None = None
+        self.have_joined = False
+        self.begun: Callable[[RuleTable], BegunPhase] | None = None
+
+    def begin(
+        self,
+        begun: Callable[[RuleTable], BegunPhase] | None,
+        part: int | None,
+        *,
+        is_moving: bool,
+        have_joined: bool = False,
+    ) -> None:
+        """Begin to call functions."""
+        self.begun = begun
+        self.moving_part = part
+        self.is_moving = is_moving
+        self.have_joined = have_joined
+
+    def end(self) -> None:
+        """End to call functions."""
+        self.begin(None, None, is_moving=False)
+
+
+class RowMeans(NamedTuple):
+    """What all games of a batch on one map share.
+
+    Attributes:
+        state: the state of all games.
+        core: plays the games in the core.
+        called: the functions that are called.
+        call: the phase of the turn in which functions are called.
+        columns: the columns of all games that contexts show.
+        number_of: name -> the number of the agent in the roster.
+        at_rest: a game at its start.
+        turns: its turn engine, whose event loop awaits the answers of all games.
+    """
+
+    state: GameArrays
+    core: CoreGames
+    called: CalledFunctions
+    call: PhaseCall
+    columns: RowColumns
+    number_of: Mapping[str, int]
+    at_rest: Snapshot
+    turns: TurnEngine
+
+
+class Members:
+    """The agents of a game at a time, with their sensors.
+
+    Args:
+        game: the game.
+        means: what all games share.
+        before: the agents at an earlier time; None: these are those of the start.
+
+    Attributes:
+        agents, sensors: the agents and the sensors.
+        block: the block of the agents.
+        numbers: the number in the roster of each agent, by row.
+        flying: the numbers in the roster of its flying agents.
+        rows_in_air: the rows of its flying agents.
+        first_headings: the default headings of agents, by row.
+        journal: records the changes of functions.
+        departure: the last agent that was deleted before.
+        terms: the team and the speed of each agent, by row.
+        lasts: the lists with the last states of agents, and the last data of sensors; see `list_last_states`.
+        notices: the detection models of sensors that count their looks, of agents that observe.
+        counting: each sensor that counts its looks, and its owners.
+        sees_world_only: whether all sensors that are called look only at the graph and the agents.
+        are_plain: whether this holds, and repeated calls in a turn return the same data.
+        order: the order of these agents, if it was made after others have come; else None.
+    """
+
+    order: TurnOrder | None = None
+
+    def __init__(self, game: PlayedGame, means: RowMeans, before: "Members | None" = None) -> None:
+        storage = game.ctx.agent.storage
+        self.agents = storage.share()
+        self.sensors = game.ctx.sensor.storage.share()
+        self.block: AgentBlock = self.agents.block
+        self.numbers: IntArray = np.array([means.number_of[name] for name in self.block.names], np.int64)
+        row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
+        self.flying = [number for number in means.state.flyers.tolist() if number in row_of]
+        self.rows_in_air = [row_of[number] for number in self.flying]
+        known = {} if before is None else dict(zip(before.agents.members, before.first_headings, strict=True))
+        now = zip(self.agents.members, self.block.heading, strict=True)
+        self.first_headings: list[Heading] = [known.get(agent, heading) for agent, heading in now]
+        self.journal = self.renew_journal()
+        self.departure: DeletedAgent = storage.last_departure
+        self.terms = [_get_terms(self.block, row) for row in range(len(self.block))]
+        self.lasts = _list_last_looks(self.agents.members, storage.get_turn_access)
+        self._find_kinds(means.called.observing)
+
+    def renew_journal(self) -> Journal:
+        """Give the block a new journal, and return it."""
+        self.journal = Journal(self.block.names)
+        self.block.journal = self.journal
+        return self.journal
+
+    def get_equipment(self) -> dict[Any, tuple[Any, Any]]:
+        """Return the strategy and the sensors of each agent."""
+        return dict(zip(self.agents.members, self.agents.equipment, strict=True))
+
+    def _find_kinds(self, observing: frozenset[str]) -> None:
+        """Find the kinds of sensors; `observing`: the names of the agents whose sensors are called."""
+        members = self.agents.members
+        owned = [(sensor, agent.name) for agent in members for sensor in agent.sensors.values()]
+        sensors = [sensor for sensor, _ in owned]
+        carried = [sensor for agent in members if agent.name in observing for sensor in agent.sensors.values()]
+        looks = [(one, one.in_arrays()) for one in sensors if hasattr(one, "in_arrays")]
+        counting = {id(one): one.notice for one, look in looks if look is not None and not look.is_plain}
+        self.notices = [counting[id(one)] for one in carried if id(one) in counting]
+        self.sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
+        self.are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
+        owners: dict[int, tuple[Any, list[str]]] = {}
+        for sensor, name in owned:
+            if id(sensor) in counting:
+                owners.setdefault(id(sensor), (sensor, []))[1].append(name)
+        self.counting = [*owners.values()]
+
+
+class RowOfGame(Row):
+    """A game of a batch in a context of its own, and what functions change in it.
+
+    If a plain function changes what the core cannot change, its game leaves: it goes on from there in another context,
+    see `take_along`. If a function reads what a batch does not keep, it is refused.
+
+    Args:
+        game: the game at its start, in the context.
+        number: its number.
+        means: what all games share.
+
+    Attributes:
+        game, ctx, turns, values: the game, its context, its turn engine and its state.
+        number_of: name -> the number of the agent in the roster.
+        rules: name -> the function of each rule.
+        members: the agents of the game.
+        has_first_functions: whether all its functions are those of the start: no copies, which may have changed.
+        refusal: why the game can neither go on here nor leave; None: it can.
+    """
+
+    journal: Journal
+    _state: GameArrays
+
+    def __init__(self, game: PlayedGame, number: int, means: RowMeans) -> None:
+        parts = game.internals.parts
+        values = parts.state
+        state = means.state
+        self._map = game.ctx.graph.storage
+        phase = get_phase(game.ctx)
+        turns = parts.turns
+        super().__init__(number, means.columns, means.call, phase, turns, values, state, self._map.count_changes)
+        self.game = game
+        self.ctx: Any = game.ctx
+        self._own = vars(game.ctx)
+        self.turns = turns
+        turns.loop_owner = means.turns
+        self.values = values
+        self.number_of = means.number_of
+        self.rules = {one.name: one.rule for of_phase in parts.rules.now.of_phase.values() for _, one in of_phase}
+        self.refusal: BadValue | None = None
+        self.has_first_functions = False
+        self._means = means
+        self._core = means.core
+        self._called = means.called
+        self._parts = parts
+        self._scores_before: dict[Any, Any] = {}
+        self._num_events = 0  # of the events and messages that were read
+        self._num_messages = 0
+        self._data_before: dict[Any, Any] | None = None  # of the game that leaves
+        self.look = None if means.called.asks_all else GuardedDict({}, None, lambda _: self.refuse_look())
+        self._first_means = parts.settings.settings_now(), parts.rules.now
+        self._first_collectors = {*parts.collectors.by_name}
+        self._first_fields = values.start, values.deed_log
+        self._keeps_more = self.look is None or state.doings is not None or bool(self._first_collectors)
+        self._first_core_data: dict[str, Any] = {}  # data of rules in the core
+        self._at_start = parts.take()
+        self._under_way: AgentsUnderWay | None = None  # of the game that leaves
+        self._moved: tuple[tuple[int, int | None, bool], Members] | None = None
+        self._asked: tuple[Any, AskedPart] | None = None
+        self._order: tuple[TurnOrder, bytes] | None = None
+        self._headings: Mapping[int, Heading] = {}
+        self._first_map = self._map.snapshot()
+        self._first_members: Members | None = Members(game, means)
+        self.members = self._first_members
+        self._first = self.members.get_equipment()
+        self._begin_game()
+
+    def _begin_game(self) -> None:
+        """Begin to show the game, which is at its start in the context."""
+        self._note_map(None)
+        self._begin_state()
+        self._show_members()
+        self.turns.note_departed()
+        self._fixed = self._list_fixed_values()
+        self.facts_shown = dict(self._facts)
+        self.read.clear()
+        self._note_epoch()
+
+    def begin_again(self, seed: int, begin: Callable[[PlayedGame], None]) -> None:
+        """Begin the game again in the context.
+
+        Args:
+            seed: its seed.
+            begin: gives the game the values with which it begins, unlike others.
+        """
+        values = self.values
+        self.members.block.journal = PLAIN
+        values.__class__ = GameState
+        values.start, values.deed_log = self._first_fields
+        values.data = {}
+        self.ctx.reseed(seed)
+        self._parts.restore(self._at_start, forget=True)
+        begin(self.game)
+        self._moved = None
+        self._asked = None
+        self._order = None
+        self._first_map = self._map.snapshot()
+        if self.members is not self._first_members:
+            self.members = self._first_members = Members(self.game, self._means)
+            self._first = self.members.get_equipment()
+        self.members.renew_journal()
+        self._begin_game()
+
+    def _begin_state(self) -> None:
+        """Let the state of the context read the columns of all games."""
+        values = self.values
+        called = self._called
+        if called.core_keys:
+            self._first_core_data = {key: one for key, one in values.data.items() if key in called.core_keys}
+            self._guard_data()
+        values.__class__ = RowState
+        values.start = RowStart(self, self._means.at_rest)
+        values.deed_log = self._state.deed_log
+        values.has_begun = True
+        names = self._state.roster.names
+        asked_names = {names[number] for number in called.asked}
+        self.undone = {name: why for name, why in called.first.blocked.items() if name in asked_names}
+        values.blocked = BlockedAgents()
+        if self._state.radio is not None:
+            self.turns.read_inbox = partial(self._read_inbox, self._state.radio)
+
+    def _guard_data(self) -> None:
+        """Leave the data of rules in the core out of `ctx.game.data`, until a function reads it."""
+        keys = self._called.core_keys
+        own = {key: one for key, one in dict.items(self.values.data) if key not in keys}
+        put_data(self.values, GuardedDict(own, keys, self._show_core_data))
+
+    @property
+    def block(self) -> AgentBlock:
+        """The columns of the agents of the context."""
+        return self.members.block
+
+    @property
+    def _phase_call(self) -> PhaseCall:
+        return self._means.call
+
+    def refuse(self, what: str, way_out: str) -> NoReturn:
+        """Refuse what a function has done that a batch notices too late, because its code does not say so.
+
+        Args:
+            what: the forbidden call, in words.
+            way_out: how its code says so.
+
+        Raises:
+            BadValue: always.
+        """
+        self.why = ""
+        self.refusal = BadValue(
+            f"A plain function {what}, and the games of a batch have not kept what this needs. Its code does not say "
+            f"that it does so: {way_out}. Then the games keep what they need, or are played one after the other."
+        )
+        raise self.refusal
+
+    def raise_refusal(self) -> None:
+        """Raise the error with which something was refused last, once.
+
+        Raises:
+            BadValue: something was.
+        """
+        refusal = self.refusal
+        self.refusal = None
+        if refusal is not None:
+            raise refusal
+
+    def refuse_look(self) -> NoReturn:
+        """Refuse to read what agents have sensed in earlier turns; see `refuse`."""
+        self.refuse(
+            "reads what agents have sensed in earlier turns",
+            "write agent.state, or sensor.data of agent.sensors, in the function itself",
+        )
+
+    def refuse_verb(self, what: str) -> NoReturn:
+        """Refuse a verb that no function may call in a turn; the argument says which, in words."""
+        self.refuse(what, "play and reset a game between two turns, not in a function that a turn calls")
+
+    def say_why(self, what: str) -> None:
+        """Set why the game leaves, unless it is known."""
+        self.why = self.why or f"a plain function {what}"
+
+    def go_alone(self, what: str) -> NoReturn:
+        """Let the game go on in another context; the argument says why, in words."""
+        self.say_why(what)
+        raise NeedsSeparateContext(self.why)
+
+    def _note_read(self, what: str) -> None:
+        """Let the game go on alone after the function that is called; the argument says why, in words."""
+        self.read_of_core = self.read_of_core or what
+
+    def take_along(self, begin: Callable[[RuleTable], BegunPhase]) -> Any:
+        """Return the game, which leaves, in another context; Any: it is a `Game`.
+
+        The context has what functions have changed. The game is in the middle of a turn: its next `step` plays the
+        rest of it.
+
+        Args:
+            begin: returns the phase that is played, from the rules of the game.
+        """
+        begun = begin(self._first_means[1])
+        self._refuse_kept_rows()
+        is_within = begun.phase not in ("before", "after")
+        drawn = self._find_drawn()
+        if self._core.arrival is not None and self.has_other_map:
+            begun = begun._replace(map_before=self._map_before)
+        if begun.phase == "arrive" or (begun.phase == "decide" and self._core.arrival):
+            self._under_way = self._hand_over_arrivals(begun.phase)
+            begun = begun._replace(under_way=self._under_way)
+            drawn = self._continue_streams(self._under_way) | drawn
+        earlier = self._show_decisions(begun) if is_within else None
+        if begun.phase == "decide":
+            decided = self._hand_over() if self.raised is None else None
+            begun = begun._replace(decided=decided)
+            self._forget_other_looks(decided)
+        sensed = frozenset(key for key, last in list_last_states(self.ctx).items() if last[0] is not self.look)
+        if self.look is not None:
+            self.look.is_filled = True  # with nothing; deleted agents have it, too
+        self._fill_fields(begun)
+        source = ForkSource(self._parts, only_plain=False)
+        ctx, memo = self._make_fork(source)
+        parts = ctx.game.internals.parts
+        state = parts.state
+        self._begin_alone(state, ctx.seed)
+        parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
+        raised = None if isinstance(self.raised, NeedsSeparateContext) else self.raised
+        parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=raised, sensed=sensed)
+        parts.turns.note_departed()  # from here on
+        parts.turns.restore(drawn | source.snapshot.part("turns"))
+        parts.turns.phase.read_last_turn()  # before other agents decide
+        if self._phase.strategy_changes == self._changes[0]:
+            parts.turns.prepared = parts.turns.phase.strategy_changes
+        self._copy_named_edges(state, earlier if is_within else self.read_field("moves"), is_within=is_within)
+        if earlier is not None:
+            parts.turns.whole = copy_moves(earlier, parts, memo)
+        if is_within:
+            self._copy_logs(state, parts.turns.messages, begun)
+        for key, last in list_last_states(ctx).items():
+            if key not in sensed:
+                last[0] = UNKNOWN_LOOK
+        return ctx.game
+
+    def _begin_alone(self, state: GameState, seed: int) -> None:
+        """Set the fields of the state of the game that leaves which it does not take from this one."""
+        state.start = GameStart(self._means.at_rest, None, (seed, None))  # what planners know of other agents
+        state.has_begun = True
+        state.under_way = None
+        state.parts_played = None
+        for name in self.read["memories"]:
+            state.get_memory(name)
+
+    def put_back(self) -> None:
+        """Put the context back as it was before the game has left, but for what functions have written."""
+        self.why = ""
+        self.read_of_core = ""
+        self.raised = None
+        self._under_way = None
+        self.values.blocked = BlockedAgents()
+        if type(self.values.data) is GuardedDict:
+            self._guard_data()
+        elif self._data_before is not None:
+            put_data(self.values, self._data_before)
+        self._data_before = None
+        settings, rules = self._first_means
+        self._drop_changes()
+        if self._parts.settings.settings_now() != settings:
+            self._parts.settings.configure(settings)
+        if self._parts.rules.now is not rules:
+            self._parts.rules.put(rules)
+        collectors = self._parts.collectors
+        collectors.by_name = {name: one for name, one in collectors.by_name.items() if name in self._first_collectors}
+        self.turns.begun = None
+        if self.look is not None:
+            self.look.is_filled = False
+        self.forget_looks()
+        self._fixed = self._list_fixed_values()
+        self._note_epoch()
+
+    def _drop_changes(self) -> None:
+        """Undo what functions have changed of the agents, the sensors and the map that was not taken."""
+        members = self.members
+        for row, terms in enumerate(members.terms):
+            if terms != _get_terms(members.block, row):
+                members.block.write(row, terms)
+        self._show_members()
+        if self.has_other_map:
+            self._show_roads(self._roads, is_forced=True)
+
+    def _refuse_kept_rows(self) -> None:
+        """Refuse to let a game leave if array functions keep values by agent, and it has other agents than the batch.
+
+        Raises:
+            BadValue: see `refuse`.
+        """
+        roster = self._state.roster
+        row = GameRow.from_game(self._state, self.number)
+        known = {*self.ctx.agent.agents, *self.values.departed}
+        if row.keeps_for_agents and not known >= {*roster.names}:
+            name = next(name for name in roster.names if name not in known)
+            self.refuse(
+                f"lets its game leave the batch ({self.why}), where keep(key, make) has a place for agent {name!r}, "
+                "which has not come",
+                "keep arrays of the shape (games,), or reserve no agents",
+            )
+
+    def _hand_over_arrivals(self, phase: str) -> AgentsUnderWay:
+        """Return the agents of the game that leaves while they arrive."""
+        number = self.number
+        agents = np.sort(self.members.numbers)
+        names = [self._state.roster.names[i] for i in agents.tolist()]
+        order = self._make_order_of(self.members)
+        speeds = [order.slots[order.index_of[name]].speed for name in names]
+        found = self._core.hand_over(number, agents, names, speeds, decides=phase == "decide")
+        actions: dict[str, ResolvedAction] = {}
+        if self._state.flights is not None:
+            acting = np.where(found.moves, agents, -1)
+            actions = {names[place]: one for place, one in self._make_flights(acting, found.starts).items()}
+        node_of = dict(zip(names, found.starts, strict=True))
+        named = self._core.edges.find(number, agents, self._state.movement.columns).tolist()
+        for name, edge in zip(names, named, strict=True):
+            if edge >= 0:
+                actions[name] = ResolvedAction(node_of[name], (node_of[name],), edge=edge)
+        headings = {}
+        now = self._core.turned if self._core.arrival else len(self._state.turning)
+        for place, (game, agent, heading) in enumerate(self._state.turning):
+            name = self._state.roster.names[agent]
+            if game == number and place >= now:
+                headings[name] = heading
+            elif game == number:
+                action = actions.get(name) or ResolvedAction(node_of[name], (node_of[name],))
+                actions[name] = action._replace(heading=heading)
+        return found._replace(actions=actions, headings=headings)
+
+    def _continue_streams(self, under_way: AgentsUnderWay) -> dict[str, tuple[Any, Any]]:
+        """Let sensors count on in this turn; return the positions of agents' streams, see `AgentSlot.get_marks`."""
+        counts = dict(zip(under_way.names, under_way.count_decisions(), strict=True))
+        is_asked = {id(notice) for notice in self.members.notices}
+        for sensor, owners in self.members.counting:
+            looks_in_core = {name: (self.values.turn, counts[name]) for name in owners if counts.get(name)}
+            asked_looks = sensor.notice.mark() if id(sensor.notice) in is_asked else {}
+            sensor.notice.go_to(looks_in_core | asked_looks)
+        drawn = self._core.drawn[self.number].tolist()
+        named = {name: drawn[self.number_of[name]] for name in under_way.names}
+        return {name: (count, None) for name, count in named.items() if count}
+
+    def _find_drawn(self) -> dict[str, tuple[Any, Any]]:
+        """Return how far functions have read the streams of agents in this turn, see `AgentSlot.get_marks`."""
+        slots = None if self._order is None else self._order[0].slots
+        if slots is None or slots.table.turn != self.values.turn:
+            return {}
+        each = {slot.name: slot.get_marks() for slot in slots.list_made()}
+        return {name: marks for name, marks in each.items() if marks != (None, None)}
+
+    def _make_fork(self, source: ForkSource) -> tuple[Any, Memo]:
+        """Return a context with the game, whose random streams go on, and the counterparts of objects in it."""
+        ctx, memo = source.make_fork(self.ctx.seed)
+        made = ctx.game.internals.parts
+        made.state.collected = made.collectors.list_last_numbers(made.state.turn)
+        ctx.reseed(self.ctx.seed, self.ctx.rng_state())
+        if self.ctx.graph.storage.has_placed:
+            streams = [one.graph.storage.get_place_stream() for one in (ctx, self.ctx)]
+            streams[0].bit_generator.state = streams[1].bit_generator.state
+        return ctx, memo
+
+    def _copy_logs(self, state: GameState, messages: MessageTraffic, begun: BegunPhase) -> None:
+        """Let a fork go on with the deeds of this part of the turn, and with the messages that will be sent after it.
+
+        While agents decide, there are no deeds yet, and the messages are those of earlier parts.
+        """
+        number = self.number
+        if begun.under_way is not None:
+            numbers = [*map(self.number_of.get, sorted(self.ctx.agent.agents))]  # None: it has no row
+            slots = {number: i for i, number in enumerate(numbers) if number is not None}
+            self._state.deed_log.copy_wanted(number, state.deed_log, begun.part, slots)
+        elif self.part is not None:
+            self._state.deed_log.copy_part(number, state.deed_log)
+        if self._state.radio is not None:
+            self._state.radio.copy_admitted(number, messages)
+
+    def _copy_named_edges(self, state: GameState, moves: TurnMoves | None, *, is_within: bool) -> None:
+        """Let a fork know the edges that agents have named in its last moves.
+
+        Args:
+            state: the state of the fork.
+            moves: the moves; None: there are none.
+            is_within: whether they belong to the turn that the fork goes on with.
+        """
+        named = {} if moves is None else moves.find_named_edges()
+        if named:
+            state.named_edges = {name: (state.turn + is_within, edge) for name, edge in named.items()}
+
+    def _show_decisions(self, begun: BegunPhase) -> TurnMoves | None:
+        """Show what agents have decided in this turn besides their moves.
+
+        Returns:
+            The moves of the earlier parts of the turn; None: it is the first.
+        """
+        number = self.number
+        part = begun.part
+        games = np.array([number])
+        here, _, took_part = (column[0] for column in self._core.get_next_moves(games, part))
+        if begun.under_way is not None:
+            here = here.copy()
+            starts = dict(zip(begun.under_way.names, begun.under_way.starts, strict=True))
+            here[[self.number_of[name] for name in starts]] = self._state.streets.rows([*starts.values()])
+        has_moved = self._core.part_of < part
+        moves: TurnMoves | None = self.read_field("moves")
+        for game, agent, heading in self._state.turning if begun.phase not in ("arrive", "decide") else ():
+            if game == number:
+                assert moves is not None  # noqa: S101 - it has those of this turn
+                moves.set_heading(moves.order.index_of[self._state.roster.names[agent]], heading)
+        if part == 0 or begun.order is None:
+            return None
+        starts, ends, _ = (column[0] for column in self._core.get_last_moves(games))
+        starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
+        return self._make_moves_between(starts, ends, took_part, has_moved).fit_to_parts(begun.order)
+
+    def _hand_over(self) -> MadeDecisions:
+        """Return the decisions of the agents of the game, which were asked last."""
+        turns = self.turns
+        order, part = turns.asked_part
+        names = order.names
+        members = part.select_present(part.members)
+        others = {*part.select_present(part.observing)}.difference(members)
+        sensed = {names[i]: turns.seen[i]["sensor"] for i in others}
+        answers: Decisions = turns.answers
+        return answers.hand_over(members, sensed)
+
+    def _forget_other_looks(self, decided: MadeDecisions | None) -> None:
+        """Forget what agents have sensed, but for those of the game that leaves while they decide."""
+        if self._called.asks_all:
+            return
+        have_decided = () if decided is None else decided.ends
+        have_looked = () if decided is None else {*decided.ends, *decided.sensed}
+        for (name, sensor), last in list_last_states(self.ctx).items():
+            if name not in (have_looked if sensor else have_decided):
+                last[0] = self.look
+
+    def _fill_fields(self, begun: BegunPhase) -> None:
+        """Put what only the core has into the fields of the game that leaves."""
+        self.turns.restart_counts()
+        for name in ("counts", "errors"):
+            self.read.pop(name, None)  # refusals are noted after functions have read them
+        data = self.values.data
+        if type(data) is GuardedDict:
+            data.fill()
+        of_arrays = GameRow.from_game(self._state, self.number).of_arrays
+        if of_arrays and KEPT not in self._called.core_keys:  # of array strategies alone
+            self._data_before = data
+            put_data(self.values, {**data, KEPT: of_arrays})
+        self.read_field("memories")
+        self.values.blocked = self._make_blocked(begun)
+
+    def _make_blocked(self, begun: BegunPhase) -> BlockedAgents:
+        """Return why actions of agents were not executed in their last turns."""
+        state = self._state
+        number = self.number
+        names = state.roster.names
+        found = BlockedAgents(self.undone)
+        told = {*found, *(names[number] for number in self._called.asked)}  # asked agents are told in `undone`
+        decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
+        if begun.phase in ("arrive", "decide"):
+            decided = begun.part
+        has_decided = self._core.part_of < decided
+        if self._under_way is not None:
+            counts = zip(self._under_way.names, self._under_way.count_decisions(), strict=True)
+            has_decided[[self.number_of[name] for name, count in counts if count]] = True
+        for error in state.errors.list_entries(number):
+            last = state.turn[number] - (not has_decided[self.number_of[error["agent"]]])
+            if error["turn"] == last and error["agent"] not in told:
+                found.add(error["agent"], error["message"])
+        is_known = state.blocked[number].copy()
+        if state.turn[number] == self._called.first.turn:  # others were blocked before the game was in the batch
+            is_known &= has_decided
+            for name, why in self._called.first.blocked.items():
+                if not has_decided[self.number_of[name]]:
+                    found.setdefault(name, why)
+        for agent in np.flatnonzero(is_known).tolist():  # in its last turn
+            why = describe_conflict(self._core.get_wanted_place(number, agent))
+            if why not in found.get(names[agent], ""):
+                found.add(names[agent], why)
+        return found
+
+    def _list_fixed_values(self) -> tuple[int, object, int]:
+        """Return the numbers and objects that only the turn engine may change."""
+        parts = self._parts
+        return self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
+
+    def _note_epoch(self) -> None:
+        """Note the agents and settings of the context: only functions that run from now on have changed them."""
+        phase = self._phase
+        self.epoch = phase.epoch
+        self._changes = phase.strategy_changes, phase.sensor_changes
+
+    # -- what is shown -------------------------------------------------------------------------------------------------
+
+    def _show_members(self) -> None:
+        """Let the context have the agents of the game, with their strategies and sensors."""
+        members = self.members
+        shown = members.agents
+        each = zip(shown.members, shown.equipment, strict=True)
+        has_others = self.ctx.agent.block is not members.block
+        if has_others or any((agent.strategy, agent.sensors) != own for agent, own in each):
+            self.ctx.agent.storage.show(shown)
+        if self.ctx.sensor.storage.share() is not members.sensors:
+            self.ctx.sensor.storage.show(members.sensors)
+        self.journal = members.journal
+        self.lasts = [*members.lasts.values()]
+        self.sees_world_only = members.sees_world_only
+        self._headings = {}
+        self.take_columns(members.block, (members.numbers + self.number * len(self.number_of)).data)
+        self.shows_more = True
+        self.forget_looks()
+
+    def show_more(self, *, is_other: bool, are_placed: bool) -> None:
+        """Show what in most games is as at the start; see `Row.show_more`."""
+        state = self._state
+        number = self.number
+        members = self.members
+        block = members.block
+        if is_other:
+            show_lives(block, state.alive[number, members.numbers].tobytes())
+            self._asked = None
+        headings = state.headings[number]
+        flies = state.flights is not None and len(members.flying) > 0
+        if state.flights is not None and flies:
+            show_flights(block, members.rows_in_air, state.flights, members.flying, number)
+        if flies or headings is not self._headings:
+            self._headings = headings
+            each = zip(members.numbers.tolist(), members.first_headings, strict=True)
+            show_column(block, "heading", [headings.get(agent, first) for agent, first in each])
+        for name, column in state.numbers.items():
+            show_column(block, name, column[number, members.numbers])
+        if are_placed or block.placed:
+            placed = state.placed[number].copy()
+            placed[state.flyers] &= ~state.has_flown[number]
+            block.placed = set(np.flatnonzero(placed[members.numbers]).tolist())
+        remembers = state.movement.depends_on_speeds
+        if remembers:
+            row_of = {agent: row for row, agent in enumerate(members.numbers.tolist())}
+            on_edges = state.movement.find_edge_positions(number, state.node[number])
+            show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
+        if state.roads.are_closed or self._roads is not None:
+            self._show_roads(state.roads.get_map(number))
+        if self.part is not None and members.counting:
+            self._show_counts()
+        if self._phase.epoch != self.epoch:
+            self._note_epoch()
+        self.shows_more = bool(
+            flies
+            or remembers
+            or state.numbers
+            or headings
+            or block.placed
+            or members.counting
+            or state.roads.are_closed
+        )
+
+    def _show_counts(self) -> None:
+        """Show how often sensors have looked before agents move: once, if their owners have decided."""
+        part = self.part or 0
+        _, _, took_part = self._core.get_next_moves(np.array([self.number]), part)
+        have_looked = took_part[0] & (self._core.part_of <= part)
+        for sensor, owners in self.members.counting:
+            sensor.notice.go_to({name: (self.values.turn, 1) for name in owners if have_looked[self.number_of[name]]})
+
+    @property
+    def part(self) -> int | None:
+        """The part of the turn in which agents are about to move; None: they are not."""
+        return self._phase_call.moving_part
+
+    @property
+    def order(self) -> TurnOrder:
+        """The agents in the order of a turn; the living ones take part."""
+        order = self.turns.get_order()
+        lives = bytes(self.block.alive)
+        if self._order is None or self._order[0] is not order:
+            self.turns.restart_counts()  # the core counts
+            order.slots.get_slots(range(len(order.slots)))  # now: later the context may have other agents
+        if self._order != (order, lives):
+            self._order = order, lives
+            order.take_lives()
+        return order
+
+    def _make_order_of(self, members: Members) -> TurnOrder:
+        """Return the order of earlier agents, some of which may have been deleted."""
+        order = self.order
+        if members.block is self.ctx.agent.block:
+            return order
+        if members.order is None:
+            with self._phase.suspend(), self._show_earlier(members):  # a strategy may ask how agents have moved
+                made = self.turns.make_order()
+                made.slots.get_slots(range(len(made.slots)))  # now: later the context has other agents
+                made.slots.begin_departures(members.departure)
+                members.order = made
+            self.turns.take_order(order)
+        return members.order
+
+    @contextmanager
+    def _show_earlier(self, members: Members) -> Iterator[None]:
+        """Show earlier agents within the block, then the present ones again, which may be changed."""
+        storages = self.ctx.agent.storage, self.ctx.sensor.storage
+        present = [one.share() for one in storages]
+        lives = bytes(present[0].block.alive)
+        for storage, one in zip(storages, (members.agents, members.sensors), strict=True):
+            storage.show(one)
+        try:
+            yield
+        finally:
+            for storage, one in zip(storages, present, strict=True):
+                storage.show(one)
+            show_lives(present[0].block, lives)
+
+    def find_asked(self, asked: bytes, observing: bytes) -> AskedPart:
+        """Return the living agents that are asked, and those that only observe, given their numbers as bytes."""
+        key = asked, observing, self._phase.epoch
+        if self._asked is None or self._asked[0] != key:
+            self._asked = key, self._make_asked(self.order, asked, observing)
+        return self._asked[1]
+
+    def _make_asked(self, order: TurnOrder, asked: bytes, observing: bytes) -> AskedPart:
+        names = self._state.roster.names
+        named = [names[number] for number in np.frombuffer(asked, np.int64).tolist()]
+        living = {order.names[i]: i for i in order.list_present()}
+        places = [living.get(name, -1) for name in named]
+        members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
+        part = order.whole
+        if len(members) < len(order.slots):
+            part = order.make_part([i for i, _ in members])
+        others = {living.get(names[number], -1) for number in np.frombuffer(observing, np.int64).tolist()} - {-1}
+        if others:
+            part.let_observe(others)
+        return AskedPart(order, part, places, members)
+
+    def _show_roads(self, roads: RoadMap | None, *, is_forced: bool = False) -> None:
+        """Open and close roads as in the columns of all games; None: as at the start."""
+        if is_forced or roads is not self._roads or self.has_other_map:
+            self._map.restore(self._first_map if roads is None else roads.snapshot)
+            self._note_map(roads)
+
+    def _note_map(self, roads: RoadMap | None) -> None:
+        self._roads = roads
+        self.map_changes = self._map.count_changes()
+        self.shows_more = True
+
+    @property
+    def _map_before(self) -> Any:
+        """The map of the game without what a function has changed last."""
+        return self._first_map if self._roads is None else self._roads.snapshot
+
+    def take_roads(self) -> bool:
+        """Store the map of the context; return False, and do nothing, if more than roads was changed."""
+        state = self._state
+        revision, road_changes, *others = self._map.count_changes()
+        known_revision, known_road_changes, *known_others = self.map_changes
+        if revision - known_revision != road_changes - known_road_changes or others != known_others:
+            return False
+        try:
+            roads = state.roads.map_with(*self._map.list_roads())
+        except BadValue:
+            return False
+        if roads is not None and roads.snapshot is None:
+            roads.snapshot = self._map.snapshot()
+        state.put_roads(np.array([self.number]), roads)
+        self._note_map(roads)
+        return True
+
+    def find_last_turn(self) -> int | None:
+        """Return the turn at which the last run stops the game; None: it had no limit."""
+        turn: int | None = self._state.run_until(self.number)
+        return turn
+
+    def _read_inbox(self, radio: MessageTraffic, name: str) -> list[dict[str, Any]]:
+        """Return the messages that an agent of the game hears in its next turn."""
+        return radio.make_inbox(self.number, self.values.turn, name)
+
+    # -- fields that are made when they are read -----------------------------------------------------------------------
+
+    def read_field(self, name: str) -> Any:
+        """Return a field of the state of the game."""
+        read = self.read
+        if name not in read:
+            read[name] = getattr(self, f"_make_{name}")()
+        return read[name]
+
+    def _make_over(self) -> dict[str, Any] | None:
+        return self._state.over[self.number]
+
+    def end(self, over: dict[str, Any] | None) -> None:
+        """End the game."""
+        number = self.number
+        self._state.over[number] = over
+        self._state.is_going[number] = over is None
+        self.read["over"] = over
+        self.has_ended = True
+
+    def _show_core_data(self, data: GuardedDict) -> None:
+        """Put the data of rules in the core into `ctx.game.data`."""
+        self._note_read(f"reads ctx.game.data, with that of {', '.join(sorted(self._called.core_keys))}")
+        self._take_events()
+        game = GameRow.from_game(self._state, self.number)
+        for key, value in self._first_core_data.items():
+            data[key] = copy_deep(value)
+        if KEPT in self._called.core_keys:
+            data[KEPT] = game.of_arrays
+        if self.values.data is data:  # else it was replaced
+            with self._phase.suspend(changes_world=False):
+                for rule in as_called(self.game.rules):
+                    if rule.spec.show_arrays is not None:
+                        rule.spec.show_arrays(self.ctx, game, self.read["events"], None)
+
+    def replace_data(self, data: dict[Any, Any]) -> None:
+        """Replace `ctx.game.data`."""
+        if self._called.core_keys:
+            self._note_read("replaces ctx.game.data")
+        put_data(self.values, data)
+
+    def _make_began(self) -> dict[str, Any]:
+        state = self._state
+        begun = np.flatnonzero(state.start[self.number] >= 0)
+        nodes = state.streets.ids(state.start[self.number, begun]).tolist()
+        starts: dict[str, Any] = dict(zip((state.roster.names[i] for i in begun), nodes, strict=True))
+        if state.flights is not None:
+            places = map(tuple, state.start_position[self.number].tolist())
+            flying = zip((state.roster.names[i] for i in state.flyers), places, strict=True)
+            starts |= {name: place for name, place in flying if name in starts}
+        return starts
+
+    def _make_driven(self) -> dict[str, tuple[int, ...]]:
+        traffic = self._state.movement.traffic
+        if traffic is None:
+            return {}
+        number = self.number
+        names = self._state.roster.names
+        found = {names[agent]: traffic.list_driven(number, agent) for agent in np.flatnonzero(traffic.obeys).tolist()}
+        return {name: edges for name, edges in found.items() if edges}
+
+    def _make_scores(self) -> Scores:
+        self._scores_before = self._state.scores.get_scores(self.number)
+        scores = Scores()
+        dict.update(scores, self._scores_before)
+        return scores
+
+    def _make_events(self) -> list[dict[str, Any]]:
+        found = self._state.events.list_entries(self.number)
+        self._num_events = len(found)
+        return found
+
+    def _make_messages(self) -> list[dict[str, Any]]:
+        radio = self._state.radio
+        found = [] if radio is None else radio.list_entries(self.number)
+        self._num_messages = len(found)
+        return found
+
+    def _make_errors(self) -> list[dict[str, Any]]:
+        return self._state.errors.list_entries(self.number)
+
+    def _make_counts(self) -> dict[str, dict[str, int]]:
+        state = self._state
+        columns = {kind: state.counts[kind][self.number].tolist() for kind in COUNTED}
+        names = enumerate(state.roster.names)
+        now = {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
+        return self._called.first.counts | now
+
+    def _make_memories(self) -> dict[str, dict[Any, Any]]:
+        self._note_read("reads ctx.game.memories")
+        found = get_memories(self.values)
+        has_decided = self._has_moved or self.part is not None or self._under_way is not None
+        for name, memory in self._core.get_memories(self.number).items() if has_decided else ():
+            found.setdefault(name, {}).update(memory)
+        return {**found}
+
+    def _make_moves(self) -> TurnMoves | None:
+        """Return the moves of the last turn of the game, or the moves about to be made; None: there are none."""
+        part = self.part
+        number = self.number
+        games = np.array([number])
+        if part is not None:
+            acts = self._core.part_of == part
+            starts, ends, took_part = (column[0] for column in self._core.get_next_moves(games, part))
+            return self._make_moves_between(starts, ends, took_part, acts)
+        if not self._has_moved:
+            before: TurnMoves | None = get_moves(self.values)
+            return before
+        starts, ends, took_part = (column[0] for column in self._core.get_last_moves(games))
+        if not (took_part.any() and self._core.knows_paths):
+            return None
+        moves = self._make_moves_between(starts, ends, took_part, None)
+        parts = self._parts.settings.order
+        return moves if parts is None or self._core.courses is not None else moves.fit_to_parts(parts)
+
+    @property
+    def _has_moved(self) -> bool:
+        """Whether agents have moved in the batch; else the last moves are those of the turn before."""
+        number = self.number
+        return self._state.turn[number] > self._called.first.turn or self._core.count_played_parts(number) > 0
+
+    @property
+    def _moment(self) -> tuple[int, int | None, bool]:
+        """The number of turns played, the part in which agents are about to move, and whether newcomers take part."""
+        return int(self._state.turn[self.number]), self.part, self._phase_call.have_joined
+
+    def _make_moves_between(
+        self, starts: IntArray, ends: IntArray, took_part: BoolArray, acts: BoolArray | None
+    ) -> TurnMoves:
+        """Return the moves of the agents that took part; those that do not act stay, None: all act."""
+        members = self.members
+        if self._moved is not None and self._moved[0] == self._moment:
+            members = self._moved[1]
+        order = self._make_order_of(members)
+        ids = self._state.streets.ids
+        courses = self._core.courses
+        numbers = np.sort(members.numbers)
+        took_part = took_part[numbers]
+        starts = starts[numbers]
+        ends = np.where(took_part, ends[numbers], starts)
+        acting = np.where(took_part, numbers, -1)
+        if acts is not None:
+            acting[~acts[numbers]] = -1
+        actions = {}
+        paths = None
+        if courses is not None:
+            standing = np.where((acting < 0) & took_part, numbers, -1)
+            paths = courses.get_game_paths(self.number, acting, standing)
+        first = ids(starts).tolist()
+        if self._state.flights is not None:
+            actions = self._make_flights(acting, first)
+        if self._core.edges.are_any[0] and self._core.arrival is None:
+            actions |= self._follow_named_edges(acting, ids(ends).tolist(), first)
+        if courses is not None and self._state.movement.traffic is not None:
+            actions |= self._resolve_driven(acting, courses, actions)
+        lives = took_part.tobytes()
+        return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
+
+    def _make_flights(self, numbers: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
+        """Return the flights of agents, above these nodes, by their places among these numbers."""
+        flights = self._state.flights
+        assert flights is not None  # noqa: S101 - some fly
+        found = {}
+        for place in np.flatnonzero(np.isin(numbers, self._state.flyers)).tolist():
+            node = nodes[place]
+            position, quat = flights.get_wanted(int(numbers[place]), self.number)
+            found[place] = ResolvedAction(node, (node,), position=position, quat=quat)
+        return found
+
+    def _follow_named_edges(
+        self, numbers: IntArray, ends: Sequence[int], starts: Sequence[int]
+    ) -> dict[int, ResolvedAction]:
+        """Return the moves along edges that actions have named, by the places of the agents among these numbers."""
+        edges = self._core.edges.find(self.number, numbers, self._state.movement.columns)
+        return {
+            place: ResolvedAction(ends[place], (starts[place], ends[place]), edge=int(edges[place]))
+            for place in np.flatnonzero(edges >= 0).tolist()
+        }
+
+    def _resolve_driven(
+        self, numbers: IntArray, courses: Courses, actions: Mapping[int, ResolvedAction]
+    ) -> dict[int, ResolvedAction]:
+        """Return the moves of agents that obey turns, with all their edges, by their places among these numbers."""
+        traffic = self._state.movement.traffic
+        assert traffic is not None  # noqa: S101 - some obey turns
+        found = {}
+        for place in np.flatnonzero(numbers >= 0).tolist():
+            agent = int(numbers[place])
+            if not traffic.obeys[agent]:
+                continue
+            path, edges = courses.list_driven(self.number, agent)
+            one = actions.get(place) or ResolvedAction(path[-1], path)
+            edge = edges[0] if one.edge is None and len(edges) == 1 else one.edge
+            found[place] = one._replace(end=path[-1], path=path, edge=edge, edges=edges)
+        return found
+
+    # -- what functions change -----------------------------------------------------------------------------------------
+
+    def take(self) -> None:
+        """Write the changes into the columns; the game leaves if they are of values that columns do not hold.
+
+        See `has_changed`.
+        """
+        journal = self.journal
+        phase = self._phase
+        is_other = phase.epoch != self.epoch
+        are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
+        kinds = {one[0] if type(one) is tuple else _MOVED for one in journal.log}
+        if kinds == _ATTRIBUTES:
+            journal.log.clear()  # the agents have them
+        are_others = is_other and self.ctx.agent.block is not self.block
+        have_changed = bool(journal.log or journal.progressed or are_changed or are_others)
+        self.shows_more = self.shows_more or is_other or have_changed
+        if self.has_other_map:
+            self._take_roads()  # before the agents, which may be on new nodes
+        if is_other and self._list_fixed_values() != self._fixed:
+            self.go_alone("changes settings, rules or collectors")
+        are_changed = are_changed or not kinds.isdisjoint(_EQUIPPING)
+        block = self._take_agents(journal, kinds, are_changed=are_changed) if have_changed else self.block
+        if self.read:
+            self._take_logs(self.read)
+        for name in _NUMBERS:
+            self._state.numbers[name][self.number, self.members.numbers] = getattr(block, name)
+        if self._facts != self.facts_shown:
+            self._take_facts()
+        if self.read_of_core:
+            self.go_alone(self.read_of_core)
+
+    def _take_members(self) -> AgentBlock:
+        """Store the agents that a function has created or deleted; return their new block."""
+        number = self.number
+        before = self.members
+        agents = self.ctx.agent.agents
+        roster = self._state.roster
+        known = {agent.name: agent for agent in before.agents.members}
+        new = [agent for name, agent in agents.items() if known.get(name) is not agent]
+        self.turns.note_departed()
+        if self._moved is None or self._moved[0] != self._moment:
+            self._moved = self._moment, before  # also for a game that leaves
+        if not all(map(roster.can_hold, new)):
+            self.go_alone("creates agents for which most_agents= has reserved no rows")
+        owned = [(agent, (agent.strategy, agent.sensors)) for agent in agents.values()]
+        if any(self._first.get(agent, own) != own for agent, own in owned):
+            self.go_alone("changes strategies or sensors of agents")
+        for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
+            self._core.leave(number, self.number_of[name], self.values.departed[name][1])
+        for agent in new:
+            place = self.number_of[agent.name]
+            start = self.values.began[agent.name]
+            self._core.enter(number, place, start, agent.current_node_id, after_moves=self.part is None)
+            if self.part is not None:  # it does not make the move of a deleted agent of its name
+                self.cancel(place)
+        self.members = Members(self.game, self._means, before)
+        self._first_members = None  # it would keep all agents that are deleted from now on
+        before.renew_journal()
+        self._show_members()
+        self._fixed = self._list_fixed_values()
+        return self.members.block
+
+    def _take_logs(self, read: dict[str, Any]) -> None:
+        """Write the changes of the scores and the events of a game that were read."""
+        if "scores" in read:
+            self._take_scores(read["scores"])
+        if "events" in read and len(read["events"]) != self._num_events:
+            self._take_events()
+        if "messages" in read and len(read["messages"]) != self._num_messages:
+            self.go_alone("changes ctx.game.messages")
+
+    def _take_events(self) -> None:
+        """Count the stops of agents by events that a function has added to the log of a game."""
+        events = self.read_field("events")
+        if len(events) < self._num_events:
+            self._note_read("deletes events")
+        self._note_events(events[self._num_events :])
+        self._num_events = len(events)
+
+    def _take_roads(self) -> None:
+        """Store the open roads of the game after a function call."""
+        if not self.take_roads():
+            self.go_alone("changes more of the map than which roads are open")
+
+    def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
+        """Count the stops of agents by events that a function has added to the log of a game."""
+        state = self._state
+        numbers = self.number_of
+        for entry in entries:
+            stopped = entry.get(STOPPED.get(entry["kind"], ""))
+            if isinstance(stopped, str) and stopped in numbers:
+                state.stops[self.number, numbers[stopped]] += 1
+
+    def _take_scores(self, scores: dict[Any, Any]) -> None:
+        known = self._scores_before
+        if scores == known and [*map(type, scores.values())] == [*map(type, known.values())]:
+            return
+        are_held = {key for key, points in known.items() if not is_exact_float(points)}  # the core adds to no scores
+        if not all(key in are_held or is_exact_float(points) for key, points in scores.items()):
+            self.go_alone("sets scores that are no numbers")
+        self._state.scores.put(self.number, scores)
+
+    def _take_agents(self, journal: Journal, kinds: set[int], *, are_changed: bool) -> AgentBlock:
+        """Store the changes of agents; return their block.
+
+        Args:
+            journal: the changes.
+            kinds: their kinds.
+            are_changed: whether strategies or sensors may have changed, too.
+        """
+        if are_changed and self._have_other_equipment:
+            self.ctx.agent.storage.detach_agents()
+        are_others = self.ctx.agent.block is not self.block
+        if not kinds <= _CHANGING | (_EQUIPPING if are_others else set()):
+            self.go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
+        changed = self._take_members() if are_others else None
+        self._take_changes(journal, kinds, changed)
+        return changed or self.block
+
+    @property
+    def _have_other_equipment(self) -> bool:
+        """Whether strategies or sensors of the agents were changed."""
+        members = self.members
+        sensors = self.ctx.sensor.storage.share()
+        known = members.sensors
+        are_same = sensors is known or (sensors.sensors, sensors.keywords) == (known.sensors, known.keywords)
+        each = zip(members.agents.members, members.agents.equipment, strict=True)
+        return not are_same or any((agent.strategy, agent.sensors) != own for agent, own in each)
+
+    def _take_changes(self, journal: Journal, kinds: set[int], changed: AgentBlock | None) -> None:
+        """Write the nodes of agents that were placed elsewhere, and which agents live.
+
+        Args:
+            journal: the changes that a function has made.
+            kinds: the kinds of these changes.
+            changed: the agents, if it has created or deleted some; else None.
+        """
+        state = self._state
+        number = self.number
+        block = changed or self.block
+        progressed = [name for name in map(journal.names.__getitem__, journal.progressed) if name in block.rows]
+        journal.log.clear()
+        journal.progressed.clear()
+        numbers = self.members.numbers
+        for name in progressed:
+            state.movement.clear(number, self.number_of[name])
+        if changed or _TURNED in kinds:
+            headings = zip(numbers.tolist(), block.heading, self.members.first_headings, strict=True)
+            state.headings[number] = {agent: now for agent, now, first in headings if now != first}
+        block.locate()
+        self.take_nodes()
+        self._asked = None  # others may live
+        state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
+        if changed and self.part is None and self._has_moved:
+            self._core.place_newcomers(np.array([number]))
+        if state.flights is not None:
+            for agent, row in zip(self.members.flying, self.members.rows_in_air, strict=True):
+                block.flights.copy_to(state.flights, row, 0, agent, number)
+            state.has_flown[number] &= ~state.placed[number, state.flyers]
+            state.placed[number, state.flyers] |= state.has_flown[number]
+
+    def _take_facts(self) -> None:
+        """Store the facts that a rule has published."""
+        known = self.facts_shown
+        now = self._facts
+        changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
+        self.facts_shown = dict(now)
+        if changed & self._called.core_keys:
+            self.go_alone("publishes facts of rules in the core")
+        if self._called.has_array_functions:
+            self.go_alone("publishes facts, which array functions may read")
+
+    def note_looks(self, *, has_drawn: bool) -> None:
+        """Let the game go on alone if a function has changed what agents draw or see next in this turn."""
+        what = "draws by the streams of agents" if has_drawn else "asks sensors that err, or of classes of their own"
+        if has_drawn or not self.members.are_plain:
+            at_arrivals = self._parts.settings.decide == "arrival"
+            is_arriving = self._core.arrival is not None
+            is_moving = self.part is not None and (has_drawn or at_arrivals)
+            if is_arriving or is_moving:  # agents have, any number of times
+                self.refuse(what, "write get_state or observation, and 'draw' or 'rng', in the function itself")
+            self._note_read(what)
+
+    def refuse_other_agents(self, what: str) -> None:
+        """Let the game leave if a function has changed agents otherwise than by own attributes."""
+        if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self.journal.log):
+            self.go_alone(f"that is {what} changes agents")
+
+    @property
+    def has_other_settings(self) -> bool:
+        """Whether a function has changed settings, rules or collectors, or strategies or sensors of agents."""
+        phase = self._phase
+        return (
+            phase.strategy_changes,
+            phase.sensor_changes,
+        ) != self._changes or self._list_fixed_values() != self._fixed
+
+    @property
+    def has_other_map(self) -> bool:
+        """Whether a function has changed the map since it was taken."""
+        return bool(self._map.count_changes() != self.map_changes)
+
+    def leave_with_other_map(self) -> None:
+        """Let the game leave if a function has changed the map: until agents have arrived, the map is another one."""
+        if self.has_other_map:
+            self.go_alone("changes the map while agents are on their way")
+
+    def cancel(self, agent: int) -> None:
+        """Cancel the move of an agent."""
+        self._core.hold(self.number, agent)
+        if self._state.flights is not None:
+            self._state.flights.hold(agent, self.number)
+
+    # -- a turn that is taken back -------------------------------------------------------------------------------------
+
+    def copy_turn_values(self) -> tuple[Any, ...]:
+        """Return copies of what goes back with a turn that is taken back: all but what functions have written."""
+        values = self.values
+        delayed = values.delayed_looks
+        departed = values.departed
+        shared = values.team_memories
+        has_drawn = self._own["_rng"] is not None
+        if not (delayed or departed or shared or has_drawn or self.undone or self._keeps_more):
+            return self.members, self._moved  # NOTE: as in most games (w8_games.py rule)
+        collectors = self._parts.collectors
+        collected = collectors.snapshot() if collectors.by_name else None
+        looks = {which: {**of_turns} for which, of_turns in delayed.items()}
+        sensed = [last[0] for last in self.lasts] if self.look is None else ()
+        doing = copy_doing(values.data) if self._state.doings is not None else None
+        rng = self.ctx.rng_state() if has_drawn else None
+        known = sensed, collected, looks, {**departed}, rng, {**self.undone}, copy_deep(shared), doing
+        return self.members, self._moved, *known
+
+    def take_back(self, before: tuple[Any, ...]) -> None:
+        """Set what `copy_turn_values` has returned; what functions have written themselves stays."""
+        members, self._moved, *known = before
+        sensed, collected, looks, departed, rng, undone, shared, doing = known or ((), None, {}, {}, None, {}, {}, None)
+        values = self.values
+        values.delayed_looks = looks
+        values.departed = departed
+        values.team_memories = shared
+        self.undone = undone
+        self.members = members
+        self._drop_changes()
+        for last, state in zip(self.lasts, sensed, strict=False):
+            last[0] = state
+        self.ctx.reseed(self.ctx.seed, rng)
+        if collected is not None:
+            self._parts.collectors.restore(collected)
+        if self._state.doings is not None:
+            put_doing(values.data, doing)
+        self.decide_again()
+        self._note_epoch()
+
+    def decide_again(self) -> None:
+        """Let agents draw and look again in this turn, as if they had not."""
+        if self.turns.order_now is not None:
+            self.turns.order_now.slots.table.begin_again()
+        for sensor, _ in self.members.counting:
+            sensor.notice.reset()
+
+
+def _get_terms(block: AgentBlock, row: int) -> dict[str, Any]:
+    """Return the team and the speed of an agent, for `AgentBlock.write`."""
+    return {"teams": block.teams[row], "speed": get_speed(block, row)}
+
+
+def list_last_states(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
+    """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
+    return _list_last_looks(ctx.agent.storage.list_created(), ctx.agent.storage.get_turn_access)
+
+
+def _list_last_looks(agents: Iterable[Any], turn_access: Callable[[Any], Any]) -> dict[tuple[str, str], list[Any]]:
+    """Return the same of some agents."""
+    found = {}
+    for agent in agents:
+        access = turn_access(agent)
+        found[agent.name, ""] = access.last
+        found |= {(agent.name, one): last for one, last, *_ in access.carried if type(last) is list}
+    return found
