@@ -164,3 +164,18 @@ def test_strategies_of_all_games_await_in_one_event_loop():
         with ctx.game.batch(5) as games:
             games.run()
     assert len({id(one) for one in [loops.get() for _ in range(loops.qsize())]}) == 1
+
+
+def test_contexts_of_games_end_with_their_batch_and_results_stay():
+    told = SimpleQueue()
+
+    def keep(ctx):
+        told.put(ctx)
+
+    with scene([TAG], max_turns=1).build(seed=1) as ctx:
+        ctx.game.add(keep)
+        with ctx.game.batch(3) as games:
+            games.run()
+            before = [games.result(number).events for number in range(3)]
+        assert all(told.get().is_terminated() for _ in range(3))
+        assert [games.result(number).events for number in range(3)] == before

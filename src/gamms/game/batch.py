@@ -272,6 +272,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._put_public(is_closed=True)
         self._hide()
         self._separate.close()
+        self._engine.close()
         for game in self._spare.values():
             game.ctx.terminate()
         self._close_window()

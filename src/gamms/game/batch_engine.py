@@ -832,6 +832,8 @@ class BatchEngine(TurnDriver):
             GamesOnOneMap(game, state, self._block, first + place, values, self.starts, none)
             for place, (game, state, values) in enumerate(zip(games, states, own, strict=True))
         ]
+        for one in self._maps[first : first + len(maps)]:
+            one.contexts.close()
         self._maps[first : first + len(maps)] = maps
         self._block.take_states([one.state for one in self._maps])
         self.newest = range(first, first + len(maps))
@@ -885,6 +887,11 @@ class BatchEngine(TurnDriver):
     def calls_each(self) -> bool:
         """Whether plain functions are called game by game."""
         return any(one.calls is not None for one in self._in_use)
+
+    def close(self) -> None:
+        """End the contexts of games in which functions were called."""
+        for one in self._maps:
+            one.contexts.close()
 
     def start(self, games: IntArray, first: int | IntArray) -> None:
         """Begin games with their next rows; `first`: the number of the map of each one that has the first streets."""

@@ -140,12 +140,17 @@ class RowContexts:
             self.__dict__.pop("_shared", None)
         for number in games.tolist() if self.rows else ():
             self._kept.pop(number, None)
-            row = self.rows.get(number)
+            row = self.rows.pop(number, None)  # an error, or Ctrl-C, leaves no row that has half begun
             if row is not None and row.has_first_functions and not self._own.is_needed:
                 row.begin_again(self._state.seeds[number], partial(self._begin, number))
+                self.rows[number] = row
             elif row is not None:
-                del self.rows[number]
                 row.ctx.terminate()
+
+    def close(self) -> None:
+        """End all contexts; what results are made of remains."""
+        for row in self.rows.values():
+            row.ctx.terminate()
 
     def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
         """Close or open roads in some games.
