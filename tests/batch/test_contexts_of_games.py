@@ -166,6 +166,23 @@ def test_strategies_of_all_games_await_in_one_event_loop():
     assert len({id(one) for one in [loops.get() for _ in range(loops.qsize())]}) == 1
 
 
+def test_a_game_whose_rule_changes_the_seed_goes_on_with_the_new_one():
+    def reseed(ctx):
+        if ctx.game.turn == 2 and ctx.seed == 1:
+            ctx.reseed(77)
+
+    def draw(ctx):
+        ctx.game.emit("drawn", number=int(ctx.rng.integers(1000)))
+
+    with scene([TAG], max_turns=5).build(seed=1) as ctx:
+        ctx.game.add(reseed)
+        ctx.game.add(draw)
+        with ctx.game.batch(seeds=[0, 1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [1]
+            assert_as_alone(games, alone)
+
+
 def test_contexts_of_games_end_with_their_batch_and_results_stay():
     told = SimpleQueue()
 

@@ -24,8 +24,8 @@ cdef class Row:
     cdef readonly i64 number
     cdef RowColumns _games
     cdef public Call _call
-    cdef public object _phase, _turns, _values, _state
-    cdef public dict _facts, facts_shown, read, undone
+    cdef public object _phase, turns, values, seed, _state
+    cdef public dict _own, _facts, facts_shown, read, undone
     cdef AgentColumns _columns
     cdef const i64[::1] _places
     cdef public list lasts, _kept

@@ -69,11 +69,13 @@ class Row:
         phase: the phase of the context.
         turns: its turn engine.
         values: its state, with the attributes `turn` and `facts`.
+        own: the attributes of the context; `_seed` is its seed.
+        seed: the seed of the game.
         state: the state of all games: its `notice_interrupt` raises KeyboardInterrupt.
         count_map_changes: returns the changes of the map.
 
     Attributes:
-        number: see above.
+        number, turns, values, seed: see the arguments.
         why: why the game leaves the batch; "": it does not.
         read_of_core: what functions have read or replaced in this game that only the core has, in words; "": nothing.
         raised: what the function has raised that was called last; None: nothing.
@@ -98,6 +100,8 @@ class Row:
         phase: Any,
         turns: Any,
         values: Any,
+        own: dict[str, Any],
+        seed: object,
         state: Any,
         count_map_changes: Callable[[], object],
     ) -> None:
@@ -105,8 +109,10 @@ class Row:
         self._games = games
         self._call = call
         self._phase = phase
-        self._turns = turns
-        self._values = values
+        self.turns = turns
+        self.values = values
+        self._own = own
+        self.seed = seed
         self._state = state
         self._count_map_changes = count_map_changes
         self.map_changes: Any = None
@@ -155,7 +161,7 @@ class Row:
             self.read.clear()
         games = self._games
         columns = self._columns
-        self._values.turn = games.turn[self.number]
+        self.values.turn = games.turn[self.number]
         is_other = False
         are_placed = False
         for i in range(len(self._places)):
@@ -200,7 +206,7 @@ class Row:
     def has_changed(self) -> bool:
         """Return whether a function has read or changed values that are taken."""
         journal = self.journal
-        if self.read or journal.log or journal.progressed:
+        if self.read or journal.log or journal.progressed or self._own["_seed"] != self.seed:
             return True
         if self._phase.epoch != self.epoch or self._count_map_changes() != self.map_changes:
             return True
@@ -226,7 +232,7 @@ class Row:
         if self._games.stop[0]:
             self._state.notice_interrupt()
         self.show()
-        order = self._turns.order_now
+        order = self.turns.order_now
         table: TurnCounter | None = None if order is None else order.slots.table
         begun = 0 if table is None else table.begun
         if self.look is None:
@@ -241,7 +247,7 @@ class Row:
                 raise
             finally:
                 if not self.why:
-                    order = self._turns.order_now
+                    order = self.turns.order_now
                     after: TurnCounter | None = None if order is None else order.slots.table
                     has_drawn = after is not None and after.begun != (begun if after is table else 0)
                     has_looked = has_drawn or self.has_asked()
@@ -261,14 +267,14 @@ class Row:
     def _begin(self) -> int:
         """Refuse from now on what functions may not do that a turn calls."""
         self._phase.player = get_ident()
-        self._turns.is_moving = self._call.is_moving
-        self._turns.part = self._call.part
+        self.turns.is_moving = self._call.is_moving
+        self.turns.part = self._call.part
         return 0
 
     def _end(self) -> int:
         """Allow it again."""
         self._phase.player = None
-        self._turns.is_moving = False
+        self.turns.is_moving = False
         return 0
 
     def ask(self, asker: Any, first: int) -> bool:
@@ -290,7 +296,7 @@ class Row:
         told = asker.tell_blocked(self, asked) if self.number in asker.blocked or self.undone else ()
         self._begin()
         try:
-            answers = asker.ask(self, asked) if asker.asks_anew else self._turns.decide(asked.order, asked.part)
+            answers = asker.ask(self, asked) if asker.asks_anew else self.turns.decide(asked.order, asked.part)
             if self.read_of_core:
                 self.go_alone(self.read_of_core)
             is_common = not (answers.actions or answers.failures or answers.written or self.undone)

@@ -103,11 +103,9 @@ class RowFunctions:
         row = self._contexts.get(number)
         row.raised = None
         row.show()
-        self._call.begin(_end_turn, None, is_moving=False)
         try:
             game: PlayedGame = row.take_along(_end_turn)
         finally:
-            self._call.end()
             row.put_back()
         game.internals.parts.turns.finish_turn()
         game.internals.left_as = number

@@ -216,7 +216,7 @@ class RowOfGame(Row):
         means: what all games share.
 
     Attributes:
-        game, ctx, turns, values: the game, its context, its turn engine and its state.
+        game, ctx: the game and its context.
         number_of: name -> the number of the agent in the roster.
         rules: name -> the function of each rule.
         members: the agents of the game.
@@ -225,6 +225,8 @@ class RowOfGame(Row):
     """
 
     journal: Journal
+    turns: TurnEngine
+    values: GameState
     _state: GameArrays
 
     def __init__(self, game: PlayedGame, number: int, means: RowMeans) -> None:
@@ -234,13 +236,12 @@ class RowOfGame(Row):
         self._map = game.ctx.graph.storage
         phase = get_phase(game.ctx)
         turns = parts.turns
-        super().__init__(number, means.columns, means.call, phase, turns, values, state, self._map.count_changes)
+        of_ctx = vars(game.ctx), state.seeds[number]
+        changes = self._map.count_changes
+        super().__init__(number, means.columns, means.call, phase, turns, values, *of_ctx, state, changes)
         self.game = game
         self.ctx: Any = game.ctx
-        self._own = vars(game.ctx)
-        self.turns = turns
         turns.loop_owner = means.turns
-        self.values = values
         self.number_of = means.number_of
         self.rules = {one.name: one.rule for of_phase in parts.rules.now.of_phase.values() for _, one in of_phase}
         self.refusal: BadValue | None = None
@@ -269,6 +270,7 @@ class RowOfGame(Row):
         self._first_members: Members | None = Members(game, means)
         self.members = self._first_members
         self._first = self.members.get_equipment()
+        self._fixed = self._list_fixed_values()
         self._begin_game()
 
     def _begin_game(self) -> None:
@@ -277,7 +279,6 @@ class RowOfGame(Row):
         self._begin_state()
         self._show_members()
         self.turns.note_departed()
-        self._fixed = self._list_fixed_values()
         self.facts_shown = dict(self._facts)
         self.read.clear()
         self._note_epoch()
@@ -294,6 +295,7 @@ class RowOfGame(Row):
         values.__class__ = GameState
         values.start, values.deed_log = self._first_fields
         values.data = {}
+        self.seed = seed
         self.ctx.reseed(seed)
         self._parts.restore(self._at_start, forget=True)
         begin(self.game)
@@ -305,6 +307,7 @@ class RowOfGame(Row):
             self.members = self._first_members = Members(self.game, self._means)
             self._first = self.members.get_equipment()
         self.members.renew_journal()
+        self._fixed = self._list_fixed_values()
         self._begin_game()
 
     def _begin_state(self) -> None:
@@ -725,10 +728,10 @@ class RowOfGame(Row):
             show_lives(block, state.alive[number, members.numbers].tobytes())
             self._asked = None
         headings = state.headings[number]
-        flies = state.flights is not None and len(members.flying) > 0
-        if state.flights is not None and flies:
-            show_flights(block, members.rows_in_air, state.flights, members.flying, number)
-        if flies or headings is not self._headings:
+        flights = state.flights if members.flying else None
+        if flights is not None:
+            show_flights(block, members.rows_in_air, flights, members.flying, number)
+        if flights is not None or headings is not self._headings:
             self._headings = headings
             each = zip(members.numbers.tolist(), members.first_headings, strict=True)
             show_column(block, "heading", [headings.get(agent, first) for agent, first in each])
@@ -750,7 +753,7 @@ class RowOfGame(Row):
         if self._phase.epoch != self.epoch:
             self._note_epoch()
         self.shows_more = bool(
-            flies
+            flights is not None
             or remembers
             or state.numbers
             or headings
@@ -1094,6 +1097,8 @@ class RowOfGame(Row):
             self._take_roads()  # before the agents, which may be on new nodes
         if is_other and self._list_fixed_values() != self._fixed:
             self.go_alone("changes settings, rules or collectors")
+        if self._own["_seed"] != self.seed:
+            self.go_alone("changes the seed")
         are_changed = are_changed or not kinds.isdisjoint(_EQUIPPING)
         block = self._take_agents(journal, kinds, are_changed=are_changed) if have_changed else self.block
         if self.read:
@@ -1320,7 +1325,7 @@ class RowOfGame(Row):
         self._drop_changes()
         for last, state in zip(self.lasts, sensed, strict=False):
             last[0] = state
-        self.ctx.reseed(self.ctx.seed, rng)
+        self.ctx.reseed(self.seed, rng)
         if collected is not None:
             self._parts.collectors.restore(collected)
         if self._state.doings is not None:

@@ -123,7 +123,8 @@ class RowStart:
         """Refuse everything else."""
         if name.startswith("__"):
             raise AttributeError(name)
-        raise self.row.refuse_verb("resets the game")
+        self.row.refuse_verb("resets the game")
+        raise AttributeError(name)
 
 
 class RowState(GameState):
