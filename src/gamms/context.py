@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, explain_call_errors
 from gamms.compat import Surface, suggest_part
-from gamms.deciding import DecidePhase, Guarded, add_copies, leave_last_turn, refuse_while_deciding
+from gamms.deciding import DecidePhase, Guarded, add_copies, leave_last_turn, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
 from gamms.readonly import NotPickled
 from gamms.text import make_printable, shown
@@ -243,7 +243,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
             self._rng = self.stream("context")
         return self._rng
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def reseed(self, seed: int, rng_state: Mapping[str, Any] | None = None) -> None:
         """Derive all further random draws, also of agents, from another seed.
 
@@ -306,7 +306,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         """
         return _CapturedContext(self, agents, self.sensor.storage.capture(only_plain=only_plain))
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def set_alive(self) -> None:
         """Start the scenario."""
         self._alive = True
@@ -315,7 +315,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         """Whether the scenario has ended (or has not begun)."""
         return not self._alive
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def terminate(self) -> None:
         """End the scenario: close all engines, each before the engines that it depends on."""
         if not self._alive:

@@ -97,12 +97,14 @@ class DecidePhase(NotPickled):
         known_names: attributes of agents that were checked for misspellings already.
         agent_kinds: class of agents -> its subclass with the attributes of this context.
         created: called with the names and start places of agents that were created; None: there is no game yet.
+        judge: the function that only looks or judges now, at the beginning of a sentence, such as "A sensor": it may
+            not change the game; "": there is none.
         player: the identifier of the thread that plays a turn; None: no turn is played.
     """
 
     __slots__ = (
         *("_is_reading", "_reading", "agent", "agent_kinds", "are_memories_known", "are_moves_unread"),
-        *("created", "epoch", "known_names", "moment", "owner_changes", "player"),
+        *("created", "epoch", "judge", "known_names", "moment", "owner_changes", "player"),
         *("read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
@@ -122,6 +124,7 @@ class DecidePhase(NotPickled):
         self.agent_kinds: dict[type, type] = {}
         self.created: Callable[[Iterable[tuple[str, Any]]], None] | None = None
         self.player: int | None = None
+        self.judge = ""
         self.epoch = 0
         self.setting_changes = 0
         self.sensor_changes = 0
@@ -224,6 +227,20 @@ class DecidePhase(NotPickled):
                 "anything else belong in a rule: ctx.game.add(rule)."
             )
 
+    def refuse_change(self, action: str) -> None:
+        """Do as `refuse` for an action that changes the game, which a function that looks or judges may not do, either.
+
+        Raises:
+            IllegalMutation, BadValue: see `refuse`.
+        """
+        if self.judge and self.agent is None:
+            raise IllegalMutation(
+                f"{self.judge} may not {action}: agents have not all decided and moved yet, and only rules change the "
+                "game then. It may write scores, events, ctx.game.data and own attributes of agents. Changes of "
+                "anything else belong in a rule: ctx.game.add(rule)."
+            )
+        self.refuse(action)
+
     def refuse_look(self, action: str) -> None:
         """Do as `refuse` for an action of other engines on which the states of the last turn do not depend."""
         if self.is_deciding or self.are_moves_unread:
@@ -256,17 +273,20 @@ class DecidePhase(NotPickled):
                 changes. Otherwise the end of the last turn stays unread.
         """
         self.read_moves()
-        if changes_world and not self.is_deciding:
+        if changes_world and not (self.is_deciding or self.judge):
             yield
             return
         agent = self.agent
+        judge = self.judge
         self.agent = None
+        self.judge = ""
         if changes_world:
             self.moment = None
         try:
             yield
         finally:
             self.agent = None if agent is UNREAD and self.read_turn is None else agent
+            self.judge = judge
 
 
 UNDECIDED = DecidePhase()  # the phase of objects without a context, in which no agent ever decides
@@ -349,6 +369,11 @@ def refuse_while_deciding(method: Method) -> Method:
     return _guard_method(method, makes_last_turn=True)
 
 
+def refuse_to_judges(method: Method) -> Method:
+    """Refuse a verb that changes the game while a strategy is running, and to functions that only look or judge."""
+    return _guard_method(method, makes_last_turn=True, changes_game=True)
+
+
 def leave_last_turn(method: Method) -> Method:
     """Refuse a verb while a strategy is running; the end of the last turn is not made for it.
 
@@ -357,19 +382,15 @@ def leave_last_turn(method: Method) -> Method:
     return _guard_method(method, makes_last_turn=False)
 
 
-CHANGING_VERBS: set[str] = {"setattr", "__setattr__"}
-"""The names of the methods that change a game or a part of it, and of functions that set attributes."""
-
-
-def _guard_method(method: Method, *, makes_last_turn: bool) -> Method:
-    CHANGING_VERBS.add(method.__name__)
-
+def _guard_method(method: Method, *, makes_last_turn: bool, changes_game: bool = False) -> Method:
     @wraps(method)
     def guarded(self: Guarded, /, *args: object, **kwargs: object) -> Any:
         phase = self._phase
         if phase.agent is not None or phase.player is not None:
             action = f"call {self._called}.{method.__name__}"
-            if makes_last_turn or phase.is_deciding:
+            if changes_game:
+                phase.refuse_change(action)
+            elif makes_last_turn or phase.is_deciding:
                 phase.refuse(action)
             else:
                 phase.refuse_other_threads(action)

@@ -317,10 +317,9 @@ class FirstOnly:
 
     def resolve(self, moves, ctx):
         last = {move.end: name for name, move in moves.items()}
-        if ctx.game.turn == 4 and ctx.seed % 3 == 0:
-            ctx.game.max_turns = 8
-        if ctx.game.turn == 3 and ctx.seed % 3 == 1 and ctx.game.decide == "arrival":
-            ctx.graph.close_roads([*ctx.graph.graph.get_edges()][:1])
+        ctx.game.scores["contests"] += 1
+        for agent in ctx.game.agents[:: 2 + ctx.seed % 3]:
+            agent.contests = getattr(agent, "contests", 0) + 1
         return {name for name, move in moves.items() if last[move.end] != name} if ctx.game.turn % 3 else set()
 
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.core.arrivals import Queue
-from gamms.errors import IllegalMutation
 from gamms.rules import Conflicts
 
 SEEDS = [3, 4, 5, 6]
@@ -151,46 +150,8 @@ def count_memories(ctx, state):
     state["memory"]["known"] = len(str(ctx.game.memories))
 
 
-def end_soon(ctx):
-    ctx.game.max_turns = 4
-
-
-def change_map(ctx):
-    ctx.graph.graph.remove_edge(3)
-    ctx.graph.graph.add_edge({"id": 999, "source": 5, "target": 15, "length": 4.0})
-
-
-def slow_down(ctx):
-    ctx.agent.get_agent("red_1").speed = 11.0
-
-
-def send_another(ctx):
-    ctx.agent.create_agent("red_9", start_node_id=0, team="red", strategy=ctx.agent.get_agent("red_0").strategy)
-
-
-def put_out(ctx):
-    ctx.game.eliminate("red_2")
-
-
-class Resolver:
-    """Stops all but the last by name that come to a place, and acts in some games at the given call."""
-
-    def __init__(self, act, last):
-        self._act = act
-        self._last = last
-
-    def resolve(self, moves, ctx):
-        calls = ctx.game.scores["calls"]
-        SAID.warning(f"seed {ctx.seed}, conflict {calls}")
-        ctx.game.scores["calls"] += 1
-        if calls == self._last and ctx.seed % 2:
-            self._act(ctx)
-        last = {move.end: name for name, move in moves.items()}
-        return {name for name, move in moves.items() if last[move.end] != name}
-
-
-def open_arriving(act, last, order, *, is_by_conflicts):
-    """Return a context with a game in which a function acts while agents are on their way, in games with odd seeds."""
+def open_arriving(act, last, order):
+    """Return a context with a game in which a strategy acts while agents are on their way, in games with odd seeds."""
 
     def note(ctx):
         ctx.game.scores["seed"] = ctx.seed
@@ -212,7 +173,7 @@ def open_arriving(act, last, order, *, is_by_conflicts):
         state["action"] = node
         if calls % 3 == 0:
             state["action"] = {"node_id": node, "do": {"rest": {}}, "orientation": (1.0, float(calls))}
-        if not is_by_conflicts and calls == last and seed % 2 and state["name"] == "red_1":
+        if calls == last and seed % 2 and state["name"] == "red_1":
             act(ctx, state)
 
     eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 60.0, "detection": 0.5}}
@@ -223,7 +184,7 @@ def open_arriving(act, last, order, *, is_by_conflicts):
     channels = {"radio": {"range_m": 30.0}}
     made = scene(rules, side=4, max_turns=6, teams=teams, sensors=eyes, settings=settings, channels=channels)
     ctx = made.build(seed=1)
-    ctx.game.conflicts = Resolver(act, last) if is_by_conflicts else Conflicts(1)
+    ctx.game.conflicts = Conflicts(1)
     for agent in ctx.agent.create_iter():
         if agent.name != "blue_2":
             agent.strategy = walk
@@ -232,50 +193,15 @@ def open_arriving(act, last, order, *, is_by_conflicts):
     return ctx
 
 
-PARTS = [["blue"], ["red"]]
-DECIDING = [look_ahead, count_memories]
-RESOLVING = [end_soon, change_map, slow_down, send_another, put_out]
-
-
-@pytest.mark.parametrize(
-    ("act", "last", "order"),
-    [
-        *((act, last, order) for act in DECIDING for last, order in ((4, None), (7, PARTS))),
-        *((act, last, order) for act in RESOLVING for last, order in ((1, PARTS), (6, None))),
-    ],
-)
-def test_a_game_that_leaves_while_agents_are_on_their_way_goes_on_at_this_moment(act, last, order, caplog):
-    with open_arriving(act, last, order, is_by_conflicts=act in RESOLVING) as ctx:
+@pytest.mark.parametrize(("last", "order"), [(4, None), (7, [["blue"], ["red"]])])
+@pytest.mark.parametrize("act", [look_ahead, count_memories])
+def test_strategies_look_ahead_and_read_memories_while_agents_are_on_their_way_as_alone(act, last, order, caplog):
+    with open_arriving(act, last, order) as ctx:
         ctx.game.on_illegal = "stay"
         with ctx.game.batch(seeds=[0, 1, 3]) as games, ctx.game.fork(0).ctx as alone:
             games.step()
             games.run()
-            assert [*games.detached] == [1, 2]
+            assert games.is_in_arrays
             said = [one for one in caplog.messages if one.startswith("seed")]
             assert len({*said}) == len(said)
             assert_as_alone(games, alone)
-
-
-def test_an_agent_that_is_deleted_while_agents_are_on_their_way_is_an_error_in_a_batch_as_alone():
-    def delete(ctx):
-        ctx.agent.delete_agent("red_1")
-
-    with open_arriving(delete, 6, None, is_by_conflicts=True) as ctx:
-        with ctx.game.batch(seeds=range(2)) as games, pytest.raises(IllegalMutation, match="deleted an agent"):
-            games.run()
-        ctx.game.reset(seed=1)
-        with pytest.raises(IllegalMutation, match="Let a rule do it"):
-            ctx.game.run()
-
-
-def test_a_game_that_ends_at_an_arrival_plays_this_part_of_the_turn_to_its_end():
-    with open_arriving(lambda ctx: ctx.game.end("enough"), 6, None, is_by_conflicts=True) as ctx:
-        for name in ("blue_0", "blue_1"):
-            ctx.agent.get_agent(name).strategy = roam_freely
-        check_games(ctx, seeds=range(4))
-
-
-@gamms.array_strategy
-def roam_freely(view):
-    """Go somewhere by lot."""
-    return view.draw.below(view.counts)

@@ -3,6 +3,8 @@
 import pytest
 from batch_scenes import check_games, scene
 
+from gamms.errors import BadValue
+
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
 ERRING = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.5}, "next": {"type": "NEIGHBOR"}}
@@ -95,24 +97,14 @@ def test_games_that_differ_by_what_functions_do_are_those_alone(act, settings, p
         check_games(ctx, seeds=[1, 2, 3])
 
 
-def test_sensors_that_change_agents_are_called_as_alone():
-    def jolt(node_id, agent):
-        if node_id == 12 and agent.team == "red":
-            agent.current_node_id = 3
-        return node_id
-
-    with built(draw) as ctx:
-        for agent in ctx.agent.create_iter():
-            agent.register_sensor("jolt", ctx.sensor.from_function(f"jolt of {agent.name}", jolt))
-        check_games(ctx, seeds=range(6))
-
-
-def test_routes_over_other_nodes_are_those_alone():
+def test_a_route_over_several_nodes_in_a_game_without_speeds_is_refused():
     def roam(state):
         here = state["curr_pos"]
-        state["action"] = {"path": [here, (here * 7) % 25, (here * 3 + state["turn"]) % 25]}
-        if here % 5 == 0:
-            state["action"] = {"path": [here, here]}
+        state["action"] = [here, (here * 7) % 25, (here * 3 + state["turn"]) % 25]
 
-    with built(stretch, {"legal": "any"}, strategies={"red": roam}) as ctx:
-        check_games(ctx, seeds=[1, 2, 3])
+    with (
+        built(draw, {"legal": "any"}, strategies={"red": roam}) as ctx,
+        ctx.game.batch(2) as games,
+        pytest.raises(BadValue, match=r"'red_0' chooses a route over several nodes.*go it in several turns"),
+    ):
+        games.step()

@@ -1,10 +1,10 @@
-"""Plain rules and collectors in batches: the context is pointed at each game in turn, with the same results."""
+"""Plain rules and collectors in batches: they are called in the context of their game, with the same results."""
 
 import functools
 
 import numpy as np
 import pytest
-from batch_scenes import assert_as_alone, check_games, plain, scene
+from batch_scenes import WALK, assert_as_alone, check_games, plain, scene
 
 from gamms.errors import BadValue
 from gamms.rules import tag
@@ -220,3 +220,26 @@ def test_a_function_that_wraps_a_rule_is_called_alone_beside_other_such_rules_an
     ctx.game.run()
     assert ctx.game.scores["calls"] == 9
     assert "red" in ctx.game.scores
+
+
+def forget_rounds(ctx):
+    """Let agents that patrol begin anew, and write what rules in the core remember."""
+    if ctx.game.turn % 3 == ctx.seed % 3:
+        for memory in ctx.game.memories.values():
+            memory.clear()
+        ctx.game.data["flags"]["captures"]["red"] = ctx.game.turn + 1
+        ctx.game.data["respawns"] = {}
+    ctx.game.emit("known", flags=str(ctx.game.data["flags"]), rounds=str(ctx.game.memories))
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_a_rule_changes_what_rules_and_strategies_in_the_core_remember_as_alone(phase):
+    rounds = {"function": "gamms.strategies:patrol", "with": {"nodes": [3, 21, 7]}}
+    teams = {"red": {"count": 2, "strategy": rounds}, "blue": {"count": 2, "strategy": WALK}}
+    flags = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+    with scene([TAG, "respawn", flags], teams=teams, max_turns=9).build(seed=1) as ctx:
+        ctx.game.add(forget_rounds, phase=phase)
+        with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays
+            assert_as_alone(games, alone)

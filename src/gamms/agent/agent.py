@@ -10,7 +10,14 @@ from gamms import kernels
 from gamms.agent.carried_sensors import make_carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, explain_misspelled
 from gamms.core.agents import AgentView
-from gamms.deciding import ContextPart, DecidePhase, get_phase, refuse_unknown_look, refuse_while_deciding
+from gamms.deciding import (
+    ContextPart,
+    DecidePhase,
+    get_phase,
+    refuse_to_judges,
+    refuse_unknown_look,
+    refuse_while_deciding,
+)
 from gamms.errors import (
     BadType,
     BadValue,
@@ -130,7 +137,8 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         if name[0] != "_":
             phase = self._phase
             if phase.agent is not None or phase.player is not None:
-                phase.refuse(f"set agent.{name}")
+                is_own = name not in self._SETTABLE and name != "strategy"
+                (phase.refuse if is_own else phase.refuse_change)(f"set agent.{name}")
             if name not in phase.known_names:
                 if name == "strategy":
                     self.decide_by(None if value is None else make_strategy(self._ctx, value))
@@ -228,7 +236,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def register_sensor(self, name: str, sensor: ISensor) -> None:
         """Carry a sensor; its results appear in the state under `name`.
 
@@ -238,7 +246,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         with delay_interrupts(at_most_once=True):
             self._add_sensor(name, sensor)
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def deregister_sensor(self, name: str) -> None:
         """Stop carrying a sensor; an unknown name is only warned about."""
         if as_name(name, "a sensor") not in self._sensor_list:
@@ -256,7 +264,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         self._note(events.AGENT_SENSOR_DEREGISTER, name, sensor)
         self._clear_owner(sensor)
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
         """Set the strategy: a function of the state, or a function that makes one from the context.
 
@@ -298,7 +306,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     # -- inside the package -------------------------------------------------------------------------------------
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def decide_by(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
         """Set a strategy that is already checked, or None."""
         self._phase.change_strategies()

@@ -36,7 +36,7 @@ from gamms.agent.teams import (
 from gamms.arguments import as_declared, as_member, as_name, explain_misspelled, spell_out_options
 from gamms.compat import Surface
 from gamms.core.copies import copy_values
-from gamms.deciding import ContextPart, Guarded, get_phase, refuse_while_deciding
+from gamms.deciding import ContextPart, Guarded, get_phase, refuse_to_judges
 from gamms.errors import BadValue, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, read_vector
@@ -179,7 +179,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         agent_type: Literal[AgentType.BASIC, "BASIC"] = AgentType.BASIC,
         **attributes: object,
     ) -> Agent: ...
-    @refuse_while_deciding
+    @refuse_to_judges
     @as_declared(IAgentEngine.create_agent)
     def create_agent(self, name: str, **kwargs: Any) -> BaseAgent:
         """Create an agent, or raise and change nothing; the contract explains the keywords."""
@@ -223,7 +223,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
                 journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._list_more(agent._row)})
         return agent
 
-    @refuse_while_deciding
+    @refuse_to_judges
     @spell_out_options()
     def create_team(
         self,
@@ -366,7 +366,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         except (KeyError, TypeError):
             raise UnknownName("agent", name, self._agents) from None
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def delete_agent(self, name: str) -> None:
         """Delete an agent; an unknown name is only warned about."""
         agent = self._agents.get(as_name(name, "an agent"))
@@ -392,7 +392,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             teams.setdefault(agent.team, []).append(agent)
         return _AgentsByTeam(sorted(teams.items(), key=lambda item: str(item[0])))
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def terminate(self) -> None:
         """Close the engine: agents stay readable, and their methods do nothing."""
         with suppress(GammsError):  # a custom graph may already be closed

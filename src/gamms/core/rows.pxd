@@ -29,9 +29,9 @@ cdef class Row:
     cdef AgentColumns _columns
     cdef const i64[::1] _places
     cdef public list lasts, _kept
-    cdef public object why, read_of_core, raised, journal, look
+    cdef public object why, raised, journal, look
     cdef public i64 epoch
-    cdef public bint shows_more, has_ended, sees_world_only
+    cdef public bint shows_more, sees_world_only
     cdef object _count_map_changes
     cdef public object map_changes
 

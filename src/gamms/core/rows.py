@@ -77,7 +77,6 @@ class Row:
     Attributes:
         number, turns, values, seed: see the arguments.
         why: why the game leaves the batch; "": it does not.
-        read_of_core: what functions have read or replaced in this game that only the core has, in words; "": nothing.
         raised: what the function has raised that was called last; None: nothing.
         undone: agent -> the reasons other than conflicts why its last action failed.
         read: the fields of its state that were made when they were read.
@@ -87,7 +86,6 @@ class Row:
         look: this item, while no function has read it; None: the items are kept.
         epoch: the epoch of the context when the function was called.
         map_changes: the changes of the map that is shown.
-        has_ended: whether a function has ended the game.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
         shows_more: whether the context shows, or may have to show, more of the game than turn, nodes and lives.
     """
@@ -116,14 +114,12 @@ class Row:
         self._state = state
         self._count_map_changes = count_map_changes
         self.map_changes: Any = None
-        self.has_ended = False
         self.sees_world_only = True
         self._facts: dict[str, Any] = values.facts
         self.facts_shown: dict[str, Any] = dict(self._facts)
         self.read: dict[str, Any] = {}
         self.undone: dict[str, str] = {}
         self.why = ""
-        self.read_of_core = ""
         self.raised: BaseException | None = None
         self.journal: Any = None
         self.lasts: list[list[Any]] = []
@@ -277,8 +273,8 @@ class Row:
         self.turns.is_moving = False
         return 0
 
-    def ask(self, asker: Any, first: int) -> bool:
-        """Ask agents, and write the nodes to which they move to `asker.wanted`; return whether the game leaves.
+    def ask(self, asker: Any, first: int) -> int:
+        """Ask agents, and write the nodes to which they move to `asker.wanted`.
 
         Args:
             asker: says which agents are asked, and takes uncommon decisions; a `game.rows.functions.RowFunctions`.
@@ -287,45 +283,30 @@ class Row:
         if self._games.stop[0]:
             self._state.notice_interrupt()
         self.show()
-        self.raised = None
-        self.has_ended = False
         asked = asker.find_asked(self)
         if asked is None:
-            return False
+            return 0
         asker.asking = self
         told = asker.tell_blocked(self, asked) if self.number in asker.blocked or self.undone else ()
         self._begin()
         try:
-            answers = asker.ask(self, asked) if asker.asks_anew else self.turns.decide(asked.order, asked.part)
-            if self.read_of_core:
-                self.go_alone(self.read_of_core)
+            try:
+                answers = asker.ask(self, asked) if asker.asks_anew else self.turns.decide(asked.order, asked.part)
+            finally:  # sensors may write values, and functions may read what is made when it is read
+                if (self.read or not self.sees_world_only) and self.has_changed():
+                    self.take()
             is_common = not (answers.actions or answers.failures or answers.written or self.undone)
             if asker.takes_all or not (is_common and self.sees_world_only) or answers.paths is not None:
                 asker.take_decisions(self, answers, asked)
             wanted: memoryview[int] | None = asker.wanted
             if wanted is not None:
                 write_ends(answers, asked.places, wanted, first)
-        except BaseException as error:
-            if self.read_of_core and not self.why:
-                self.raised = error
-                self.say_why(self.read_of_core)
-            elif not self.why or not isinstance(error, Exception):
-                raise
         finally:
             self._end()
             for slot in told:  # also after an error: the reasons are those of one turn
                 slot.set_blocked(None)
-            if not self.why:  # else what agents have seen goes with the game
-                self.forget_looks()
-        return bool(self.why)
-
-    def go_alone(self, what: str) -> None:
-        """Let the game go on in a context of its own; the argument says why, in words."""
-        raise NotImplementedError
-
-    def say_why(self, what: str) -> None:
-        """Set why the game leaves, unless it is known."""
-        raise NotImplementedError
+            self.forget_looks()
+        return 0
 
 
 def write_ends(answers: Any, slots: list[int], ends: memoryview[int], first: int) -> int:

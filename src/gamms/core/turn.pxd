@@ -183,7 +183,7 @@ cdef class NodeConflicts
 
 cdef class GameTurn(TurnDriver):
     cdef public object _ctx, state, make_moves, near, asked_part, travel, order_now, whole
-    cdef public object made, under_way, moves_of, checked, rules, collectors, groups
+    cdef public object moves_of, checked, rules, collectors, groups
     cdef public NodeConflicts conflicting
     cdef public list observers
     cdef public Answers answers

@@ -55,6 +55,8 @@ MOVE = 2
 ENOUGH_UNREAD = 8  # turns whose states were not read make up for one whose states were
 MOST_ASKED = 63  # turns for which agents are asked after the states of a turn were read
 NOT_ASKED = -1  # instead of the version of the sensors: agents are not asked one by one
+SENSOR = "A sensor"
+"""Who looks while agents decide; see `deciding.DecidePhase.judge`."""
 PHASES = (DECIDE, SETTLE, MOVE)
 """What `play_phases` plays, besides the phases of `arrivals`."""
 
@@ -836,9 +838,6 @@ class GameTurn(TurnDriver):
         is_deciding: whether agents are observing and deciding now.
         is_moving: whether agents are deciding and moving now.
         seed_changes: the number of changes of the context's seed.
-        made: decisions of agents that were made before, in a batch; None: none were. Any: the game has its own class.
-        under_way: agents that a batch has moved through a part of the turn in which they decide at arrivals, until it
-            goes on here; None: there are none. Any: the game has its own class.
         observers: called in every turn with the agents and their states before any agent decides, in order; see
             `game.turn.Observer`.
         order_now: the agents; None: they are not known.
@@ -889,8 +888,6 @@ class GameTurn(TurnDriver):
         self.is_deciding = False
         self.is_moving = False
         self.seed_changes = 0
-        self.made: Any = None
-        self.under_way: Any = None
         self.observers: list[Any] = []
         self.order_now: Any = None
         self.moves_of: Any = None
@@ -981,11 +978,7 @@ class GameTurn(TurnDriver):
         raise NotImplementedError
 
     def _ask_at_arrivals(self, order: Any, part: Any, observers: Any) -> Any:
-        """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
-        raise NotImplementedError
-
-    def _ask_left(self, order: Any, part: Any, paths: Any) -> None:
-        """Ask the agents of a part whose decisions are not made, and take the others; `paths` receives paths."""
+        """Return the moves of a part whose agents decide first, then on each arrival."""
         raise NotImplementedError
 
     def _ask_part(self, answers: Any, part: Any, seen: Any) -> None:
@@ -1117,7 +1110,7 @@ class GameTurn(TurnDriver):
             state.moves = self.whole  # for those that decide now
             if order.moving.take_lives():
                 order.begin_more()
-        if part.decides_at_arrivals or self.under_way is not None:
+        if part.decides_at_arrivals:
             moves = self._ask_at_arrivals(order, part, self.observers)
         else:
             moves = self.ask(order, part, self.observers)
@@ -1134,15 +1127,12 @@ class GameTurn(TurnDriver):
         agents observe first.
         """
         answers = self.answers
-        if self.made is not None:
-            self._ask_left(order, part, paths)
-        else:
-            if observers:
-                observers = self._tell_observers(order, part, observers)
-            if observers or paths is not None or not self.decide_in_core(order, part):
-                if self.phase.read_turn is not None:
-                    self.forget_states()
-                self.decide(order, part, observers, paths)
+        if observers:
+            observers = self._tell_observers(order, part, observers)
+        if observers or paths is not None or not self.decide_in_core(order, part):
+            if self.phase.read_turn is not None:
+                self.forget_states()
+            self.decide(order, part, observers, paths)
         blocked = self.state.blocked
         if order.has_channels or blocked.known or blocked.stopped or answers.failures or answers.written:
             self._publish(order, part, answers)
@@ -1328,6 +1318,7 @@ class GameTurn(TurnDriver):
         self.asked_part = (order, part)
         self.is_deciding = True
         phase.moment = object() if asked.see_world_only else None
+        phase.judge = SENSOR
         try:
             if self.asked == 1 and asked.individuals:
                 self._prepare_first(order, part)
@@ -1362,11 +1353,12 @@ class GameTurn(TurnDriver):
         finally:
             phase.agent = None
             phase.moment = None
+            phase.judge = ""
             self.is_deciding = False
         return answers
 
     def fit_moves(self) -> Any:
-        """Return the moves of the turn for the present agents: a check or a resolver may create and delete agents."""
+        """Return the moves of the turn for the present agents: a rule may have created and deleted agents."""
         moves = self.state.moves
         if moves.order is not self.order_now:
             moves = moves.fit_to_order(self.order_now)

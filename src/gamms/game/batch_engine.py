@@ -144,6 +144,7 @@ class GamesOnOneMap:
         self.contexts = RowContexts(game, state, self.core, own, partial(self._find_called, asked, observing))
         state.look = self.contexts.look
         state.change_roads = self.contexts.change_roads
+        state.take_own_arrays = self.contexts.take_own_arrays
         self.calls = RowFunctions(self.contexts, state, self.core) if plan.calls_each else None
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
@@ -531,10 +532,10 @@ class GamesOnOneMap:
         """Begin a part of the turn in some games, in which functions are called on arrival."""
         self.core.begin_arrivals(games)
 
-    def give_way_at_arrivals(self, games: IntArray, part: int) -> None:
-        """Stop the arrived agents of a part of the turn that lose conflicts decided by a function."""
+    def give_way_at_arrivals(self, games: IntArray) -> None:
+        """Stop the arrived agents that lose conflicts decided by a function."""
         if self.calls is not None and self.plan.has_conflicts and len(games):
-            self.calls.give_way_at_arrivals(games, part)
+            self.calls.give_way_at_arrivals(games)
 
     def note_losers(self, games: IntArray) -> None:
         """Tell agents that conflicts have stopped them on arrival."""
@@ -1362,7 +1363,7 @@ class BatchEngine(TurnDriver):
                 self._ask_at_arrivals(now, part)
                 self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
                 for one, games in self._select_maps(now):
-                    one.give_way_at_arrivals(games, part)
+                    one.give_way_at_arrivals(games)
                 play(_GO_ON)
                 for one, games in self._select_maps(now):
                     one.note_losers(games)

@@ -231,29 +231,6 @@ class _Question(NamedTuple):
         return explain_strategy_error(error, [state for state in self.list_states() if state is not None], plan)
 
 
-class MadeDecisions(NamedTuple):
-    """The decisions of some agents of a game that leaves its batch while the agents decide.
-
-    Attributes:
-        starts: agent -> its node before sensors were called, which may have put it elsewhere.
-        ends: agent -> the node that it moves to.
-        actions: agent -> its action, if it flies, turns or does deeds.
-        paths, slots: the paths of agents that do more than to move along one edge, None: there are none; and agent ->
-            its slot in them.
-        failures, written: see `Decisions`, with names in place of slots.
-        sensed: agent -> the data of its sensors, of other agents of this part of the turn whose sensors were called.
-    """
-
-    starts: Mapping[str, int]
-    ends: Mapping[str, int]
-    actions: Mapping[str, Any]
-    paths: GamePaths | None
-    slots: Mapping[str, int]
-    failures: Sequence[tuple[str, str, str]]
-    written: Sequence[tuple[str, Any]]
-    sensed: Mapping[str, dict[str, Any]]
-
-
 class Decisions(Answers):
     """The decisions of one part of a turn; call `begin` first.
 
@@ -383,39 +360,6 @@ class Decisions(Answers):
                 self._use_default_action(question, "overrun", f"was cancelled after {deadline} s")
             else:
                 self._answer(question, value)
-
-    def hand_over(self, members: Sequence[int], sensed: Mapping[str, dict[str, Any]]) -> MadeDecisions:
-        """Return the decisions of the agents of some slots; see `MadeDecisions` for the data of sensors."""
-        names = self.slots.names
-        return MadeDecisions(
-            starts=dict(zip(names, self.starts, strict=True)),
-            ends={names[i]: self.ends[i] for i in members},
-            actions={names[i]: action for i, action in self.actions.items()},
-            paths=self.paths,
-            slots={names[i]: i for i in members},
-            failures=[(names[i], kind, message) for i, kind, message in self.failures],
-            written=[(names[i], memory) for i, memory in self.written],
-            sensed=sensed,
-        )
-
-    def take_made(self, made: MadeDecisions, index_of: Mapping[str, int]) -> None:
-        """Add decisions that were made before, given the slots of agents by their names."""
-        ends = self.get_writable_ends()
-        if self.moves is None:
-            self.starts = copy_column(self.starts)
-        for name, start in made.starts.items():
-            self.starts[index_of[name]] = start
-        for name, end in made.ends.items():
-            i = index_of[name]
-            ends[i] = end
-            j = made.slots[name]
-            if made.paths is not None and made.paths.maps[j] is not None:
-                self.make_paths()
-                self.paths.take(i, made.paths.core, j, made.paths.count_room(j), made.paths.maps[j])
-        actions = {index_of[name]: action for name, action in made.actions.items()}
-        self.actions = dict(sorted({**self.actions, **actions}.items()))
-        self.failures += [(index_of[name], kind, message) for name, kind, message in made.failures]
-        self.written += [(index_of[name], memory) for name, memory in made.written]
 
     def drop(self) -> None:
         """Close awaitables that will not be collected."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, explain_call_errors
 from gamms.compat import Surface
-from gamms.deciding import ContextPart, get_phase, leave_last_turn, refuse_while_deciding
+from gamms.deciding import ContextPart, get_phase, leave_last_turn, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.deeds import list_lasting
@@ -111,7 +111,7 @@ class Game(Surface, RuleVerbs):
     def add(self, rule: Rule, *, phase: str = "after", name: str | None = None) -> Rule: ...
     @overload
     def add(self, *, phase: str = "after", name: str | None = None) -> Callable[[Rule], Rule]: ...
-    @refuse_while_deciding
+    @refuse_to_judges
     def add(self, rule: Rule | EllipsisType = ..., *, phase: str = "after", name: str | None = None) -> Any:
         """Add a rule that is applied in every turn; also usable as a decorator, with or without keywords.
 
@@ -143,7 +143,7 @@ class Game(Surface, RuleVerbs):
         self._ruleset.add(rule, phase, name)
         return rule
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def remove(self, rule: str | Rule | NamedRule) -> None:
         """Remove a rule, given by its name or itself, and its artist.
 
@@ -163,7 +163,7 @@ class Game(Surface, RuleVerbs):
     def command(self, team: Hashable, plan: TeamPlan | None) -> None: ...
     @overload
     def command(self, team: Hashable, plan: ArrayPlan | None, *, arrays: Literal[True]) -> None: ...
-    @refuse_while_deciding
+    @refuse_to_judges
     def command(self, team: Hashable, plan: TeamPlan | ArrayPlan | None, *, arrays: bool = False) -> None:
         """Set a plan: a function that decides for all agents of a team instead of their strategies. None removes it.
 
@@ -189,7 +189,7 @@ class Game(Surface, RuleVerbs):
         self._unchecked_plans.append(team)
         self._turns.prepared = -1
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
         """Collect a value after the rules of every turn, or every few turns; it becomes a table of the result.
 

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.deciding import CHANGING_VERBS
 from gamms.errors import BadValue
 from gamms.text import shown
 
@@ -97,28 +96,6 @@ def find_names(functions: Iterable[Callable[..., object]]) -> Iterator[frozenset
     """
     for one in _find_all(functions):
         yield _list_names(one.__code__)
-
-
-def may_change_games(functions: Iterable[Callable[..., object]]) -> bool:
-    """Return whether the code of functions, or of those that they call, may change a game.
-
-    It sets an attribute of an object other than `self`, or has the name of a verb that changes a game.
-    """
-    return any(
-        not CHANGING_VERBS.isdisjoint(_list_names(one.__code__)) or _is_setting_attributes(one.__code__)
-        for one in _find_all(functions)
-    )
-
-
-@lru_cache(maxsize=1 << 12)
-def _is_setting_attributes(code: CodeType) -> bool:
-    """Return whether a function, or an inner one, sets or deletes an attribute of an object other than `self`."""
-    loaded = None
-    for one in get_instructions(code):
-        if one.opname in ("STORE_ATTR", "DELETE_ATTR") and loaded != "self":
-            return True
-        loaded = one.argval if one.opname in ("LOAD_FAST", "LOAD_DEREF") else None
-    return any(_is_setting_attributes(within) for within in code.co_consts if isinstance(within, CodeType))
 
 
 def is_drawing_globally(functions: Iterable[Callable[..., object]]) -> bool:

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any, overload
 
 from gamms.arguments import as_bool, as_ids, as_items, as_key, as_name
-from gamms.deciding import Protected, leave_last_turn, refuse_while_deciding
+from gamms.deciding import Protected, leave_last_turn, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import get_fields, list_performed
 from gamms.game.facts import get_writable_facts
@@ -225,6 +225,7 @@ class RuleVerbs(Settings):
             winner: a team, or any plain value; None: no winner.
             truncated: whether time was up, rather than an event ending the game.
         """
+        self._phase.refuse_change("call ctx.game.end")
         over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
         if self._state.over is None or self._turns.is_playing:
             self._state.over = join_ends(self._state.over, over)
@@ -232,6 +233,7 @@ class RuleVerbs(Settings):
     @leave_last_turn
     def eliminate(self, agent: IAgent | str) -> None:
         """Eliminate an agent, given by itself or its name; do nothing if it is already eliminated."""
+        self._phase.refuse_change("call ctx.game.eliminate")
         one = self._get_agent(agent)
         if one.alive:
             self._turns.make_state_of(one.name)
@@ -239,7 +241,7 @@ class RuleVerbs(Settings):
                 one.alive = False
             self.emit("eliminated", agent=one.name, node=one.current_node_id)
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def respawn(self, agent: IAgent | str, node: int | None = None) -> None:
         """Place an agent, dead or alive, on a node, as if it had been there before; None: on its start."""
         one: Any = self._get_agent(agent)  # of any kind: its place is of the same

@@ -25,7 +25,7 @@ from gamms.arguments import (
 )
 from gamms.clocks import WALL_CLOCK, Clock, as_clock
 from gamms.core.rules import Rule as CoreRule
-from gamms.deciding import ContextPart, get_phase, refuse_while_deciding
+from gamms.deciding import ContextPart, get_phase, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds, list_lasting, make_plain_declarations
@@ -142,7 +142,7 @@ class Settings(ContextPart):
         """
         check = _CHECKS.get(name)
         if name[0] != "_":
-            self._phase.refuse(f"set ctx.game.{name}")
+            (self._phase.refuse if check is None else self._phase.refuse_change)(f"set ctx.game.{name}")
         if check is None and self._is_closed and not name.startswith("_"):
             self._refuse_unknown(name)
         object.__setattr__(self, name, value if check is None else check(name, value))
@@ -187,7 +187,7 @@ class Settings(ContextPart):
             plain["information"] = self.information
         return {**plain, "default_action": default} if isinstance(default, (str, int)) else plain
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def configure(self, given: object) -> None:
         """Set several settings from a dict.
 
@@ -206,7 +206,7 @@ class Settings(ContextPart):
         if "deeds" in checked:
             self._follow_deeds()
 
-    @refuse_while_deciding
+    @refuse_to_judges
     @spell_out_options()
     def add_channel(self, name: str, **options: Unpack[ChannelOptions]) -> Channel:
         """Add a channel, by which agents send the messages in `state["outbox"]`.
@@ -226,7 +226,7 @@ class Settings(ContextPart):
         self.channels = {**self.channels, name: channel}
         return channel
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def remove_channel(self, name: str) -> None:
         """Remove a channel; messages under way on it do not arrive.
 
@@ -616,8 +616,7 @@ class BegunPhase(NamedTuple):
     """A phase of the turn that was begun in a batch; the game goes on in it in a context of its own.
 
     Attributes:
-        phase: the name of the phase: "before", "deeds" or "after", in which rules are called; "check" or "give way",
-            whose functions were all called; "decide"; or "arrive", in which conflicts are resolved at arrivals.
+        phase: the name of the phase: "before", "deeds" or "after".
         rules: the rules of the game when the phase began.
         called: how many of the rules that the phase calls were called.
         order: the order of play in this turn; None: all agents move at once.
@@ -625,11 +624,6 @@ class BegunPhase(NamedTuple):
         raised: what the function has raised that was called last; None: nothing.
         collects: whether the collectors of the turn are still to be called.
         sensed: (agent, sensor), or (agent, "") for its state, of which functions have replaced the last data in it.
-        decided: the decisions that were made, as `MadeDecisions`; None: none were. Any: the class imports this module.
-        under_way: the agents in the middle of a part in which they decide at arrivals, as `AgentsUnderWay`; None: the
-            part has not begun, or they have arrived. Any: as above.
-        map_before: at arrivals, the map of the part of the turn, as `ctx.graph.storage.snapshot` returns it, if a
-            function has changed it; else None. Any: the class is of another package.
     """
 
     phase: str
@@ -640,9 +634,6 @@ class BegunPhase(NamedTuple):
     raised: BaseException | None = None
     collects: bool = True
     sensed: frozenset[tuple[str, str]] = frozenset()
-    decided: Any = None
-    under_way: Any = None
-    map_before: Any = None
 
     @classmethod
     def from_rule(

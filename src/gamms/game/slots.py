@@ -140,16 +140,6 @@ class AgentSlot:
         is_equal = self.carried is access.carried and self.team == agent.team
         return is_own and is_equal and (self.flies or self.speed == agent.speed)
 
-    def keep_speed(self, speed: float | None) -> None:
-        """Let the agent go at a speed that a function has changed meanwhile, until `renew_speed`."""
-        if speed != self.speed:
-            self.speed = speed
-            self._asked = None
-
-    def renew_speed(self) -> None:
-        """Let the agent go at its present speed."""
-        self.keep_speed(None if self.flies else _get_speed(self.agent))
-
     @property
     def draws(self) -> Draws:
         """The agent's keyed draws: `state["draw"]`."""

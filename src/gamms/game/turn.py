@@ -12,23 +12,21 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.core.turn import PHASES_OF_PART, GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
-from gamms.errors import IllegalMutation
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts, make_ranking
-from gamms.game.decisions import Decisions, MadeDecisions
+from gamms.game.decisions import Decisions
 from gamms.game.deeds import list_lasting, list_performed
 from gamms.game.facts import PrivateForks
 from gamms.game.lasting import find_doing
 from gamms.game.messages import GameMessages
-from gamms.game.movement.arrivals import WAITS, AgentsUnderWay, ArrivingAgents
+from gamms.game.movement.arrivals import WAITS, ArrivingAgents
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
-from gamms.game.movement.travel import GamePaths, ResolvedAction
+from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, make_left_out_error, note_lost
 from gamms.game.result import Collectors
 from gamms.game.settings import BegunPhase, RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, copy_data
 from gamms.ir.agents import AgentBlock, show_numbers
-from gamms.ir.columns import copy_column
 from gamms.ir.deeds import PlainDeeds
 from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
 from gamms.progress import delay_interrupts
@@ -46,8 +44,7 @@ _FEWEST_DECIDED = 2  # agents for which to let the core decide takes no longer t
 _FEWEST_BESIDE = 4  # and if others are asked
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
-_LAST_PLAYED = {"check": "act", "deeds": "act", "give way": "give way"}
-"""The phases of a part of the turn that a game has played in a batch, when it has left in one; see `BegunPhase`."""
+_UNTIL_DEEDS = PHASES_OF_PART[: PHASES_OF_PART.index("act") + 1]
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]
 """Called with the agents and their states. Agents are not asked for states if it has a method `observe_agents` that is
 called with the agents alone and returns True; with False, the observer is called, too."""
@@ -127,9 +124,6 @@ class TurnEngine(GameTurn):
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
         self.seen: dict[int, dict[str, Any]] = {}
-        self._sensed: Mapping[str, dict[str, Any]] = {}  # agent -> the data of its sensors, called in a batch
-        self._map_before: Any = None  # see `BegunPhase`
-        self._departure_before: DeletedAgent | None = None  # the last one when agents began to arrive
         self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
         self.messages = GameMessages(ctx, settings, state)
         self.read_inbox: Callable[[str], list[dict[str, Any]]] = self.messages.get_received
@@ -349,9 +343,6 @@ class TurnEngine(GameTurn):
 
     def sense(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current data of the sensors of an agent."""
-        known = self._sensed.get(slot.name)
-        if known is not None:
-            return known
         sensed: dict[str, Any] = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = copy_data(name, *sensed[name])
@@ -525,7 +516,7 @@ class TurnEngine(GameTurn):
             self._collect()
 
     def _finish_moves(self, begun: BegunPhase) -> None:
-        """Play the rest of a phase of a part of the turn, and the later phases until all have moved."""
+        """Play the rest of the phase "deeds" of a part of the turn, and the later phases until all have moved."""
         self.groups = begun.order
         self.is_moving = True  # another order of play is for the next turn
         if self._settings.order != begun.order:  # an order that was read before has the parts of the next turn
@@ -536,44 +527,22 @@ class TurnEngine(GameTurn):
         self.part = begun.part
         self._ctx.agent.block.placed.update(placed)
         try:
-            self._finish_phase(begun)
+            turn: TurnMoves = self.state.moves
+            self.rules.apply("deeds", self.state, begun)
+            self._follow_deeds(turn, may_be_closed=True)
             plan = self.plan()
-            left = plan.list_entries_from(begun.part)
-            if begun.phase in _LAST_PLAYED:
-                phases = PHASES_OF_PART[: PHASES_OF_PART.index(_LAST_PLAYED[begun.phase]) + 1]
-                left = plan.list_entries_after(
-                    [one for one in left if one.part == begun.part and one.phase in phases][-1]
-                )
-            self.play_on(plan, left)
+            played = [
+                one
+                for one in plan.list_entries_from(begun.part)
+                if one.part == begun.part and one.phase in _UNTIL_DEEDS
+            ]
+            self.play_on(plan, plan.list_entries_after(played[-1]))
         except BaseException as error:
             self.lose_moves(error)
             raise
         finally:
             self.end_moves()
             self._follow_order()
-
-    def _finish_phase(self, begun: BegunPhase) -> None:
-        """Play the rest of a phase before the moves; decisions that are made wait until the others are asked."""
-        turn: TurnMoves = self.state.moves
-        if begun.phase == "deeds":
-            self.rules.apply("deeds", self.state, begun)
-            self._follow_deeds(turn, may_be_closed=True)
-            return
-        self._map_before = begun.map_before
-        if begun.under_way is not None:
-            self.under_way = begun.under_way._replace(raised=begun.raised)
-            self.made = begun.decided
-            return
-        if begun.raised is not None:
-            raise begun.raised
-        if begun.phase == "decide":
-            self.made = begun.decided
-            return
-        moving = self.get_order().moving
-        if turn.order.names == self.get_order().names:
-            moving.let_take_part(turn.took_part)  # also those that the function has put out of the game
-        if begun.phase == "check":
-            self._call_deeds(turn)
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
@@ -644,9 +613,11 @@ class TurnEngine(GameTurn):
             return ()
         refusals = Refusals(turn, partial(list_performed, self.state, is_moving=True))
         self.refusals = refusals
+        self.phase.judge = "A check"
         try:
             rules.check(self.state)
         finally:
+            self.phase.judge = ""
             self.refusals = None
         return refusals.take_back(members)
 
@@ -744,18 +715,6 @@ class TurnEngine(GameTurn):
         for slot, why in unsent:
             self._note_illegal(slot, why)
 
-    def _ask_left(self, order: TurnOrder, part: TurnPart, paths: GamePaths | None) -> None:
-        """Ask the agents of a part whose decisions were not made in a batch, and take the others."""
-        made: MadeDecisions = self.made
-        self.made = None
-        self._sensed = made.sensed
-        try:
-            left = [i for i in part.members if order.names[i] not in made.ends]
-            self.decide(order, order.make_part(left, is_whole=False), (), paths)
-        finally:
-            self._sensed = {}
-        self.answers.take_made(made, order.index_of)
-
     def _ask_part(self, decisions: Decisions, part: TurnPart, seen: dict[int, Any] | None) -> None:
         """Call the strategies of the agents of a part, and the plans of its teams.
 
@@ -791,103 +750,21 @@ class TurnEngine(GameTurn):
         decisions.collect(owner._loop)
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:
-        """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
-        under_way: AgentsUnderWay | None = self.under_way
-        self.under_way = None
-        self._departure_before = self._ctx.agent.storage.last_departure
-        if under_way is None:
-            self._leave_closed_edges(order, part.select_present(part.paced))
-        elif not order.index_of.keys() >= {*under_way.names}:
-            self._departure_before = None
-            self._refuse_deletion()
-        self._keep_map()
-        arrivals = self._make_arriving_agents(order, part, under_way)
+        """Return the moves of a part whose agents decide first, then on each arrival."""
+        self._leave_closed_edges(order, part.select_present(part.paced))
+        self.legality.keep_map(keeps=True)
+        arrivals = self._make_arriving_agents(order, part)
         try:
-            if under_way is None:
-                turn: TurnMoves = self.ask(order, order.make_part(arrivals.begin()), observers, arrivals.chosen)
-                self._set_out(turn, {}, arrivals)
-            else:
-                turn = self._continue_arrivals(order, under_way, arrivals)
+            turn: TurnMoves = self.ask(order, order.make_part(arrivals.begin()), observers, arrivals.chosen)
+            self._set_out(turn, {}, arrivals)
             while arrivals.arrive():
                 self._decide_here(turn, arrivals)
         finally:
             with delay_interrupts():
                 self.legality.keep_map(keeps=False)
                 self.legality.set_time(0.0)
-                if self._has_all_agents():
-                    arrivals.close()
+                arrivals.close()
         arrivals.end(turn)
-        if under_way is not None:
-            order.moving.let_take_part(turn.took_part)  # agents that have come meanwhile stay
-            self._last_arriving.clear()  # the teams and speeds may be others now
-            for name in under_way.names:
-                order.slots[order.index_of[name]].renew_speed()
-        return turn
-
-    def _has_all_agents(self) -> bool:
-        """Return whether no agent was deleted since the arrivals of a part of the turn began."""
-        return self._departure_before is self._ctx.agent.storage.last_departure
-
-    def _refuse_deletion(self) -> None:
-        """Raise an error if a function has deleted agents, some of which may be on their way.
-
-        Raises:
-            IllegalMutation: one has.
-        """
-        if not self._has_all_agents():
-            raise IllegalMutation(
-                "A function of conflicts, or a sensor, has deleted an agent while agents are on their way, in turn "
-                f"{self.state.turn} (decide='arrival'). Let a rule do it: rules are called before and after the moves."
-            )
-
-    def _keep_map(self) -> None:
-        """Let agents that decide at arrivals go on the map on which the part of the turn began, until it is over."""
-        before = self._map_before
-        self._map_before = None
-        if before is None:
-            self.legality.keep_map(keeps=True)
-            return
-        storage = self._ctx.graph.storage
-        now = storage.snapshot()
-        storage.restore(before)
-        self.legality.keep_map(keeps=True)
-        storage.restore(now)
-
-    def _let_take_part(self, order: TurnOrder, under_way: AgentsUnderWay) -> bytes:
-        """Let agents be on their way that were alive when the part of the turn began.
-
-        Returns:
-            Whether each agent takes part in the turn: also those that have come since, which stay.
-        """
-        lives = bytearray(len(order.names))
-        took_part = bytearray(order.moving.lives)
-        for name, is_alive, speed in zip(under_way.names, under_way.lives, under_way.speeds, strict=True):
-            i = order.index_of[name]
-            order.slots[i].keep_speed(speed)
-            lives[i] = is_alive
-            took_part[i] = is_alive
-        order.moving.let_take_part(bytes(lives))
-        order.begin_more()
-        return bytes(took_part)
-
-    def _continue_arrivals(self, order: TurnOrder, under_way: AgentsUnderWay, arrivals: ArrivingAgents) -> TurnMoves:
-        """Play the rest of arrivals at which a game has left a batch; return the moves of the turn."""
-        arrivals.put_back(under_way)
-        took_part = self._let_take_part(order, under_way)
-        arrivals.take(under_way)
-        starts = copy_column(arrivals.starts)
-        for name, node in zip(under_way.names, under_way.starts, strict=True):
-            starts[order.index_of[name]] = node  # a function may have put it elsewhere since
-        index_of = order.index_of
-        actions = {index_of[name]: action for name, action in under_way.actions.items()}
-        turn = TurnMoves(order, starts, copy_column(starts), actions, took_part=took_part)
-        if under_way.raised is not None:
-            raise under_way.raised
-        if under_way.decides:
-            self._decide_here(turn, arrivals)
-        else:
-            losers = [index_of[under_way.names[place]] for place in under_way.losers]
-            self._go_on(turn, {index_of[name]: one for name, one in under_way.headings.items()}, arrivals, losers)
         return turn
 
     def _decide_here(self, turn: TurnMoves, arrivals: ArrivingAgents) -> None:
@@ -900,18 +777,15 @@ class TurnEngine(GameTurn):
             actions = self.ask(order, here, [], arrivals.chosen).actions
         self._set_out(turn, actions, arrivals)
 
-    def _make_arriving_agents(
-        self, order: TurnOrder, part: TurnPart, under_way: AgentsUnderWay | None
-    ) -> ArrivingAgents:
+    def _make_arriving_agents(self, order: TurnOrder, part: TurnPart) -> ArrivingAgents:
         """Return the agents of a part that decide at arrivals, in the form of the core; the same if possible."""
-        known = self._last_arriving.get(self.part) if under_way is None else None
-        members = part.members if under_way is None else under_way.find_moving(order.index_of)
+        known = self._last_arriving.get(self.part)
         roads = self.legality.travel.roads
-        has_end = self._settings.conflicts is not None if under_way is None else under_way.has_end
+        has_end = self._settings.conflicts is not None
         if known is None or known.order is not order or known.roads is not roads or known.has_end != has_end:
             modes = dict.fromkeys(slot.mode for slot in order.slots if slot.mode is not None)
             of_modes = {mode: self.legality.get_for_mode(mode).travel.roads for mode in modes}
-            known = ArrivingAgents(order, members, roads, of_modes, has_end=has_end)
+            known = ArrivingAgents(order, part.members, roads, of_modes, has_end=has_end)
             self._last_arriving[self.part] = known
         return known
 
@@ -928,20 +802,6 @@ class TurnEngine(GameTurn):
         if self._settings.conflicts is not None:
             losers = [i for i, _ in self.find_losers(turn.order, *arrivals.list_places())]
         headings = {i: action.heading for i, action in actions.items() if action.heading != ()}
-        self._go_on(turn, headings, arrivals, losers)
-
-    def _go_on(
-        self, turn: TurnMoves, headings: Mapping[int, Any], arrivals: ArrivingAgents, losers: Sequence[int]
-    ) -> None:
-        """Let agents go on that have decided; see `_set_out`.
-
-        Args:
-            turn: the moves of the turn.
-            headings: slot -> the heading that an agent has chosen at its arrival.
-            arrivals: the agents.
-            losers: the slots of the agents that lose conflicts.
-        """
-        self._refuse_deletion()
         for i in losers:
             turn.order.blocked[i] += 1
             self._block_agent(turn.slots[i], describe_conflict(arrivals.find_goal(i)))
@@ -1047,11 +907,14 @@ class TurnEngine(GameTurn):
         """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts: Any = self._settings.conflicts  # there are some
         turn = self.state.turn
+        self.phase.judge = "A function of conflicts"
         try:
             return self._conflicts.find_losers(conflicts, order, turn, places, took_part, named, self._ctx)
         except Exception as error:
             error.add_note(f"In the conflicts {as_code(conflicts)}, in turn {turn}.")
             raise
+        finally:
+            self.phase.judge = ""
 
     def _apply_actions(self, turn: TurnMoves, part: TurnPart, block: AgentBlock) -> None:
         """Write positions on edges, headings, flights and named edges of a part to the agents and the game."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gamms.arguments import as_ids, as_known, as_positive, explain_call_errors, refuse_call
 from gamms.compat import Surface
-from gamms.deciding import ContextPart, get_phase, refuse_while_deciding
+from gamms.deciding import ContextPart, get_phase, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
 from gamms.graph.finding import (
     NamedFeature,
@@ -123,12 +123,12 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     # -- obstacles ----------------------------------------------------------------------------------------------
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
         """Add a quadrangle."""
         self._get_obstacles().add_corners(*check_corners(face_id, tr, tl, br, bl, type))
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def add_obstacles(self, faces: Faces, ids: "ArrayLike | None" = None, types: "ArrayLike" = 0) -> list[int]:
         """Add many quadrangles at once and return their ids; on an error nothing is added.
 
@@ -148,7 +148,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         added: list[int] = new.ids.tolist()
         return added
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def remove_obstacle_face(self, face_id: int) -> None:
         """Remove a quadrangle."""
         self._get_obstacles().remove(face_id)
@@ -313,7 +313,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         """The bounding box (xmin, ymin, xmax, ymax) of all nodes and polylines (BadValue: the map has no nodes)."""
         return compute_bounds(self.graph.columns())
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def close_roads(
         self, edges: Iterable[int] | None = None, *, name: str | None = None, inside: object = None
     ) -> list[int]:
@@ -351,7 +351,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             self._store.close_edges(ids)
         return ids
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def open_roads(self, edges: Iterable[int] | None = None, *, name: str | None = None) -> list[int]:
         """Reopen closed edges by id, by street name, or all of them; return the ids of the reopened edges.
 
@@ -385,7 +385,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> Graph:  # noqa: N803 - published name
         """Add a networkx graph, or the map of a recording, to the current graph; on an error nothing is added.
 
@@ -446,7 +446,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             self._database.write(contents)
             self._saved = saved
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def load(self, path: str | os.PathLike[str] | None = None) -> Graph:
         """Replace the graph and the obstacles by the contents of a file written by `save`.
 
@@ -506,7 +506,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         return Frames(self.graph.columns())
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def terminate(self) -> None:
         """Write pending changes to the database, and release the graph."""
         if self._graph is None:

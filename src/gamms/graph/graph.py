@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.arguments import as_bool, as_float, as_numbers, as_range
 from gamms.compat import Surface
 from gamms.core.agents import NodeNumbers
-from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refuse_while_deciding
+from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refuse_to_judges
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
 from gamms.graph.routes import CachedRoutes
@@ -154,7 +154,7 @@ class Graph(Surface, Guarded, IGraph):
         """Add a node."""
         phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
         if phase.agent is not None or phase.player is not None:
-            phase.refuse("call ctx.graph.graph.add_node")
+            phase.refuse_change("call ctx.graph.graph.add_node")
         self._store.unshare_tables()
         id = records.as_id(records.get_required(node_data, "id", "A node"), "a node")
         x = records.as_coordinate(records.get_required(node_data, "x", "A node"), "x", id)
@@ -175,7 +175,7 @@ class Graph(Surface, Guarded, IGraph):
         """Add an edge."""
         phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
         if phase.agent is not None or phase.player is not None:
-            phase.refuse("call ctx.graph.graph.add_edge")
+            phase.refuse_change("call ctx.graph.graph.add_edge")
         self._store.unshare_tables()
         id = records.as_id(records.get_required(edge_data, "id", "An edge"), "an edge")
         length = records.as_length(records.get_required(edge_data, "length", "An edge"), id)
@@ -214,7 +214,7 @@ class Graph(Surface, Guarded, IGraph):
         row = self._store.edges.find(records.as_id(edge_id, "an edge"))
         return self._store.indexes.get_edge(row)
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def update_node(self, node_data: dict[str, Any]) -> None:
         """Change the given keys of a node."""
         self._store.unshare_tables()
@@ -234,7 +234,7 @@ class Graph(Surface, Guarded, IGraph):
             self._store.indexes.record_moved_node(row)
         self._store.revision += 1
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def update_edge(self, edge_data: dict[str, Any]) -> None:
         """Change the given keys of an edge."""
         self._store.unshare_tables()
@@ -264,12 +264,12 @@ class Graph(Surface, Guarded, IGraph):
         self._store.indexes.record_changed_edge(row, old_ends, ends)
         self._store.revision += 1
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def remove_node(self, node_id: int) -> None:
         """Remove a node and its edges."""
         self._store.remove_node(records.as_id(node_id, "a node", self._store))
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def remove_edge(self, edge_id: int) -> None:
         """Remove an edge."""
         self._store.remove_edge(records.as_id(edge_id, "an edge"))
@@ -454,7 +454,7 @@ class Graph(Surface, Guarded, IGraph):
 
     # -- bulk operations ----------------------------------------------------------------------------------------
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def add_nodes(self, ids: "ArrayLike", x: "ArrayLike", y: "ArrayLike") -> None:
         """Add many nodes at once.
 
@@ -472,7 +472,7 @@ class Graph(Surface, Guarded, IGraph):
         self._store.nodes.extend(new_ids, xy=xy)
         self._store.record_added_rows()
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def add_edges(
         self, ids: "ArrayLike", sources: "ArrayLike", targets: "ArrayLike", lengths: "ArrayLike | None" = None
     ) -> None:
@@ -503,12 +503,12 @@ class Graph(Surface, Guarded, IGraph):
             self._shown = shown
         return shown
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def clear(self) -> None:
         """Remove every node and edge."""
         self._store.clear()
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> "Graph":  # noqa: N803 - published name
         """Add a networkx graph, or the map of a recording, to the current graph; on an error nothing is added."""
         if not isinstance(G, IGraphSource):

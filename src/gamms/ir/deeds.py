@@ -304,21 +304,6 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         target.last = [now.get(id(one)) or PlainDeeds(0, _list_rows_alone(game, [one])) for one in self.last]
         target._begun = {0: _renumber_game(0, self._begun.get(game, []))}
 
-    def copy_wanted(self, game: int, target: DeedLog, part: int, slots: Mapping[int, int]) -> None:
-        """Let the log of a single game go on before `do`, in a part of the turn in which agents are under way.
-
-        Args:
-            game: the number of the game.
-            target: the log.
-            part: the part of the turn.
-            slots: the number of each agent there.
-        """
-        earlier = self.last[: len(self.last) - len(self._now)]
-        target.last = [PlainDeeds(0, _list_rows_alone(game, [one])) for one in earlier]
-        rows = _list_rows_alone(game, [one.remove_refused(self._refused) for one in self._now])
-        there = [(row[0], slots[row[1]], *row[2:]) for row in rows if row[1] in slots]
-        target.request_deeds(PlainDeeds(part, sorted(there, key=itemgetter(1, 2))))
-
     def go_to(self, last: list[DoneDeeds]) -> None:
         """Restore the deeds of the last turn, which were `last` at that moment, and drop those of the present turn."""
         self.begin_turn()

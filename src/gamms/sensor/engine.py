@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 from gamms.arguments import as_declared, as_mapping, as_member, as_name
 from gamms.compat import Surface
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copy_deep
-from gamms.deciding import ContextPart, Guarded, copy_part, get_phase, refuse_while_deciding
+from gamms.deciding import ContextPart, Guarded, copy_part, get_phase, refuse_to_judges
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.progress import delay_interrupts
 from gamms.readonly import ReadOnlyMapping
@@ -120,7 +120,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor: ...
-    @refuse_while_deciding
+    @refuse_to_judges
     @as_declared(ISensorEngine.create_sensor)
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
@@ -141,7 +141,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         self._keep(sensor)
         return sensor
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> FunctionSensor:
         """Create and store a sensor whose `data` is the result of a function."""
         self._refuse_name(sensor_id)
@@ -149,7 +149,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         self._keep(sensor)
         return sensor
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def from_declaration(self, sensor_id: str, declaration: SensorDeclaration) -> Sensor:
         """Create the sensor that a factory such as `gamms.sensor.agent_range` declares, and keep it."""
         given = {
@@ -165,14 +165,14 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         created: Sensor = self.create_sensor(sensor_id, **options)
         return created
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def add_sensor(self, sensor: ISensor) -> None:
         """Store a sensor under its own name."""
         refuse_no_sensor(sensor)
         self._refuse_name(sensor.sensor_id)
         self._keep(sensor)
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def delete_sensor(self, sensor_id: str) -> None:
         """Remove a sensor from its agents and from the engine; its name becomes free."""
         sensor = self.get_sensor(sensor_id)
@@ -192,7 +192,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
         except (KeyError, TypeError):
             raise UnknownName("sensor", sensor_id, self._sensors) from None
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def custom(self, name: str) -> Callable[[type], type]:
         """Return a decorator for the class of a custom kind of sensor, `SensorType.<name>`.
 
@@ -214,7 +214,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
 
         return decorate
 
-    @refuse_while_deciding
+    @refuse_to_judges
     def terminate(self) -> None:
         """Close the engine; sensors stay readable."""
 

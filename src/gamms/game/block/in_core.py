@@ -30,7 +30,7 @@ from gamms.game.block.strategy_steps import (
 )
 from gamms.game.block.travelers import NO_LEGS, ThreadTravel, TravelColumns, make_thread_in_parts
 from gamms.game.conflicts import Conflicts, ConflictTable, flatten, make_ranking_for_all, make_tables
-from gamms.game.movement.arrivals import NO_DEEDS, WAITS, AgentsUnderWay
+from gamms.game.movement.arrivals import NO_DEEDS, WAITS
 from gamms.game.movement.courses import Courses, Paths, make_paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.travel import ReachableNodes, make_no_path_error
@@ -992,45 +992,6 @@ class CoreGames:
 
     # -- arrivals -----------------------------------------------------------------------------------------------------
 
-    def hand_over(
-        self, game: int, numbers: IntArray, names: Sequence[str], speeds: Sequence[float | None], *, decides: bool
-    ) -> AgentsUnderWay:
-        """Return the agents of a game in a part of a turn in which they decide at arrivals.
-
-        Args:
-            game: the number of the game.
-            numbers: the numbers of its agents, ascending.
-            names: their names.
-            speeds: their speeds.
-            decides: whether the agents that arrive now have not decided yet.
-        """
-        columns = self._columns
-        assert columns is not None  # noqa: S101 - agents decide at arrivals
-        node, *on_edge = (one[game, numbers] for one in self._before)
-        progress = self._state.movement.make_progress(*on_edge)
-        lives = self._state.alive[game, numbers]
-        moves = lives & (self.part_of[numbers] == self._block.part[game])
-        here = np.flatnonzero(np.isin(numbers, self._arrivals.list_here(game))).tolist()
-        places = ([self._get_place(row) for row in rows[game, numbers].tolist()] for rows in self._ends)
-        counts = self._arrivals.copy_counts(game, numbers)
-        return AgentsUnderWay(
-            names=names,
-            speeds=speeds,
-            lives=lives.tolist(),
-            moves=moves.tolist(),
-            now=float(self._arrivals.now[game]),
-            has_end=self._has_conflicts,
-            decides=decides,
-            here=here,
-            starts=self._state.streets.ids(node).tolist(),
-            progress=[progress.get(i) for i in range(len(names))],
-            places=[*zip(*places, strict=True)],
-            nodes=self._state.streets.ids(counts.pop("nodes")).tolist(),
-            counts={name: column.tolist() for name, column in counts.items()},
-            paths=columns.copy_under_way(game, numbers, moves),
-            losers=[i for i in here if self._block.held[game, numbers[i]]],
-        )
-
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn of some games in which functions are called where agents arrive."""
         block = self._block
@@ -1207,10 +1168,14 @@ class CoreGames:
         found: dict[str, dict[str, Any]] = {
             name: {} for name in self._deciders if self._state.is_there[game, number_of(name)]
         }
-        steps = [step for several in self._steps for step in several if step.key]
-        for name, key, value in list_memories(GameRow.from_game(self._state, game), steps):
+        for name, key, value in list_memories(GameRow.from_game(self._state, game), self.steps):
             found.setdefault(name, {})[key] = value
         return found
+
+    @property
+    def steps(self) -> list[CoreStep]:
+        """The steps of strategies that remember something."""
+        return [step for several in self._steps for step in several if step.key]
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
         """Apply the rules of some games that have moved; yield each rule function when it is due."""

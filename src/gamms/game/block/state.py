@@ -1,6 +1,6 @@
 """The state of the games of a batch: its columns, scores, events, errors, and the memory of rules and strategies."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from functools import partial
@@ -642,6 +642,8 @@ class GameArrays(BatchColumns):
         covered: (game, agent) -> a sensor that turns with the agent -> rows of the nodes where it would show agents.
         look: calls these sensors in games; None: they were called already.
         reading: returns the context manager in which sensors are called.
+        take_own_arrays: returns the arrays that functions called game by game keep under a key, with the number of each
+            game; None: none are called.
         change_roads: closes or opens roads in games; see `PointedContext.change_roads`.
         roads: the open roads of each game.
         kept: the memory of rules and strategies: key -> name -> array (games, …).
@@ -700,6 +702,7 @@ class GameArrays(BatchColumns):
         self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.look: Callable[[IntArray], None] | None = None
         self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
+        self.take_own_arrays: Callable[[Hashable], Iterable[tuple[int, Arrays]]] | None = None
         self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
         self.tell: Callable[[Failure], None] = _tell_nobody
         self.doings: Any = None
@@ -997,6 +1000,9 @@ class GameArrays(BatchColumns):
                 make = partial(_repeat_arrays, _as_made(first, made, self.roster.is_first))
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
+            for number, own in () if self.take_own_arrays is None else self.take_own_arrays(key):
+                for name, array in own.items():
+                    known[name][number] = array[0]
             self.kept[key] = known
             self._makers[key] = make
         return known

@@ -103,7 +103,7 @@ def make_search(
     )
 
 
-def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays | GameRow) -> dict[Hashable, Arrays]:
     """Return the memories of strategy steps of a context's agents, in the form of `StrategySteps`."""
     found: dict[Hashable, Arrays] = {}
     number_of = {name: number for number, name in enumerate(state.roster.names)}

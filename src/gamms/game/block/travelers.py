@@ -13,9 +13,8 @@ from gamms.game.movement.arrivals import MOST_ARRIVALS, ArrivalColumns
 from gamms.game.movement.courses import Courses
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.roads import RoadMap, RoadTables
-from gamms.game.movement.travel import NO_ROWS, GamePaths, ReachableNodes, StoredPaths, TurnPaths
+from gamms.game.movement.travel import NO_ROWS, ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.kernels import as_buffer
 from gamms.limits import refuse_above
 
@@ -203,17 +202,6 @@ class TravelColumns:
             if written is not None:
                 travelers.take_paths(written.bind_thread(self._longest_route), has_all=True)
             at_arrivals.keep_last(last.core if self._are_arriving and last is not None else None)
-
-    def copy_under_way(self, game: int, numbers: IntArray, moves: BoolArray) -> GamePaths:
-        """Return the paths of agents of a game in the part of a turn that is under way, for those that move in it."""
-        assert self._under_way is not None  # noqa: S101 - agents arrive
-        assert self.courses is not None  # noqa: S101 - as well
-        found = GamePaths(len(numbers))
-        for place in np.flatnonzero(moves).tolist():
-            row = game * self._agents + int(numbers[place])
-            room = max(int(self._under_way.legs[row]), int(self._under_way.passed[row]))
-            found.take(place, self._under_way.core, row, room, self.courses.road_ids)
-        return found
 
     def _make_legal_cache(self) -> travel.LegalCache:
         """Return memory for the legal nodes that a thread remembers."""

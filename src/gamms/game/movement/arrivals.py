@@ -4,7 +4,7 @@ from array import array
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
 from math import nan
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +14,6 @@ from gamms.core.travel import GoalPaths, TurnPaths
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import GamePaths, RoadMap
 from gamms.game.order import TurnOrder
-from gamms.ir.graph import IntArray
-from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import EdgePlace
 
 MOST_ARRIVALS = 1000  # per turn; beyond, an agent would move endlessly on edges of length 0
@@ -41,67 +39,7 @@ _NO_BYTES: Any = np.zeros(0, np.uint8).data
 _ENDLESS: Any = np.full(1, np.iinfo(np.int64).max).data  # turns
 _GOING: Any = np.zeros(1, np.int64).data  # a turn of one game is not interrupted in the core
 _NO_PAST = turn.PastPlaces(0, _NO_INTS, _NO_INTS, _NO_FLOATS, _NO_INTS, _NO_INTS)
-_OF_ARRIVALS = ("asked", "comes", "late", "legs", "passed", "nodes")
 _MORE_LEGS = 2  # of a path to the next node
-
-
-class AgentsUnderWay(NamedTuple):
-    """The agents of a game in the middle of a part of a turn in which they decide at arrivals.
-
-    A game that leaves its batch there goes on with them. Agents are given by their places in `names`.
-
-    Attributes:
-        names: the names of the agents of the game, in order.
-        speeds: the speed of each in this turn.
-        lives: whether each was alive when the part began.
-        moves: whether each moves in this part.
-        now: the time of the last arrivals.
-        has_end: whether arrivals at the end of the turn count, because there are conflicts.
-        decides: whether the agents that arrive now have not decided yet; else functions have resolved conflicts.
-        here: the agents that arrive now, or at time 0 set out.
-        starts, progress: the node of each when the part began, and its position on an edge, None: it was on the node.
-        places: the places of each before and after its move, node ids or edges.
-        nodes: the node of each at its last arrival.
-        counts: the columns of `core.arrivals.Arrivals` that are named in `_OF_ARRIVALS`, without the nodes.
-        paths: the paths of those that move.
-        losers: the agents that lose conflicts now.
-        actions: name -> its action so far, if it flies or turns. Any: the class is of another module.
-        headings: name -> the heading that it has chosen at this arrival; it turns there unless it is stopped.
-        raised: what the function has raised that was called last; None: nothing.
-    """
-
-    names: Sequence[str]
-    speeds: Sequence[float | None]
-    lives: Sequence[bool]
-    moves: Sequence[bool]
-    now: float
-    has_end: bool
-    decides: bool
-    here: Sequence[int]
-    starts: Sequence[int]
-    progress: Sequence[Progress | None]
-    places: Sequence[tuple[int | EdgePlace, int | EdgePlace]]
-    nodes: Sequence[int]
-    counts: Mapping[str, Sequence[int]]
-    paths: GamePaths
-    losers: Sequence[int]
-    actions: Mapping[str, Any] = {}
-    headings: Mapping[str, Any] = {}
-    raised: BaseException | None = None
-
-    def find_moving(self, slots: Mapping[str, int]) -> list[int]:
-        """Return the slots of the agents that move in this part, given the slots of agents by name."""
-        return sorted(slots[name] for name, moves in zip(self.names, self.moves, strict=True) if moves)
-
-    def count_decisions(self) -> list[int]:
-        """Return how often each agent has decided in this part of the turn."""
-        waits = {i for i in self.here if self.decides or self.now >= 1.0}
-        found = []
-        for i, asked in enumerate(self.counts["asked"]):
-            place = self.progress[i]
-            goes_on = place is not None and place.motion != Motion.STOPPED
-            found.append(asked + 1 - goes_on - (i in waits) if self.moves[i] else 0)
-        return found
 
 
 class ArrivalColumns:
@@ -134,10 +72,6 @@ class ArrivalColumns:
         """Return the agents of a game that decide or go on now."""
         here: list[int] = self.here[game, : self.counts[game]].tolist()
         return here
-
-    def copy_counts(self, game: int, agents: IntArray) -> dict[str, np.ndarray[Any, Any]]:
-        """Return the columns of some agents of a game, in copies by name; see `AgentsUnderWay`."""
-        return {name: getattr(self, name)[game, agents] for name in _OF_ARRIVALS}
 
     def get_thread(
         self, travelers: by_metres.MetreMovers, *, has_end: bool, chosen: TurnPaths | None = None
@@ -255,68 +189,6 @@ class ArrivingAgents:
         going = {i for i in self.here if not decides[i]}
         return [i for i in self._members if i not in going]
 
-    def put_back(self, agents: AgentsUnderWay) -> None:
-        """Put agents that were moved through a part of this turn in a batch back to where it began."""
-        for place, i in self._find_moving(agents):
-            self.order.block.write(self._rows[i], {"node": agents.starts[place]})
-            self.order.block.set_progress(self._rows[i], agents.progress[place])
-
-    def _find_moving(self, agents: AgentsUnderWay) -> list[tuple[int, int]]:
-        """Return the places of the agents that move, see `AgentsUnderWay`, and their slots."""
-        index_of = self.order.index_of
-        named = ((place, index_of.get(name)) for place, name in enumerate(agents.names) if agents.moves[place])
-        return [(place, i) for place, i in named if i is not None and self.order.slots[i].travels]
-
-    def take(self, agents: AgentsUnderWay) -> None:
-        """Go on with agents that were moved through a part of this turn in a batch, and put back."""
-        self.begin()
-        self._arrivals.comes.fill(0)  # agents that have come since do not decide
-        here = sorted(self.order.index_of[agents.names[place]] for place in agents.here)
-        self._arrivals.now[0] = agents.now
-        self._arrivals.counts[0] = len(here)
-        self._arrivals.here[0, : len(here)] = here
-        for name, places in zip(agents.names, agents.places, strict=True):
-            i = self.order.index_of[name]
-            self._befores[i], self._places[i] = places
-        for place, i in self._find_moving(agents):
-            self._take_agent(agents, place, i)
-        self._movers.take_paths(self._paths.core, has_all=True)
-        self._read_here()
-        self._under_way.pass_time(self.now)
-
-    def _take_agent(self, agents: AgentsUnderWay, place: int, i: int) -> None:
-        """Go on with the agent of a slot, given its place among the agents of a game that has left its batch."""
-        paths = self._paths
-        others = agents.paths
-        paths.take(i, others.core, place, others.count_room(place), others.maps[place])
-        paths.renumber(i, self.roads)
-        for name, column in agents.counts.items():
-            getattr(self._arrivals, name)[0, i] = column[place]
-        self._arrivals.nodes[0, i] = self.roads.find_row(agents.nodes[place]) if agents.counts["asked"][place] else 0
-        before, after = agents.places[place]
-        self._columns["start_places"][i] = self._get_place_number(before)
-        self._columns["end_places"][i] = self._get_place_number(after)
-        node = agents.nodes[place] if agents.counts["asked"][place] else agents.starts[place]
-        if place in agents.here:
-            if agents.counts["asked"][place]:
-                self._moved.add(i)
-                self._under_way.arrive(self._rows[i], node)
-        elif paths.count_legs(i) > 0:
-            self._moved.add(i)
-            ends_on_edge = paths.get_progress(i) is not None
-            self._under_way.arrive(self._rows[i], paths.end(i) if ends_on_edge else node)
-            if paths.get_position_at(i, agents.now) is not None:
-                self._under_way.depart(self._rows[i], partial(paths.get_position_at, i))
-            until = paths.get_last_time(i)
-            if not ends_on_edge and until > agents.now and (until < 1.0 or self.has_end):
-                self._arrivals.queue.push(0, i, until)
-
-    def _get_place_number(self, place: int | EdgePlace) -> int:
-        """Return the number of a node or an edge, as conflicts compare them."""
-        if isinstance(place, EdgePlace):
-            return len(self.roads.ids) + self.roads.edge_rows[place.edge]
-        return self.roads.find_row(place)
-
     def _let_take_part(self, members: Sequence[int]) -> None:
         """Let the agents of these slots move that are on the ground."""
         columns = self._columns
@@ -357,9 +229,6 @@ class ArrivingAgents:
         """
         for i in late:
             self._arrivals.late[0, i] = 1
-        for i in self.here:
-            if self.chosen.maps[i] not in (None, self.roads, *self._modes.values()):
-                self.chosen.renumber(i, self.roads)  # it was chosen in a batch
         if self._paths.reserve(max(map(self._paths.count_legs, self.here), default=0) + _MORE_LEGS):
             self._movers.take_paths(self._paths.core, has_all=True)
         self._play(_CHOOSE)

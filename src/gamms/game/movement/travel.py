@@ -271,22 +271,6 @@ class GamePaths(core.PathsBySlot):
 
     # -- one agent --------------------------------------------------------------------------------------------------
 
-    def renumber(self, i: int, roads: "RoadMap") -> None:
-        """Let an agent have the same path, by ids, on another map with its nodes and edges."""
-        before = self.maps[i]
-        columns = self._columns
-        columns.node[i] = roads.find_row(before.ids[columns.node[i]])
-        first = i * (self._most + 1)
-        for place in range(first, first + columns.passed[i]):
-            columns.nodes[place] = roads.find_row(before.ids[columns.nodes[place]])
-        first = i * self._most
-        legs = range(first, first + columns.legs[i])
-        for edges, places in ((columns.edge, [i]), (columns.edges, legs), (columns.backs, legs)):
-            for place in places:
-                if edges[place] >= 0:
-                    edges[place] = roads.edge_rows[before.edge_ids[edges[place]][2]]
-        self.maps[i] = roads
-
     def is_moving(self, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
         if self._is_over_nodes(i):

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_sensors
 from gamms.game.block.in_core import list_called_rules
-from gamms.game.hidden_state import find_names, may_change_games
+from gamms.game.hidden_state import find_names
 from gamms.game.plan import find_first_called, has_function_of_conflicts, is_plain_rule
 from gamms.game.rows.own_functions import FunctionPerGame, find_some_function
 from gamms.ir.game_state import KEPT, GameState
@@ -128,17 +128,11 @@ def list_core_keys(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
 def find_why_all_decide(game: PlayedGame, roster: AgentTable) -> str:
     """Return why the strategies of all agents are called game by game, shipped ones included; "": they are not.
 
-    Two reasons are found in the code of functions and of those that they call: a plain function names what agents have
-    sensed in earlier turns, `agent.state` or `sensor.data`, which each game must then keep; or a sensor may change the
-    game while agents look.
+    The reason is found in the code of functions and of those that they call: a plain function names what agents have
+    sensed in earlier turns, `agent.state` or `sensor.data`, which each game must then keep.
     """
     if any(map(_may_look_back, _name_all(game, roster))):
         return "functions may read what agents have sensed before"
-    of_agents = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
-    own = [one for one in of_agents if not getattr(one, "sees_world_only", False)]
-    looks = [getattr(one, "function", None) or getattr(one, "sense", None) for one in own]
-    if may_change_games(_list_functions_of_games(looks)):
-        return "sensors may change the game"
     return ""
 
 

@@ -1,6 +1,6 @@
 """The games of a batch in contexts of their own, which are made when functions are called in them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -10,7 +10,7 @@ from gamms.core.rows import RowColumns
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames, get_memory
 from gamms.game.block.sensing import note_sights
-from gamms.game.block.state import GameArrays
+from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.rows.called_functions import CalledFunctions
 from gamms.game.rows.own_functions import FirstValues, FunctionsPerGame, get_function_of_game
 from gamms.game.rows.row import PhaseCall, RowMeans, RowOfGame
@@ -168,6 +168,11 @@ class RowContexts:
             row.show()
             getattr(row.ctx.graph, verb)(edges)
             row.take_roads()
+
+    def take_own_arrays(self, key: Hashable) -> Iterator[tuple[int, Arrays]]:
+        """Yield the number of each game, and the arrays that functions called in it keep under a key."""
+        for number, row in self.rows.items():
+            yield number, row.take_own_arrays(key)
 
     def decide_again(self) -> None:
         """Let agents decide again in a turn that was not played."""

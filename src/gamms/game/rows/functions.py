@@ -66,12 +66,12 @@ class RowFunctions:
 
     # -- the games ----------------------------------------------------------------------------------------------
 
-    def _play(self, games: IntArray, play: Callable[[RowOfGame, int], bool]) -> None:
+    def _play(self, games: IntArray, play: Callable[[RowOfGame, int], int]) -> None:
         """Call functions in those of some games that have not left.
 
         Args:
             games: the numbers of the games.
-            play: calls functions in a game, given its index; returns whether the game leaves.
+            play: calls functions in a game, given its index; returns whether the game leaves (0: it does not).
         """
         state = self._state
         known = [(name, facts_of(state, games)) for name, facts_of in self._called.facts_in_core]
@@ -111,13 +111,9 @@ class RowFunctions:
         game.internals.left_as = number
         return game
 
-    def _begin_phase(self, phase: str, part: int) -> Callable[[RuleTable], BegunPhase]:
-        """Return what makes a phase of a part of the turn, in which games that leave go on."""
-        return lambda table: BegunPhase(phase, table.rules, 0, self._order, part=part)
-
     def check(self, games: IntArray, part: int) -> None:
         """Call the rules that may refuse moves and deeds of a part of the turn, in each of these games."""
-        self._play_phase(_calling(self._check), games, "", part=part, begun=self._begin_phase("check", part))
+        self._play_phase(_calling(self._check), games, "", part=part)
 
     def _check(self, row: RowOfGame) -> None:
         number = row.number
@@ -134,7 +130,6 @@ class RowFunctions:
             else:
                 self._state.note_failure(Failure.make_illegal(number, agent, why))
                 log.refuse(number, agent, kind)
-        row.refuse_other_agents("the check of a rule")
 
     def cut_off(self, games: IntArray, part: int) -> None:
         """Keep agents in place whose path was closed in these games."""
@@ -149,8 +144,7 @@ class RowFunctions:
 
     def give_way(self, games: IntArray, part: int) -> None:
         """Keep agents in place that lose conflicts decided by a function, in these games."""
-        begun = self._begin_phase("give way", part)
-        self._play_phase(_calling(self._give_way), games, "", part=part, begun=begun, have_joined=True)
+        self._play_phase(_calling(self._give_way), games, "", part=part, have_joined=True)
 
     def _give_way(self, row: RowOfGame) -> None:
         moves = row.read_field("moves")
@@ -158,11 +152,10 @@ class RowFunctions:
             agent = row.number_of[moves.slots[i].name]
             self._hold(row, agent)
             self._core.note_conflict(row.number, agent, end)
-        row.refuse_other_agents("the function of conflicts")
 
-    def give_way_at_arrivals(self, games: IntArray, part: int) -> None:
+    def give_way_at_arrivals(self, games: IntArray) -> None:
         """Stop arrived agents that lose conflicts decided by a function, in these games."""
-        self._play_phase(_calling(self._give_way_at_arrivals), games, "", begun=self._begin_phase("arrive", part))
+        self._play_phase(_calling(self._give_way_at_arrivals), games, "")
 
     def _give_way_at_arrivals(self, row: RowOfGame) -> None:
         order = row.order
@@ -171,8 +164,6 @@ class RowFunctions:
         before, after = [[places[agent] for agent in agents] for places in self._core.list_places(number)]
         for i, _ in row.turns.find_losers(order, before, after):
             self._core.hold(number, agents[i])
-        row.refuse_other_agents("the function of conflicts")
-        row.leave_with_other_map()
 
     def note_losers(self, games: IntArray) -> None:
         """Tell agents that conflicts have stopped them on arrival."""
@@ -214,7 +205,7 @@ class RowFunctions:
 
     def _play_phase(
         self,
-        play: Callable[[RowOfGame, int], bool],
+        play: Callable[[RowOfGame, int], int],
         games: IntArray,
         what: str,
         part: int | None = None,
@@ -272,7 +263,7 @@ class RowFunctions:
         self.takes_all = self._called.asks_all or self._chooses_more_than_nodes
         self._call.part = part
         width = len(agents)
-        self._call.begin(self._begin_phase("decide", part), None, is_moving=True)
+        self._call.begin(None, None, is_moving=True)
         try:
             self._play(games, lambda row, place: row.ask(self, place * width))
         finally:
@@ -325,8 +316,6 @@ class RowFunctions:
 
     def take_decisions(self, row: RowOfGame, decisions: Decisions, asked: AskedPart) -> None:
         """Store the decisions of agents of a game, but for moves to nodes."""
-        if not row.members.sees_world_only:
-            self._store_changes_by_sensors(row, asked)
         if self._state.flights is not None:
             self._choose_flights(row, self._state.flights, decisions, asked)
         if self._core.courses is not None:
@@ -338,25 +327,6 @@ class RowFunctions:
             self._take_deeds(row, decisions, asked)
         if self._state.radio is not None:
             self._take_messages(row, self._state.radio, decisions, asked)
-
-    def _store_changes_by_sensors(self, row: RowOfGame, asked: AskedPart) -> None:
-        """Write the changes that custom sensors made before agents decided.
-
-        Raises:
-            BadValue: agents are left that would have looked before some of the changes; see `ShownGame.refuse`.
-        """
-        have_changed = bool(row.journal.log or row.journal.progressed or row.has_ended or row.has_other_settings)
-        if have_changed or row.has_other_map:
-            lives = np.frombuffer(row.block.alive.tobytes(), np.bool_)
-            decides = self._core.part_of[row.members.numbers] == self._deeds.part
-            if len(asked.part.observing) < np.count_nonzero(lives & decides):
-                what = "that is a sensor changes the game while other agents look in the core"
-                row.refuse(what, "set the attribute, or call the verb, in the sensor itself")
-        if have_changed:
-            row.go_alone("that is a sensor changes agents, settings, rules or collectors, or ends the game")
-        if self._core.arrival is not None:
-            row.leave_with_other_map()
-        row.take()
 
     def _choose_flights(self, row: RowOfGame, flights: TurnFlights, decisions: Decisions, asked: AskedPart) -> None:
         """Store the flights that agents of a game have chosen."""
@@ -373,17 +343,15 @@ class RowFunctions:
             if action is not None and action.edge is not None:
                 continue
             if not routes.choose(row.number, row.number_of[name], decisions, i):
-                row.go_alone("chooses a route with an edge that it repeats")
+                row.refuse_route(name, "that repeats an edge")
 
     def _take_uncommon(self, row: RowOfGame, decisions: Decisions, asked: AskedPart) -> None:
         """Store turns of agents, and why actions failed."""
         paths = decisions.paths
         for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
             track = None if paths is None else paths.make_track(i)
-            if track is not None and len(track.path) > 2:
-                row.go_alone("chooses a route over other nodes")
-            if track is not None:
-                row.go_alone("chooses a route that comes to the node on which it begins")
+            if track is not None and (len(track.path) > 2 or track.path[0] != track.path[-1]):  # it does not just stay
+                row.refuse_route(row.order.names[i], "over several nodes")
         named = dict(asked.members)
         for i, action in decisions.actions.items():
             if action.edge is not None:
@@ -497,7 +465,7 @@ def _end_turn(table: RuleTable) -> BegunPhase:
     return BegunPhase("after", table.rules, len(table.of_phase["after"]), collects=False)
 
 
-def _calling(function: Callable[[RowOfGame], object]) -> Callable[[RowOfGame, int], bool]:
+def _calling(function: Callable[[RowOfGame], object]) -> Callable[[RowOfGame, int], int]:
     """Return what calls a function in a game; see `RowFunctions._play`."""
     return lambda row, _: row.call(function, (row,))
 

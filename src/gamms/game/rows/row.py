@@ -1,6 +1,6 @@
 """A game of a batch in a context of its own: what functions read is read there, and their changes are taken from it."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, NamedTuple, NoReturn
@@ -13,11 +13,10 @@ from gamms.deciding import UNKNOWN_LOOK, get_phase
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import STOPPED, GameArrays, GameRow, Heading, NeedsSeparateContext, is_exact_float
-from gamms.game.decisions import Decisions, MadeDecisions
+from gamms.game.block.state import STOPPED, Arrays, GameArrays, GameRow, Heading, NeedsSeparateContext, is_exact_float
+from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.lasting import copy_doing, put_doing
 from gamms.game.messages import MessageTraffic
-from gamms.game.movement.arrivals import AgentsUnderWay
 from gamms.game.movement.courses import Courses
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.roads import RoadMap
@@ -260,8 +259,11 @@ class RowOfGame(Row):
         self._first_fields = values.start, values.deed_log
         self._keeps_more = self.look is None or state.doings is not None or bool(self._first_collectors)
         self._first_core_data: dict[str, Any] = {}  # data of rules in the core
+        self._core_data: dict[str, Any] = {}  # the same as a function has read it
+        self._own_arrays: dict[Hashable, Arrays] = {}  # that only functions called in this game keep
+        self._core_memories: dict[str, dict[Any, Any]] = {}  # what the core remembers for agents, as above
+        self._why_later = ""  # why the game leaves after the function that is called
         self._at_start = parts.take()
-        self._under_way: AgentsUnderWay | None = None  # of the game that leaves
         self._moved: tuple[tuple[int, int | None, bool], Members] | None = None
         self._asked: tuple[Any, AskedPart] | None = None
         self._order: tuple[TurnOrder, bytes] | None = None
@@ -302,6 +304,7 @@ class RowOfGame(Row):
         self._moved = None
         self._asked = None
         self._order = None
+        self._own_arrays = {}
         self._first_map = self._map.snapshot()
         if self.members is not self._first_members:
             self.members = self._first_members = Members(self.game, self._means)
@@ -382,18 +385,35 @@ class RowOfGame(Row):
         """Refuse a verb that no function may call in a turn; the argument says which, in words."""
         self.refuse(what, "play and reset a game between two turns, not in a function that a turn calls")
 
-    def say_why(self, what: str) -> None:
-        """Set why the game leaves, unless it is known."""
-        self.why = self.why or f"a plain function {what}"
-
     def go_alone(self, what: str) -> NoReturn:
-        """Let the game go on in another context; the argument says why, in words."""
-        self.say_why(what)
+        """Let the game go on in another context; the argument says why, in words.
+
+        Raises:
+            NeedsSeparateContext: a rule or a collector is called.
+            BadValue: another function is called, after which no game can leave.
+        """
+        if self._phase_call.begun is None:
+            self.why = ""
+            self.refusal = BadValue(f"A plain function that is no rule {what}. In a batch, only rules may do so.")
+            raise self.refusal
+        self.why = self.why or f"a plain function {what}"
         raise NeedsSeparateContext(self.why)
 
-    def _note_read(self, what: str) -> None:
+    def refuse_route(self, name: str, what: str) -> NoReturn:
+        """Refuse a route for which the columns have no room; `what` it does, in words.
+
+        Raises:
+            BadValue: always.
+        """
+        self.refusal = BadValue(
+            f"Agent {name!r} chooses a route {what}, for which a batch has no room: go it in several turns, or play "
+            "the game alone, for example by scenario.play."
+        )
+        raise self.refusal
+
+    def _leave_later(self, what: str) -> None:
         """Let the game go on alone after the function that is called; the argument says why, in words."""
-        self.read_of_core = self.read_of_core or what
+        self._why_later = self._why_later or what
 
     def take_along(self, begin: Callable[[RuleTable], BegunPhase]) -> Any:
         """Return the game, which leaves, in another context; Any: it is a `Game`.
@@ -406,23 +426,13 @@ class RowOfGame(Row):
         """
         begun = begin(self._first_means[1])
         self._refuse_kept_rows()
-        is_within = begun.phase not in ("before", "after")
+        is_within = begun.phase == "deeds"
         drawn = self._find_drawn()
-        if self._core.arrival is not None and self.has_other_map:
-            begun = begun._replace(map_before=self._map_before)
-        if begun.phase == "arrive" or (begun.phase == "decide" and self._core.arrival):
-            self._under_way = self._hand_over_arrivals(begun.phase)
-            begun = begun._replace(under_way=self._under_way)
-            drawn = self._continue_streams(self._under_way) | drawn
         earlier = self._show_decisions(begun) if is_within else None
-        if begun.phase == "decide":
-            decided = self._hand_over() if self.raised is None else None
-            begun = begun._replace(decided=decided)
-            self._forget_other_looks(decided)
         sensed = frozenset(key for key, last in list_last_states(self.ctx).items() if last[0] is not self.look)
         if self.look is not None:
             self.look.is_filled = True  # with nothing; deleted agents have it, too
-        self._fill_fields(begun)
+        self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
         ctx, memo = self._make_fork(source)
         parts = ctx.game.internals.parts
@@ -440,7 +450,7 @@ class RowOfGame(Row):
         if earlier is not None:
             parts.turns.whole = copy_moves(earlier, parts, memo)
         if is_within:
-            self._copy_logs(state, parts.turns.messages, begun)
+            self._copy_logs(state, parts.turns.messages)
         for key, last in list_last_states(ctx).items():
             if key not in sensed:
                 last[0] = UNKNOWN_LOOK
@@ -458,9 +468,8 @@ class RowOfGame(Row):
     def put_back(self) -> None:
         """Put the context back as it was before the game has left, but for what functions have written."""
         self.why = ""
-        self.read_of_core = ""
+        self._why_later = ""
         self.raised = None
-        self._under_way = None
         self.values.blocked = BlockedAgents()
         if type(self.values.data) is GuardedDict:
             self._guard_data()
@@ -488,6 +497,8 @@ class RowOfGame(Row):
         for row, terms in enumerate(members.terms):
             if terms != _get_terms(members.block, row):
                 members.block.write(row, terms)
+        members.journal.log.clear()
+        members.journal.progressed.clear()
         self._show_members()
         if self.has_other_map:
             self._show_roads(self._roads, is_forced=True)
@@ -509,46 +520,6 @@ class RowOfGame(Row):
                 "keep arrays of the shape (games,), or reserve no agents",
             )
 
-    def _hand_over_arrivals(self, phase: str) -> AgentsUnderWay:
-        """Return the agents of the game that leaves while they arrive."""
-        number = self.number
-        agents = np.sort(self.members.numbers)
-        names = [self._state.roster.names[i] for i in agents.tolist()]
-        order = self._make_order_of(self.members)
-        speeds = [order.slots[order.index_of[name]].speed for name in names]
-        found = self._core.hand_over(number, agents, names, speeds, decides=phase == "decide")
-        actions: dict[str, ResolvedAction] = {}
-        if self._state.flights is not None:
-            acting = np.where(found.moves, agents, -1)
-            actions = {names[place]: one for place, one in self._make_flights(acting, found.starts).items()}
-        node_of = dict(zip(names, found.starts, strict=True))
-        named = self._core.edges.find(number, agents, self._state.movement.columns).tolist()
-        for name, edge in zip(names, named, strict=True):
-            if edge >= 0:
-                actions[name] = ResolvedAction(node_of[name], (node_of[name],), edge=edge)
-        headings = {}
-        now = self._core.turned if self._core.arrival else len(self._state.turning)
-        for place, (game, agent, heading) in enumerate(self._state.turning):
-            name = self._state.roster.names[agent]
-            if game == number and place >= now:
-                headings[name] = heading
-            elif game == number:
-                action = actions.get(name) or ResolvedAction(node_of[name], (node_of[name],))
-                actions[name] = action._replace(heading=heading)
-        return found._replace(actions=actions, headings=headings)
-
-    def _continue_streams(self, under_way: AgentsUnderWay) -> dict[str, tuple[Any, Any]]:
-        """Let sensors count on in this turn; return the positions of agents' streams, see `AgentSlot.get_marks`."""
-        counts = dict(zip(under_way.names, under_way.count_decisions(), strict=True))
-        is_asked = {id(notice) for notice in self.members.notices}
-        for sensor, owners in self.members.counting:
-            looks_in_core = {name: (self.values.turn, counts[name]) for name in owners if counts.get(name)}
-            asked_looks = sensor.notice.mark() if id(sensor.notice) in is_asked else {}
-            sensor.notice.go_to(looks_in_core | asked_looks)
-        drawn = self._core.drawn[self.number].tolist()
-        named = {name: drawn[self.number_of[name]] for name in under_way.names}
-        return {name: (count, None) for name, count in named.items() if count}
-
     def _find_drawn(self) -> dict[str, tuple[Any, Any]]:
         """Return how far functions have read the streams of agents in this turn, see `AgentSlot.get_marks`."""
         slots = None if self._order is None else self._order[0].slots
@@ -568,18 +539,10 @@ class RowOfGame(Row):
             streams[0].bit_generator.state = streams[1].bit_generator.state
         return ctx, memo
 
-    def _copy_logs(self, state: GameState, messages: MessageTraffic, begun: BegunPhase) -> None:
-        """Let a fork go on with the deeds of this part of the turn, and with the messages that will be sent after it.
-
-        While agents decide, there are no deeds yet, and the messages are those of earlier parts.
-        """
+    def _copy_logs(self, state: GameState, messages: MessageTraffic) -> None:
+        """Let a fork go on with the deeds of this part of the turn, and with the messages that are sent after it."""
         number = self.number
-        if begun.under_way is not None:
-            numbers = [*map(self.number_of.get, sorted(self.ctx.agent.agents))]  # None: it has no row
-            slots = {number: i for i, number in enumerate(numbers) if number is not None}
-            self._state.deed_log.copy_wanted(number, state.deed_log, begun.part, slots)
-        elif self.part is not None:
-            self._state.deed_log.copy_part(number, state.deed_log)
+        self._state.deed_log.copy_part(number, state.deed_log)
         if self._state.radio is not None:
             self._state.radio.copy_admitted(number, messages)
 
@@ -605,13 +568,9 @@ class RowOfGame(Row):
         part = begun.part
         games = np.array([number])
         here, _, took_part = (column[0] for column in self._core.get_next_moves(games, part))
-        if begun.under_way is not None:
-            here = here.copy()
-            starts = dict(zip(begun.under_way.names, begun.under_way.starts, strict=True))
-            here[[self.number_of[name] for name in starts]] = self._state.streets.rows([*starts.values()])
         has_moved = self._core.part_of < part
         moves: TurnMoves | None = self.read_field("moves")
-        for game, agent, heading in self._state.turning if begun.phase not in ("arrive", "decide") else ():
+        for game, agent, heading in self._state.turning:
             if game == number:
                 assert moves is not None  # noqa: S101 - it has those of this turn
                 moves.set_heading(moves.order.index_of[self._state.roster.names[agent]], heading)
@@ -621,28 +580,7 @@ class RowOfGame(Row):
         starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
         return self._make_moves_between(starts, ends, took_part, has_moved).fit_to_parts(begun.order)
 
-    def _hand_over(self) -> MadeDecisions:
-        """Return the decisions of the agents of the game, which were asked last."""
-        turns = self.turns
-        order, part = turns.asked_part
-        names = order.names
-        members = part.select_present(part.members)
-        others = {*part.select_present(part.observing)}.difference(members)
-        sensed = {names[i]: turns.seen[i]["sensor"] for i in others}
-        answers: Decisions = turns.answers
-        return answers.hand_over(members, sensed)
-
-    def _forget_other_looks(self, decided: MadeDecisions | None) -> None:
-        """Forget what agents have sensed, but for those of the game that leaves while they decide."""
-        if self._called.asks_all:
-            return
-        have_decided = () if decided is None else decided.ends
-        have_looked = () if decided is None else {*decided.ends, *decided.sensed}
-        for (name, sensor), last in list_last_states(self.ctx).items():
-            if name not in (have_looked if sensor else have_decided):
-                last[0] = self.look
-
-    def _fill_fields(self, begun: BegunPhase) -> None:
+    def _fill_fields(self) -> None:
         """Put what only the core has into the fields of the game that leaves."""
         self.turns.restart_counts()
         for name in ("counts", "errors"):
@@ -655,9 +593,9 @@ class RowOfGame(Row):
             self._data_before = data
             put_data(self.values, {**data, KEPT: of_arrays})
         self.read_field("memories")
-        self.values.blocked = self._make_blocked(begun)
+        self.values.blocked = self._make_blocked()
 
-    def _make_blocked(self, begun: BegunPhase) -> BlockedAgents:
+    def _make_blocked(self) -> BlockedAgents:
         """Return why actions of agents were not executed in their last turns."""
         state = self._state
         number = self.number
@@ -665,12 +603,7 @@ class RowOfGame(Row):
         found = BlockedAgents(self.undone)
         told = {*found, *(names[number] for number in self._called.asked)}  # asked agents are told in `undone`
         decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
-        if begun.phase in ("arrive", "decide"):
-            decided = begun.part
         has_decided = self._core.part_of < decided
-        if self._under_way is not None:
-            counts = zip(self._under_way.names, self._under_way.count_decisions(), strict=True)
-            has_decided[[self.number_of[name] for name, count in counts if count]] = True
         for error in state.errors.list_entries(number):
             last = state.turn[number] - (not has_decided[self.number_of[error["agent"]]])
             if error["turn"] == last and error["agent"] not in told:
@@ -849,11 +782,6 @@ class RowOfGame(Row):
         self.map_changes = self._map.count_changes()
         self.shows_more = True
 
-    @property
-    def _map_before(self) -> Any:
-        """The map of the game without what a function has changed last."""
-        return self._first_map if self._roads is None else self._roads.snapshot
-
     def take_roads(self) -> bool:
         """Store the map of the context; return False, and do nothing, if more than roads was changed."""
         state = self._state
@@ -898,28 +826,57 @@ class RowOfGame(Row):
         self._state.over[number] = over
         self._state.is_going[number] = over is None
         self.read["over"] = over
-        self.has_ended = True
 
     def _show_core_data(self, data: GuardedDict) -> None:
         """Put the data of rules in the core into `ctx.game.data`."""
-        self._note_read(f"reads ctx.game.data, with that of {', '.join(sorted(self._called.core_keys))}")
         self._take_events()
+        facts = dict(self._facts)
         game = GameRow.from_game(self._state, self.number)
         for key, value in self._first_core_data.items():
             data[key] = copy_deep(value)
         if KEPT in self._called.core_keys:
-            data[KEPT] = game.of_arrays
+            data[KEPT] = {**self._own_arrays, **game.of_arrays}
         if self.values.data is data:  # else it was replaced
             with self._phase.suspend(changes_world=False):
                 for rule in as_called(self.game.rules):
                     if rule.spec.show_arrays is not None:
                         rule.spec.show_arrays(self.ctx, game, self.read["events"], None)
+        self._facts.update({name: facts[name] for name in self._called.core_keys & facts.keys()})  # they are the same
+        self._core_data = copy_deep(self._get_core_data())
 
-    def replace_data(self, data: dict[Any, Any]) -> None:
-        """Replace `ctx.game.data`."""
-        if self._called.core_keys:
-            self._note_read("replaces ctx.game.data")
-        put_data(self.values, data)
+    def _get_core_data(self) -> dict[str, Any]:
+        """Return the data of rules in the core in `ctx.game.data`."""
+        data = self.values.data
+        return {key: dict.get(data, key) for key in self._called.core_keys if dict.__contains__(data, key)}
+
+    def _take_core_data(self) -> None:
+        """Write the changes of the data of rules in the core to the columns, if a function has read or replaced it."""
+        data = self.values.data
+        if not self._called.core_keys:
+            return
+        if isinstance(data, GuardedDict) and not data.is_filled:
+            return
+        if type(data) is dict or not _are_equal(self._get_core_data(), self._core_data):
+            game = GameRow.from_game(self._state, self.number)
+            for rule in as_called(self.game.rules):
+                if rule.spec.begin_arrays is not None:
+                    self._put_arrays(rule.spec.begin_arrays(self.ctx, game))
+            if KEPT in self._called.core_keys:
+                arrays = dict.get(data, KEPT, {})
+                self._own_arrays = {key: arrays[key] for key in arrays.keys() - self._state.kept.keys()}
+                self._put_arrays({key: arrays[key] for key in arrays.keys() & self._state.kept.keys()})
+        self._core_data = {}
+        self._guard_data()
+
+    def take_own_arrays(self, key: Hashable) -> Arrays:
+        """Return the arrays that functions called in this game keep under a key; from now on, all games keep them."""
+        return self._own_arrays.pop(key, {})
+
+    def _put_arrays(self, arrays: Mapping[Hashable, Arrays]) -> None:
+        """Set arrays that rules and strategies keep to those of one game."""
+        for key, several in arrays.items():
+            for name, array in several.items():
+                self._state.kept[key][name][self.number] = array[0]
 
     def _make_began(self) -> dict[str, Any]:
         state = self._state
@@ -969,12 +926,22 @@ class RowOfGame(Row):
         return self._called.first.counts | now
 
     def _make_memories(self) -> dict[str, dict[Any, Any]]:
-        self._note_read("reads ctx.game.memories")
         found = get_memories(self.values)
-        has_decided = self._has_moved or self.part is not None or self._under_way is not None
-        for name, memory in self._core.get_memories(self.number).items() if has_decided else ():
+        has_decided = self._has_moved or self.part is not None or bool(self._core.arrival)
+        memories = self._core.get_memories(self.number) if has_decided else {}
+        self._core_memories = copy_deep(memories)
+        for name, memory in memories.items():
             found.setdefault(name, {}).update(memory)
         return {**found}
+
+    def _take_core_memories(self) -> None:
+        """Write the changes of what the core remembers for agents to the columns, if a function has read it."""
+        known = self._core_memories
+        self._core_memories = {}
+        memories = get_memories(self.values)
+        if all(memories[name].get(key) == value for name, memory in known.items() for key, value in memory.items()):
+            return
+        self._put_arrays(begin_steps(self._core.steps, self.ctx, GameRow.from_game(self._state, self.number)))
 
     def _make_moves(self) -> TurnMoves | None:
         """Return the moves of the last turn of the game, or the moves about to be made; None: there are none."""
@@ -1103,12 +1070,14 @@ class RowOfGame(Row):
         block = self._take_agents(journal, kinds, are_changed=are_changed) if have_changed else self.block
         if self.read:
             self._take_logs(self.read)
+        self._take_core_data()
+        self._take_core_memories()
         for name in _NUMBERS:
             self._state.numbers[name][self.number, self.members.numbers] = getattr(block, name)
         if self._facts != self.facts_shown:
             self._take_facts()
-        if self.read_of_core:
-            self.go_alone(self.read_of_core)
+        if self._why_later:
+            self.go_alone(self._why_later)
 
     def _take_members(self) -> AgentBlock:
         """Store the agents that a function has created or deleted; return their new block."""
@@ -1154,7 +1123,7 @@ class RowOfGame(Row):
         """Count the stops of agents by events that a function has added to the log of a game."""
         events = self.read_field("events")
         if len(events) < self._num_events:
-            self._note_read("deletes events")
+            self._leave_later("deletes events")
         self._note_events(events[self._num_events :])
         self._num_events = len(events)
 
@@ -1260,31 +1229,12 @@ class RowOfGame(Row):
             is_moving = self.part is not None and (has_drawn or at_arrivals)
             if is_arriving or is_moving:  # agents have, any number of times
                 self.refuse(what, "write get_state or observation, and 'draw' or 'rng', in the function itself")
-            self._note_read(what)
-
-    def refuse_other_agents(self, what: str) -> None:
-        """Let the game leave if a function has changed agents otherwise than by own attributes."""
-        if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self.journal.log):
-            self.go_alone(f"that is {what} changes agents")
-
-    @property
-    def has_other_settings(self) -> bool:
-        """Whether a function has changed settings, rules or collectors, or strategies or sensors of agents."""
-        phase = self._phase
-        return (
-            phase.strategy_changes,
-            phase.sensor_changes,
-        ) != self._changes or self._list_fixed_values() != self._fixed
+            self._leave_later(what)
 
     @property
     def has_other_map(self) -> bool:
         """Whether a function has changed the map since it was taken."""
         return bool(self._map.count_changes() != self.map_changes)
-
-    def leave_with_other_map(self) -> None:
-        """Let the game leave if a function has changed the map: until agents have arrived, the map is another one."""
-        if self.has_other_map:
-            self.go_alone("changes the map while agents are on their way")
 
     def cancel(self, agent: int) -> None:
         """Cancel the move of an agent."""
@@ -1339,6 +1289,15 @@ class RowOfGame(Row):
             self.turns.order_now.slots.table.begin_again()
         for sensor, _ in self.members.counting:
             sensor.notice.reset()
+
+
+def _are_equal(one: Any, other: Any) -> bool:
+    """Return whether two plain values are equal, also with arrays in dicts of them."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_are_equal(value, other[key]) for key, value in one.items())
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other)
+    return bool(one == other)
 
 
 def _get_terms(block: AgentBlock, row: int) -> dict[str, Any]:

@@ -158,7 +158,8 @@ def _refuse_turn(state: GameState, _: object) -> None:
 
 
 def _replace_data(state: GameState, data: dict[Any, Any]) -> None:
-    state.start.row.replace_data(data)
+    put_data(state, data)
+    state.start.row.read["data"] = data
 
 
 _memories: Any = vars(GameState)["memories"]  # the slots
