@@ -125,3 +125,28 @@ def test_an_agent_that_a_rule_takes_off_its_edge_after_its_move_leaves_room_ther
         ctx.game.add(lambda ctx: ctx.game.respawn("red"), phase="deeds")
         [result] = check(ctx, [6])
         assert [result.agents[name]["blocked"] for name in ("red", "blue")] == [0, 0]
+
+
+def tell_moves(ctx):
+    """Note how agents have moved, or are about to move, and why they did not."""
+    moves = {name: [*move.path] for name, move in ctx.game.moves.items()}
+    ctx.game.emit("moves", of=moves, counts=str(ctx.game.counts), at=[one.current_node_id for one in ctx.game.agents])
+
+
+@pytest.mark.parametrize("more", [{}, {"speed_unit": "metres"}, {"speed_unit": "edges"}])
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_functions_of_games_in_the_middle_of_a_turn_see_it_as_alone(phase, more):
+    def walk(state):
+        state["memory"].setdefault("blocked", []).append(state["blocked"])
+        state["action"] = state["draw"].choice(state["legal"])
+
+    game = in_the_middle_of_a_turn()
+    game.configure(more)
+    game.conflicts = Conflicts(1)
+    game.add(tell_moves, phase=phase)
+    for agent in game.ctx.agent.create_iter():
+        agent.speed = {"metres": 9.0, "edges": 2.0}.get(more.get("speed_unit"))
+        if agent.name != "blue_1":
+            agent.strategy = walk
+    game.max_turns = game.turn + 4
+    check(game.ctx, SEEDS)

@@ -205,7 +205,7 @@ def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():
         assert_as_played(games, scenario, {"red": gamble})
     with build([TAG]) as ctx:
         ctx.game.add(cast)
-        check(ctx, stays=False)
+        check(ctx)
 
 
 def roll(ctx):
@@ -229,7 +229,7 @@ pick = random.choice
 
 
 @pytest.mark.parametrize("draw", [roll, roll_shuffled, roll_imported])
-def test_games_whose_functions_draw_globally_are_played_alone_from_the_start_if_the_code_says_so(draw, caplog):
+def test_games_whose_functions_draw_globally_by_name_are_played_one_after_the_other(draw, caplog):
     def rule(ctx):
         ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
         draw(ctx)
@@ -240,6 +240,21 @@ def test_games_whose_functions_draw_globally_are_played_alone_from_the_start_if_
             games.run()
             calls = [said for said in caplog.messages if said.startswith("seed")]
             assert len(calls) == games.turn.sum()
+            assert games.is_in_arrays
+            assert_as_alone(games, alone)
+
+
+def test_a_game_that_draws_globally_goes_on_with_its_draws_when_it_leaves():
+    def rule(ctx):
+        roll(ctx)
+        if (ctx.game.turn, ctx.seed) == (3, 1):
+            ctx.game.max_turns = 6
+
+    with build([TAG]) as ctx:
+        ctx.game.add(rule)
+        with ctx.game.batch(3) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [1]
             assert_as_alone(games, alone)
 
 

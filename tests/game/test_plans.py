@@ -195,17 +195,13 @@ def test_a_shipped_rule_called_by_hand_acts_as_in_a_game(ctx):
     assert called[1]["red"] > 0
 
 
-def test_an_agent_that_took_no_part_stays_where_a_check_has_put_it(ctx):
+def test_an_agent_that_took_no_part_stays_where_a_rule_has_put_it(ctx):
     dead = ctx.agent.get_agent("c")
-
-    def rule(ctx):
-        pass
 
     def put(ctx):
         dead.current_node_id = 2
 
-    rule.check = put
-    ctx.game.add(rule)
+    ctx.game.add(put, phase="deeds")
     ctx.game.step()
     ctx.game.eliminate(dead)
     dead.current_node_id = 9
@@ -214,16 +210,16 @@ def test_an_agent_that_took_no_part_stays_where_a_check_has_put_it(ctx):
     assert (dead.current_node_id, dead.alive, ctx.game.counts["c"]) == (2, False, before)
 
 
-def test_a_check_that_deletes_an_agent_leaves_the_moves_of_the_others(ctx):
+def test_a_rule_that_deletes_an_agent_before_the_moves_leaves_those_of_the_others(ctx):
     for name in ("b", "c"):
         ctx.agent.get_agent(name).decide_by(lambda state: state.update(action=max(state["legal"])))
     where = {name: ctx.agent.get_agent(name).current_node_id for name in ("b", "c")}
 
-    def rule(ctx):
-        pass
+    def dismiss(ctx):
+        if "a" in ctx.agent.agents:
+            ctx.agent.delete_agent("a")
 
-    rule.check = lambda ctx: ctx.agent.delete_agent("a")
-    ctx.game.add(rule)
+    ctx.game.add(dismiss, phase="deeds")
     ctx.game.step()
     moved = {agent.name: agent.prev_node_id for agent in ctx.game.agents}
     assert moved == where

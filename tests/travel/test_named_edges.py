@@ -527,7 +527,7 @@ def tell_legs(ctx):
 
 
 @pytest.mark.parametrize(
-    ("game", "leaves"),
+    ("game", "looks_ahead"),
     [
         ({}, False),
         ({"order": [["blue"], ["red"]]}, False),
@@ -535,12 +535,12 @@ def tell_legs(ctx):
         ({"conflicts": Conflicts(capacity=1)}, True),
     ],
 )
-def test_edges_named_at_arrivals_lead_in_a_batch_where_they_lead_alone(town, game, leaves):
+def test_edges_named_at_arrivals_lead_in_a_batch_where_they_lead_alone(town, game, looks_ahead):
     town.game.configure({"speed_unit": "metres", "decide": "arrival", **game})
 
     def wander_wildly(state):
         """Take any edge, legal or not, or go to the last legal node."""
-        if leaves and state["turn"] > 0 and state["time"] > 0.0:
+        if looks_ahead and state["turn"] > 0 and state["time"] > 0.0:
             state["fork"](7)
         edge = state["draw"].choice([None, 10, 11, *state["legal_edges"]])
         state["action"] = state["legal"][-1] if edge is None else {"edge": edge}
@@ -551,7 +551,7 @@ def test_edges_named_at_arrivals_lead_in_a_batch_where_they_lead_alone(town, gam
     town.game.add(tell_legs)
     with town.game.batch(4) as games:
         games.run(5)
-        assert bool(games.detached) == leaves
+        assert games.is_in_arrays
         found = [games.result(i) for i in range(4)]
     for seed, one in enumerate(found):
         town.game.reset(seed=seed)
@@ -563,14 +563,14 @@ def test_edges_named_at_arrivals_lead_in_a_batch_where_they_lead_alone(town, gam
 def test_an_edge_given_from_outside_counts_at_all_arrivals_of_a_turn_where_it_is_legal(town):
     town.game.configure({"speed_unit": "metres", "decide": "arrival"})
 
-    def look_ahead(state):
-        """Stay; in some games, look ahead, so that the game leaves its batch."""
-        state["action"] = state["curr_pos"]
-        if state["draw"].choice([False, True]):
-            state["fork"](7)
+    def change(ctx):
+        """Change a setting in some games, which then leave their batch."""
+        if ctx.seed % 2 and ctx.game.turn:
+            ctx.game.max_turns = 9
 
     build(town, strategy=gamms.strategies.stay, speed=120)
-    town.agent.create_agent("ben", start_node_id=2, team="blue", strategy=look_ahead)
+    town.agent.create_agent("ben", start_node_id=2, team="blue", strategy=gamms.strategies.stay)
+    town.game.add(change, phase="before")
     town.game.add(tell_legs)
     with town.game.batch(6) as games:
         for edge in (12, 14, 14):

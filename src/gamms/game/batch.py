@@ -171,10 +171,8 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _set_apart(self, games: IntArray) -> None:
         """Play games in contexts of their own from their start on that need what rows cannot carry."""
-        for number in range(len(self._sources)):
-            why = self._engine.get_map_games(number).why_apart
-            for game in games[self._source_of[games] == number].tolist() if why else ():
-                self._separate.add(game, why)
+        for game in games.tolist() if self._engine.plays_apart else ():
+            self._separate.add(game, "agents by metres obey turn restrictions, which the core does not know")
 
     def _make_engine(self) -> BatchEngine:
         """Return the engine that plays the games in the core, and set `slow`.
@@ -384,11 +382,10 @@ class Batch(Surface, Immutable, NotPickled):
 
         These are games with actions from outside for agents whose states or sensors functions need.
         """
-        whys = (
-            [self._engine.get_map_games(number).why_all_decide for number in self._engine.maps_in_use] if given else []
-        )
-        if any(whys):
-            self._leave_now(self._engine.playing, f"agents have actions from outside, and {max(whys)}")
+        in_use = self._engine.maps_in_use if given else []
+        if any(self._engine.get_map_games(number).plan.asks_all for number in in_use):
+            why = "agents have actions from outside, and functions may read what agents have sensed before"
+            self._leave_now(self._engine.playing, why)
 
     def _leave_now(self, which: BoolArray, why: str) -> None:
         """Play those games of a mask, (games,), that are not over in contexts of their own from now on."""
@@ -427,7 +424,8 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _check_hidden_state(self) -> AbstractContextManager[None]:
         """Refuse functions that change hidden state; the check runs after 0, 1, 2, 4, 8, … steps."""
-        return nullcontext() if self._steps & (self._steps - 1) else self._watch_hidden_state()
+        is_due = not (self._steps & (self._steps - 1) or self._engine.only is not None)
+        return self._watch_hidden_state() if is_due else nullcontext()
 
     def _watch_hidden_state(self) -> AbstractContextManager[None]:
         return refuse_changes(
@@ -465,14 +463,14 @@ class Batch(Surface, Immutable, NotPickled):
             self._say_what_is_slow()
         with self._lock_for_playing(), progress_line() as line:
             show = line if is_shown else None
-            self._ran_from = self._engine.count_turns()
+            began = self._engine.count_turns()
+            self._ran_from = began
             self._engine.stop_after(turns)
             limits = [turns, game.settings()["max_turns"], *(rule.spec.last_turn for rule in game.rules)]
             self._warns_of_no_end = not any(isinstance(limit, int) for limit in limits)
             try:
-                self._run_in_core(num_threads, show)
+                self._run_in_core(num_threads, show, began)
             finally:
-                began = self._ran_from
                 self._ran_from = None
             with self._watch_hidden_state():
                 for _ in self._separate.run(began):
@@ -480,13 +478,28 @@ class Batch(Surface, Immutable, NotPickled):
                         self._show_progress(show)
         self._follow({})
 
-    def _run_in_core(self, threads: int, show: Callable[[str], object] | None) -> None:
-        """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works."""
+    def _run_in_core(self, threads: int, show: Callable[[str], object] | None, began: IntArray) -> None:
+        """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works.
+
+        Games in which functions draw from the global generators are played one after the other. `began`: (games,) the
+        number of turns that each had played when the run began.
+        """
+        if self._engine.calls_each and is_drawing_globally(self._engine.functions):
+            with self._watch_hidden_state():
+                for number in np.flatnonzero(self._engine.playing).tolist():
+                    self._run_alone(number, threads, show, began)
+        self._run_together(threads, show, get_global_state() if self._engine.calls_each else None)
+
+    def _run_alone(self, number: int, threads: int, show: Callable[[str], object] | None, began: IntArray) -> None:
+        """Play a game while the others wait, with the global generators that belong to its seed."""
+        with self._engine.play_only(number):
+            self._run_together(threads, show, None)
+            for _ in self._separate.run(began, number) if number in self._separate.going else ():
+                pass
+
+    def _run_together(self, threads: int, show: Callable[[str], object] | None, before: object) -> None:
+        """Play games turn by turn; `before`: the state of the global generators, None: functions may draw from them."""
         plays_by_phases = self._engine.plays_by_phases
-        before = get_global_state() if self._engine.calls_each else None
-        if before is not None and is_drawing_globally(self._engine.functions):
-            why = "a plain function draws from the global generators of random numbers"
-            self._leave_now(self._engine.playing, why)
         steps = 0
         while (left := self._engine.count_turns_left()) > 0:
             if plays_by_phases:
@@ -544,7 +557,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _warn_of_stuck_agents(self) -> None:
         """Log a warning with agents that cannot move from where they begin in some game."""
         for number in self._engine.maps_in_use:
-            state = self._engine.get_map_state(number)
+            state = self._engine.get_map_games(number).state
             games = np.flatnonzero((self._source_of == number) & (state.turn == self._first_turn))
             if not len(games):
                 continue
@@ -679,7 +692,7 @@ class Batch(Surface, Immutable, NotPickled):
                 f"{what} is for games on one map, whose nodes its columns number; these are on {self._num_maps}: "
                 "make a batch for each map."
             )
-        return self._engine.get_map_state(0)
+        return self._engine.get_map_games(0).state
 
     # -- seeing -------------------------------------------------------------------------------------------------
 

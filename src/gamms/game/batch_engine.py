@@ -48,13 +48,9 @@ from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction, explain_edge, refuse_any, refuse_edge
 from gamms.game.movement.roads import join_streets
-from gamms.game.plan import RowPlan, StrategyGroup, find_first_called
+from gamms.game.plan import RowPlan, StrategyGroup, are_all_asked, find_first_called
+from gamms.game.random_streams import seed_for_run
 from gamms.game.result import Result, list_opponents
-from gamms.game.rows.called_functions import (
-    CalledFunctions,
-    find_why_all_decide,
-    find_why_apart,
-)
 from gamms.game.rows.contexts import RowContexts
 from gamms.game.rows.functions import RowFunctions
 from gamms.game.rows.own_functions import FunctionsPerGame, get_function_in
@@ -95,8 +91,6 @@ class GamesOnOneMap:
 
     Attributes:
         game, state: see above.
-        why_apart: why its games are played one after the other from the start; "": they are not.
-        why_all_decide: why all agents decide in the context; "": they do not.
         plan: what the games share.
         core: plays the games in the core.
         contexts: the games in contexts of their own.
@@ -126,9 +120,7 @@ class GamesOnOneMap:
             state.share_memories()
         self._declare_deeds(settings)
         self._block = block
-        self.why_apart = find_why_apart(game, roster)
-        self.why_all_decide = find_why_all_decide(game, roster)
-        asks_all = bool(self.why_all_decide)
+        asks_all = are_all_asked(game, roster)
         self._call_arrays_by_game(settings, asks_all=asks_all)
         plan = RowPlan.from_game(game, roster, asks_all=asks_all)
         self.plan = plan
@@ -140,8 +132,7 @@ class GamesOnOneMap:
         is_apart = plan.calls_each or not (state.radio is None and state.flights is None)
         asked = np.flatnonzero(plan.is_asked).tolist()
         self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
-        observing = np.flatnonzero(plan.is_observing).tolist()
-        self.contexts = RowContexts(game, state, self.core, own, partial(self._find_called, asked, observing))
+        self.contexts = RowContexts(game, state, self.core, own, plan)
         state.look = self.contexts.look
         state.change_roads = self.contexts.change_roads
         state.take_own_arrays = self.contexts.take_own_arrays
@@ -182,13 +173,6 @@ class GamesOnOneMap:
             is_named = any(not verbs.isdisjoint(names) for names in find_names([form]))
             if asks_all or is_named or (at_arrivals and has_counted_looks(agent)):
                 call_each(decider)
-
-    def _find_called(self, asked: Sequence[int], observing: Sequence[int]) -> CalledFunctions:
-        """Return the plain functions that are called; see `CalledFunctions.from_game`."""
-        has_array_functions = self.plan.has_array_functions
-        asks_all = len(self.why_all_decide) > 0
-        called = self.game, self.state.roster, asked, observing
-        return CalledFunctions.from_game(*called, has_array_functions=has_array_functions, asks_all=asks_all)
 
     def fork(self, number: int) -> PlayedGame:
         """Return a game as it is between two turns, in a context of its own."""
@@ -718,6 +702,7 @@ class BatchEngine(TurnDriver):
         newest: the numbers of the maps on which games begin from now on: those that were put last.
         plays_apart: whether games are played in contexts of their own, because agents by metres obey turn restrictions.
         starts: what the next starts of games have by their seeds.
+        only: the number of the only game that is played now, while the others wait; None: all are.
 
     Raises:
         GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
@@ -758,6 +743,7 @@ class BatchEngine(TurnDriver):
         self._logs_of_turn = [log for log in logs if log is not None]
         others = [self._state.view_on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
+        self.only: int | None = None
         self._last: int | None = settings["max_turns"]
         self._seconds = np.inf  # that the last turn took
         self._can_stop = False
@@ -925,7 +911,23 @@ class BatchEngine(TurnDriver):
     @property
     def playing(self) -> BoolArray:
         """Whether each game is played here and is not over, (games,)."""
-        return ~(self.is_over | self._state.is_apart)
+        found = ~(self.is_over | self._state.is_apart)
+        if self.only is not None:
+            found[: self.only] = False
+            found[self.only + 1 :] = False
+        return found
+
+    @contextmanager
+    def play_only(self, game: int) -> Iterator[None]:
+        """Play only this game within the block, and seed the global generators for it; see `seed_for_run`."""
+        on_map = self._maps[int(self._map_of[game])]
+        ctx = on_map.contexts.get(game).ctx
+        self.only = game
+        try:
+            with seed_for_run(ctx, int(self._state.turn[game])):
+                yield
+        finally:
+            self.only = None
 
     def find_last_turn(self, game: int) -> int | None:
         """Return the turn at which a game stops in any case: that of the settings, or of the last run."""
@@ -1027,7 +1029,7 @@ class BatchEngine(TurnDriver):
                 in this turn.
         """
         is_over = self.is_over
-        playing = ~(is_over | self._state.is_apart)
+        playing = self.playing
         leaving = self._state.leaving
         is_single = len(is_over) - np.count_nonzero(is_over) == 1
         needing = [
@@ -1479,10 +1481,6 @@ class BatchEngine(TurnDriver):
         self._state.notice_interrupt()
 
     # -- seeing -------------------------------------------------------------------------------------------------
-
-    def get_map_state(self, number: int) -> GameArrays:
-        """Return the state of the games on the map with this number."""
-        return self._maps[number].state
 
     def get_game_state(self, game: int) -> GameArrays:
         """Return the state of the games on the map of a game."""

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from copy import copy
 from functools import cache, partial
 from operator import itemgetter
@@ -388,9 +388,7 @@ class Game(Surface, RuleVerbs):
                     self._in_core.make_last_turn()
                 self.ctx.record.start(record, sensed=sensed, overwrite=True)
                 stack.callback(self.ctx.record.stop)
-            began = self._internals.run_began
-            self._internals.run_began = None
-            seeding = seed_for_run(self.ctx, self._state.turn if began is None else began)
+            seeding = seed_for_run(self.ctx, self._state.turn) if self._internals.seeds_runs else nullcontext()
             with ExitStack() as seeded, progress_line() as show:
                 self._play_until(last, show if progress else None, cache(partial(seeded.enter_context, seeding)))
             if len(self.errors) > known:

@@ -1,22 +1,30 @@
 """What the games of a batch share that have the same agents, settings, rules and strategies: the plan of their rows."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.game.array_functions.view import ArrayStrategy
-from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, find_decider
+from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, find_decider, get_sensors
 from gamms.game.block.in_core import find_conflicts_in_core, find_core_forms, list_called_rules
 from gamms.game.block.sensing import list_sensors_called_each_turn
 from gamms.game.conflicts import find_unranked, refuse_unranked
+from gamms.game.hidden_state import find_names
 from gamms.game.order import make_left_out_error
+from gamms.game.rows.own_functions import find_some_function, list_functions_of_games
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.strategy_specs import get_strategy_spec, is_deciding_in_arrays, make_form_key
+from gamms.ir.game_state import KEPT
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
+
+_OF_SENSORS = {"get_sensor", "sensors"}
+"""Names by which a function gets sensors."""
+_OF_ANY_NAME = {"__getattribute__", "attrgetter", "getattr", "getattr_static"}
+"""Names by which a function may read attributes whose names are not in its code."""
 
 
 class StrategyGroup(NamedTuple):
@@ -44,6 +52,11 @@ class RowPlan(NamedTuple):
         acts: whether functions are called between decisions and moves.
         calls_each: whether functions are called game by game.
         has_array_functions: whether functions of arrays are called.
+        asks_all: whether the strategies of all agents of the start are called game by game.
+        functions: the plain functions that are called.
+        periods: the periods of the collectors, in turns.
+        core_keys: the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays.
+        facts_in_core: the key of each fact that the core knows, and the function that returns it for games.
     """
 
     roster: AgentTable
@@ -59,6 +72,11 @@ class RowPlan(NamedTuple):
     acts: bool
     calls_each: bool
     has_array_functions: bool
+    asks_all: bool
+    functions: Sequence[Callable[..., object]]
+    periods: frozenset[int]
+    core_keys: frozenset[str]
+    facts_in_core: Sequence[tuple[str, Callable[..., Any]]]
 
     @classmethod
     def from_game(cls, game: PlayedGame, roster: AgentTable, *, asks_all: bool) -> "RowPlan":
@@ -78,8 +96,12 @@ class RowPlan(NamedTuple):
         is_unlisted = roster.find_unlisted(settings["order"])
         is_unranked = find_unranked(settings["conflicts"], roster.names, roster.list_teams()) & ~roster.flies
         acts = is_acting_before_moves(game, roster)
-        collects = len(game.internals.parts.collectors.by_name) > 0
+        collectors = [*game.internals.parts.collectors.by_name.values()]
         are_called = bool((is_asked | is_observing).any()) or any(map(is_plain_rule, rules))
+        deciders = [
+            find_decider(roster.agents[number], settings["plans"]) for number in np.flatnonzero(is_asked).tolist()
+        ]
+        in_core = [one.spec for one in rules if one.spec.core_form is not None]
         return cls(
             roster=roster,
             settings=settings,
@@ -92,8 +114,16 @@ class RowPlan(NamedTuple):
             has_checks=len(game.internals.parts.rules.now.checks) > 0,
             has_conflicts=has_function_of_conflicts(game, roster),
             acts=acts,
-            calls_each=acts or collects or are_called,
+            calls_each=acts or len(collectors) > 0 or are_called,
             has_array_functions=len(groups) > 0 or any(one.spec.is_array_function for one in rules),
+            asks_all=asks_all,
+            functions=[
+                *map(find_some_function, chain(list_rule_functions(game, roster), deciders)),
+                *(one.fn for one in collectors),
+            ],
+            periods=frozenset(one.every for one in collectors),
+            core_keys=frozenset(_list_core_keys(rules)),
+            facts_in_core=[(str(spec.key), spec.facts_of) for spec in in_core if spec.facts_of is not None],
         )
 
     def list_rules(self, phase: str) -> list[NamedRule]:
@@ -121,6 +151,49 @@ class RowPlan(NamedTuple):
         if self.is_unlisted[agent]:
             raise make_left_out_error(name, team)
         refuse_unranked(self.settings["conflicts"], name, team)
+
+
+def list_rule_functions(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:
+    """Yield the plain functions of rules and conflicts that are called."""
+    for one in list_called_rules(game, roster):
+        if is_plain_rule(one):
+            yield one.rule
+    for _, check in game.internals.parts.rules.now.checks:
+        yield check
+    if has_function_of_conflicts(game, roster):
+        yield game.settings()["conflicts"].resolve
+
+
+def are_all_asked(game: PlayedGame, roster: AgentTable) -> bool:
+    """Return whether the strategies of all agents are called game by game, shipped ones included.
+
+    They are if the code of a plain function, or of one that it calls, names what agents have sensed in earlier turns,
+    `agent.state` or `sensor.data`, which each game must then keep.
+    """
+    plans = game.settings()["plans"]
+    deciders = [find_decider(agent, plans) for agent in roster.agents]
+    sensors = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
+    called = [*list_rule_functions(game, roster), *deciders, *(getattr(one, "function", None) for one in sensors)]
+    called += [one.fn for one in game.internals.parts.collectors.by_name.values()]
+    return any(map(_may_look_back, find_names(filter(callable, list_functions_of_games(called)))))
+
+
+def _may_look_back(names: frozenset[str]) -> bool:
+    """Return whether a function with these names in its code may read states of agents or data of sensors."""
+    reads_data = "data" in names and not _OF_SENSORS.isdisjoint(names)
+    return "state" in names or reads_data or not _OF_ANY_NAME.isdisjoint(names)
+
+
+def _list_core_keys(rules: Sequence[NamedRule]) -> Iterator[str]:
+    """Yield the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays."""
+    if any(one.spec.is_array_function for one in rules):
+        yield KEPT
+    for one in rules:
+        spec = one.spec
+        if spec.core_form is not None and spec.key is not None:
+            yield spec.key
+            if spec.disclose is not None:
+                yield from spec.disclose({}, ())
 
 
 def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:

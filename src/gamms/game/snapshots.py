@@ -726,7 +726,7 @@ class GameInternals(ContextPart):
         left_as: the number of the game in the batch from which it was made under way; None: it knows its start.
         shown_as: the number of the game in the batch that plays it, and shows it here; None: it is played here.
         takes_all_back: whether an error takes a turn back also after all have moved, as in a batch of games.
-        run_began: the turn in which the run of a batch began with which the next `run` goes on; None: it begins a run.
+        seeds_runs: whether `run` seeds the global generators; not if the run of a batch does.
         unchecked_arrays: keys of the arrays of array functions that came from a recording; see `GameArrays.unchecked`.
     """
 
@@ -750,7 +750,7 @@ class GameInternals(ContextPart):
         self.left_as: int | None = None
         self.shown_as: int | None = None
         self.takes_all_back = False
-        self.run_began: int | None = None
+        self.seeds_runs = True
         self.unchecked_arrays = set[Hashable]()
 
     def refuse_misfits(self) -> None:

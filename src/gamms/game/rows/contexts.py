@@ -11,7 +11,7 @@ from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames, get_memory
 from gamms.game.block.sensing import note_sights
 from gamms.game.block.state import Arrays, GameArrays
-from gamms.game.rows.called_functions import CalledFunctions
+from gamms.game.plan import RowPlan
 from gamms.game.rows.own_functions import FirstValues, FunctionsPerGame, get_function_of_game
 from gamms.game.rows.row import PhaseCall, RowMeans, RowOfGame
 from gamms.game.snapshots import ForkSource, list_shareable
@@ -26,10 +26,10 @@ class RowContexts:
         state: the state of all games.
         core: plays the games in the core.
         own: the differences between the games from their start.
-        make_called: returns the functions that are called.
+        plan: what the games share.
 
     Attributes:
-        game: see the arguments.
+        game, plan: see the arguments.
         call: what is the same in all games in which a function is called.
         rows: the games, by number.
     """
@@ -40,7 +40,7 @@ class RowContexts:
         state: GameArrays,
         core: CoreGames,
         own: FunctionsPerGame,
-        make_called: Callable[[], CalledFunctions],
+        plan: RowPlan,
     ) -> None:
         self.game = game
         self.call = PhaseCall()
@@ -49,12 +49,7 @@ class RowContexts:
         self._state = state
         self._core = core
         self._own = own
-        self._make_called = make_called
-
-    @cached_property
-    def called(self) -> CalledFunctions:
-        """The functions that are called."""
-        return self._make_called()
+        self.plan = plan
 
     @cached_property
     def _source(self) -> ForkSource:
@@ -66,7 +61,7 @@ class RowContexts:
         """The functions and settings that are objects which all games share."""
         settings = self.game.settings()
         plans = [plan.function for plan in settings["plans"].values()]
-        functions = [*self.called.functions, *self.game.ctx.agent.storage.list_strategies(), *plans]
+        functions = [*self.plan.functions, *self.game.ctx.agent.storage.list_strategies(), *plans]
         functions += [*settings.values(), *(rule.rule for rule in self.game.rules)]
         ctx, memo = ForkSource(self.game.internals.parts, only_plain=False).make_context(0)
         found = list_shareable({id(one): one for one in functions}.values(), memo)
@@ -80,7 +75,8 @@ class RowContexts:
         return RowMeans(
             state=self._state,
             core=self._core,
-            called=self.called,
+            plan=self.plan,
+            start=self.game.internals.state,
             call=self.call,
             columns=self._make_columns(),
             number_of=number_of,

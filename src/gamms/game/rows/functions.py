@@ -51,7 +51,8 @@ class RowFunctions:
         self._state = state
         state.tell = self.note_undone
         self._core = core
-        self._called = contexts.called
+        self._plan = contexts.plan
+        self._first_turn = contexts.game.turn
         self._call = contexts.call
         self._deeds = PlainDeeds(0, [])  # that agents want to do now
         self._find_asked: Callable[[RowOfGame], AskedPart]
@@ -62,7 +63,7 @@ class RowFunctions:
     @property
     def functions(self) -> Sequence[Callable[..., object]]:
         """The plain functions that are called."""
-        return self._called.functions
+        return self._plan.functions
 
     # -- the games ----------------------------------------------------------------------------------------------
 
@@ -74,7 +75,7 @@ class RowFunctions:
             play: calls functions in a game, given its index; returns whether the game leaves (0: it does not).
         """
         state = self._state
-        known = [(name, facts_of(state, games)) for name, facts_of in self._called.facts_in_core]
+        known = [(name, facts_of(state, games)) for name, facts_of in self._plan.facts_in_core]
         leaving = state.leaving
         for place, number in enumerate(games.tolist()):
             if number in leaving:
@@ -192,7 +193,7 @@ class RowFunctions:
         """Call the collectors in the games in which they are due."""
         turns = self._state.turn[games]
         is_due = np.zeros(len(games), np.bool_)
-        for every in self._called.periods:
+        for every in self._plan.periods:
             is_due |= turns % every == 0
         if is_due.any():
             self._play_phase(_calling(_collect), games[is_due], "a collector", begun=_end_turn)
@@ -260,7 +261,7 @@ class RowFunctions:
         if self._core.courses is not None:
             self._core.courses.routes.forget()
         self.asks_anew = here is not None
-        self.takes_all = self._called.asks_all or self._chooses_more_than_nodes
+        self.takes_all = self._plan.asks_all or self._chooses_more_than_nodes
         self._call.part = part
         width = len(agents)
         self._call.begin(None, None, is_moving=True)
@@ -409,7 +410,7 @@ class RowFunctions:
         self._note_undone(failure.game, failure.agent, failure.message)
 
     def _note_undone(self, game: int, agent: int, why: str) -> None:
-        if agent in self._called.asked:
+        if self._plan.is_asked[agent]:
             undone = self._contexts.get(game).undone
             name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
@@ -426,7 +427,7 @@ class RowFunctions:
             why = [undone[name]] if name in undone else []
             if self._core.arrival is not None:
                 pass  # `note_losers` has noted conflicts
-            elif state.blocked[number, numbers[name]] and state.turn[number] > self._called.first.turn:
+            elif state.blocked[number, numbers[name]] and state.turn[number] > self._first_turn:
                 why.append(describe_conflict(self._core.get_wanted_place(number, numbers[name])))
             if why:
                 slots[i].template["blocked"] = "; ".join(why)

@@ -1,6 +1,6 @@
 """Differences between games of a batch from their start: functions that a seed makes, or that a game prepares."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, NoReturn, Protocol
 
@@ -59,6 +59,14 @@ def get_function_of_game(decider: FunctionPerGame, game: int) -> Any:
 def find_some_function(decider: Any) -> Any:
     """Return the function of a strategy or plan in the first game that has one."""
     return next(filter(None, decider.of_game)) if isinstance(decider, FunctionPerGame) else decider
+
+
+def list_functions_of_games(functions: Iterable[Any]) -> list[Any]:
+    """Return functions, and those of each game in place of a `FunctionPerGame`."""
+    found: list[Any] = []
+    for one in functions:
+        found += one.of_game if isinstance(one, FunctionPerGame) else [one]
+    return found
 
 
 def make_rule_per_game(rule: NamedRule, of_game: FunctionPerGame) -> NamedRule:

@@ -22,7 +22,7 @@ from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
-from gamms.game.rows.called_functions import CalledFunctions
+from gamms.game.plan import RowPlan
 from gamms.game.rows.state import GuardedDict, RowStart, RowState, get_memories, get_moves, put_data
 from gamms.game.settings import BegunPhase, RuleTable, as_called
 from gamms.game.slots import COUNTED
@@ -111,7 +111,8 @@ class RowMeans(NamedTuple):
     Attributes:
         state: the state of all games.
         core: plays the games in the core.
-        called: the functions that are called.
+        plan: what the games share.
+        start: the state of a game at its start.
         call: the phase of the turn in which functions are called.
         columns: the columns of all games that contexts show.
         number_of: name -> the number of the agent in the roster.
@@ -121,7 +122,8 @@ class RowMeans(NamedTuple):
 
     state: GameArrays
     core: CoreGames
-    called: CalledFunctions
+    plan: RowPlan
+    start: GameState
     call: PhaseCall
     columns: RowColumns
     number_of: Mapping[str, int]
@@ -173,7 +175,7 @@ class Members:
         self.departure: DeletedAgent = storage.last_departure
         self.terms = [_get_terms(self.block, row) for row in range(len(self.block))]
         self.lasts = _list_last_looks(self.agents.members, storage.get_turn_access)
-        self._find_kinds(means.called.observing)
+        self._find_kinds(means)
 
     def renew_journal(self) -> Journal:
         """Give the block a new journal, and return it."""
@@ -185,12 +187,14 @@ class Members:
         """Return the strategy and the sensors of each agent."""
         return dict(zip(self.agents.members, self.agents.equipment, strict=True))
 
-    def _find_kinds(self, observing: frozenset[str]) -> None:
-        """Find the kinds of sensors; `observing`: the names of the agents whose sensors are called."""
+    def _find_kinds(self, means: RowMeans) -> None:
+        """Find the kinds of sensors."""
         members = self.agents.members
         owned = [(sensor, agent.name) for agent in members for sensor in agent.sensors.values()]
         sensors = [sensor for sensor, _ in owned]
-        carried = [sensor for agent in members if agent.name in observing for sensor in agent.sensors.values()]
+        looks_in_python = means.plan.is_asked | means.plan.is_observing
+        looking = [agent for agent in members if looks_in_python[means.number_of[agent.name]]]
+        carried = [sensor for agent in looking for sensor in agent.sensors.values()]
         looks = [(one, one.in_arrays()) for one in sensors if hasattr(one, "in_arrays")]
         counting = {id(one): one.notice for one, look in looks if look is not None and not look.is_plain}
         self.notices = [counting[id(one)] for one in carried if id(one) in counting]
@@ -247,13 +251,12 @@ class RowOfGame(Row):
         self.has_first_functions = False
         self._means = means
         self._core = means.core
-        self._called = means.called
         self._parts = parts
         self._scores_before: dict[Any, Any] = {}
         self._num_events = 0  # of the events and messages that were read
         self._num_messages = 0
         self._data_before: dict[Any, Any] | None = None  # of the game that leaves
-        self.look = None if means.called.asks_all else GuardedDict({}, None, lambda _: self.refuse_look())
+        self.look = None if means.plan.asks_all else GuardedDict({}, None, lambda _: self.refuse_look())
         self._first_means = parts.settings.settings_now(), parts.rules.now
         self._first_collectors = {*parts.collectors.by_name}
         self._first_fields = values.start, values.deed_log
@@ -316,24 +319,27 @@ class RowOfGame(Row):
     def _begin_state(self) -> None:
         """Let the state of the context read the columns of all games."""
         values = self.values
-        called = self._called
-        if called.core_keys:
-            self._first_core_data = {key: one for key, one in values.data.items() if key in called.core_keys}
+        keys = self._plan.core_keys
+        if keys:
+            self._first_core_data = {key: one for key, one in values.data.items() if key in keys}
             self._guard_data()
         values.__class__ = RowState
         values.start = RowStart(self, self._means.at_rest)
         values.deed_log = self._state.deed_log
         values.has_begun = True
-        names = self._state.roster.names
-        asked_names = {names[number] for number in called.asked}
-        self.undone = {name: why for name, why in called.first.blocked.items() if name in asked_names}
+        asked_names = self._list_asked()
+        self.undone = {name: why for name, why in self._means.start.blocked.items() if name in asked_names}
         values.blocked = BlockedAgents()
         if self._state.radio is not None:
             self.turns.read_inbox = partial(self._read_inbox, self._state.radio)
 
+    def _list_asked(self) -> list[str]:
+        """Return the names of the agents whose strategies are called, also of those to come."""
+        return [self._state.roster.names[number] for number in np.flatnonzero(self._plan.is_asked)]
+
     def _guard_data(self) -> None:
         """Leave the data of rules in the core out of `ctx.game.data`, until a function reads it."""
-        keys = self._called.core_keys
+        keys = self._plan.core_keys
         own = {key: one for key, one in dict.items(self.values.data) if key not in keys}
         put_data(self.values, GuardedDict(own, keys, self._show_core_data))
 
@@ -341,6 +347,10 @@ class RowOfGame(Row):
     def block(self) -> AgentBlock:
         """The columns of the agents of the context."""
         return self.members.block
+
+    @property
+    def _plan(self) -> RowPlan:
+        return self._means.plan
 
     @property
     def _phase_call(self) -> PhaseCall:
@@ -589,7 +599,7 @@ class RowOfGame(Row):
         if type(data) is GuardedDict:
             data.fill()
         of_arrays = GameRow.from_game(self._state, self.number).of_arrays
-        if of_arrays and KEPT not in self._called.core_keys:  # of array strategies alone
+        if of_arrays and KEPT not in self._plan.core_keys:  # of array strategies alone
             self._data_before = data
             put_data(self.values, {**data, KEPT: of_arrays})
         self.read_field("memories")
@@ -601,7 +611,7 @@ class RowOfGame(Row):
         number = self.number
         names = state.roster.names
         found = BlockedAgents(self.undone)
-        told = {*found, *(names[number] for number in self._called.asked)}  # asked agents are told in `undone`
+        told = {*found, *self._list_asked()}  # asked agents are told in `undone`
         decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
         has_decided = self._core.part_of < decided
         for error in state.errors.list_entries(number):
@@ -609,9 +619,9 @@ class RowOfGame(Row):
             if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
         is_known = state.blocked[number].copy()
-        if state.turn[number] == self._called.first.turn:  # others were blocked before the game was in the batch
+        if state.turn[number] == self._means.start.turn:  # others were blocked before the game was in the batch
             is_known &= has_decided
-            for name, why in self._called.first.blocked.items():
+            for name, why in self._means.start.blocked.items():
                 if not has_decided[self.number_of[name]]:
                     found.setdefault(name, why)
         for agent in np.flatnonzero(is_known).tolist():  # in its last turn
@@ -834,25 +844,25 @@ class RowOfGame(Row):
         game = GameRow.from_game(self._state, self.number)
         for key, value in self._first_core_data.items():
             data[key] = copy_deep(value)
-        if KEPT in self._called.core_keys:
+        if KEPT in self._plan.core_keys:
             data[KEPT] = {**self._own_arrays, **game.of_arrays}
         if self.values.data is data:  # else it was replaced
             with self._phase.suspend(changes_world=False):
                 for rule in as_called(self.game.rules):
                     if rule.spec.show_arrays is not None:
                         rule.spec.show_arrays(self.ctx, game, self.read["events"], None)
-        self._facts.update({name: facts[name] for name in self._called.core_keys & facts.keys()})  # they are the same
+        self._facts.update({name: facts[name] for name in self._plan.core_keys & facts.keys()})  # they are the same
         self._core_data = copy_deep(self._get_core_data())
 
     def _get_core_data(self) -> dict[str, Any]:
         """Return the data of rules in the core in `ctx.game.data`."""
         data = self.values.data
-        return {key: dict.get(data, key) for key in self._called.core_keys if dict.__contains__(data, key)}
+        return {key: dict.get(data, key) for key in self._plan.core_keys if dict.__contains__(data, key)}
 
     def _take_core_data(self) -> None:
         """Write the changes of the data of rules in the core to the columns, if a function has read or replaced it."""
         data = self.values.data
-        if not self._called.core_keys:
+        if not self._plan.core_keys:
             return
         if isinstance(data, GuardedDict) and not data.is_filled:
             return
@@ -861,7 +871,7 @@ class RowOfGame(Row):
             for rule in as_called(self.game.rules):
                 if rule.spec.begin_arrays is not None:
                     self._put_arrays(rule.spec.begin_arrays(self.ctx, game))
-            if KEPT in self._called.core_keys:
+            if KEPT in self._plan.core_keys:
                 arrays = dict.get(data, KEPT, {})
                 self._own_arrays = {key: arrays[key] for key in arrays.keys() - self._state.kept.keys()}
                 self._put_arrays({key: arrays[key] for key in arrays.keys() & self._state.kept.keys()})
@@ -923,7 +933,7 @@ class RowOfGame(Row):
         columns = {kind: state.counts[kind][self.number].tolist() for kind in COUNTED}
         names = enumerate(state.roster.names)
         now = {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
-        return self._called.first.counts | now
+        return {name: {**each} for name, each in self._means.start.counts.items()} | now
 
     def _make_memories(self) -> dict[str, dict[Any, Any]]:
         found = get_memories(self.values)
@@ -966,7 +976,7 @@ class RowOfGame(Row):
     def _has_moved(self) -> bool:
         """Whether agents have moved in the batch; else the last moves are those of the turn before."""
         number = self.number
-        return self._state.turn[number] > self._called.first.turn or self._core.count_played_parts(number) > 0
+        return self._state.turn[number] > self._means.start.turn or self._core.count_played_parts(number) > 0
 
     @property
     def _moment(self) -> tuple[int, int | None, bool]:
@@ -1215,9 +1225,9 @@ class RowOfGame(Row):
         now = self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         self.facts_shown = dict(now)
-        if changed & self._called.core_keys:
+        if changed & self._plan.core_keys:
             self.go_alone("publishes facts of rules in the core")
-        if self._called.has_array_functions:
+        if self._plan.has_array_functions:
             self.go_alone("publishes facts, which array functions may read")
 
     def note_looks(self, *, has_drawn: bool) -> None:
@@ -1228,7 +1238,11 @@ class RowOfGame(Row):
             is_arriving = self._core.arrival is not None
             is_moving = self.part is not None and (has_drawn or at_arrivals)
             if is_arriving or is_moving:  # agents have, any number of times
-                self.refuse(what, "write get_state or observation, and 'draw' or 'rng', in the function itself")
+                self.refusal = BadValue(
+                    f"A plain function {what} while agents move, and the games of a batch have not kept how far they "
+                    "are: draw from ctx.rng, or let a rule do it before or after the moves."
+                )
+                raise self.refusal
             self._leave_later(what)
 
     @property
@@ -1291,12 +1305,12 @@ class RowOfGame(Row):
             sensor.notice.reset()
 
 
-def _are_equal(one: Any, other: Any) -> bool:
+def _are_equal(one: object, other: object) -> bool:
     """Return whether two plain values are equal, also with arrays in dicts of them."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(_are_equal(value, other[key]) for key, value in one.items())
     if isinstance(one, np.ndarray):
-        return np.array_equal(one, other)
+        return np.array_equal(one, np.asarray(other))
     return bool(one == other)
 
 

@@ -4,7 +4,7 @@ A function has done there what columns cannot hold, for example changed a settin
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import GameArrays
 from gamms.game.movement.noted_moves import CachedLegalMoves
 from gamms.game.movement.roads import RoadMap
+from gamms.game.random_streams import seed_for_run
 from gamms.game.result import Result
 from gamms.game.snapshots import ForkSource
 from gamms.ir.game_state import describe_conflict
@@ -216,22 +217,26 @@ class SeparateGames:
             self.forget(self.reasons.keys() - known)
             raise
 
-    def run(self, began: IntArray) -> Iterator[int]:
-        """Play all games until the run of the batch stops; yield the number of each.
+    def run(self, began: IntArray, only: int | None = None) -> Iterator[int]:
+        """Play games until the run of the batch stops; yield the number of each.
 
         Args:
             began: (games,) the number of turns that each game had played when the run began.
+            only: the only game to play, which goes on with the global generators as they are; None: all games, each
+                with those of its seed; see `seed_for_run`.
         """
-        for number in self.going:
+        for number in self.going if only is None else [only]:
             game = self.get_game(number)
-            game.internals.run_began = int(began[number])  # if it has left in this run, before the present turn
+            seeding = seed_for_run(game.ctx, int(began[number])) if only is None else nullcontext()
             last = self._engine.find_last_turn(number)
+            game.internals.seeds_runs = False
             game.internals.takes_all_back = len(self._engine.is_over) > 1
             try:
-                with self._record_changes(number, game):
+                with seeding, self._record_changes(number, game):
                     game.run(None if last is None else max(0, last - game.turn))
             finally:
                 game.internals.takes_all_back = False
+                game.internals.seeds_runs = True
             is_kept = game.internals.left_as is not None or number in self._held
             if self._engine.is_over[number] and not is_kept:
                 self._give_context_back(number)
