@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from math import hypot
+from threading import get_ident
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from gamms import kernels
@@ -136,7 +137,8 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
             phase = self._phase
-            if phase.agent is not None or phase.player is not None:
+            is_guarded = phase.agent is not None or phase.judge
+            if is_guarded or (phase.player is not None and phase.player != get_ident()):
                 is_own = name not in self._SETTABLE and name != "strategy"
                 (phase.refuse if is_own else phase.refuse_change)(f"set agent.{name}")
             if name not in phase.known_names:
@@ -146,14 +148,14 @@ class BaseAgent(AgentView, ContextPart, IAgent):
                 self._check_name(name)
             self._put_attribute(name, value)
             journal = self._block.journal
-            if not journal.is_silent and name in self.__dict__:
+            if journal.notes_attributes and name in self.__dict__:
                 journal.record_attribute([self._row], name, [value])
             return
         object.__setattr__(self, name, value)
 
     def __delattr__(self, name: str) -> None:
         """Delete an attribute; refused while a strategy is running."""
-        is_noted = name[0] != "_" and name in self.__dict__ and not self._block.journal.is_silent
+        is_noted = name[0] != "_" and name in self.__dict__ and self._block.journal.notes_attributes
         super().__delattr__(name)
         if is_noted:
             self._block.journal.record_attribute([self._row], name, None)

@@ -355,7 +355,7 @@ class Team(ContextPart):
     def _note(self, column: str, numbers: list[int]) -> None:
         """Record in the journal the values of members without an object."""
         block = self._block_of()
-        if numbers and not block.journal.is_silent:
+        if numbers and block.journal.notes_attributes:
             rows = block.rows.find_rows([self.names[i] for i in numbers])
             values = self._members.columns[column][numbers]
             block.journal.record_attribute(rows, column, values if values.dtype.kind in "biuf" else values.tolist())

@@ -23,8 +23,6 @@ from gamms.text import as_code, shown
 
 _OF_SENSORS = {"get_sensor", "sensors"}
 """Names by which a function gets sensors."""
-_OF_ANY_NAME = {"__getattribute__", "attrgetter", "getattr", "getattr_static"}
-"""Names by which a function may read attributes whose names are not in its code."""
 
 
 class StrategyGroup(NamedTuple):
@@ -180,8 +178,7 @@ def are_all_asked(game: PlayedGame, roster: AgentTable) -> bool:
 
 def _may_look_back(names: frozenset[str]) -> bool:
     """Return whether a function with these names in its code may read states of agents or data of sensors."""
-    reads_data = "data" in names and not _OF_SENSORS.isdisjoint(names)
-    return "state" in names or reads_data or not _OF_ANY_NAME.isdisjoint(names)
+    return "state" in names or ("data" in names and not _OF_SENSORS.isdisjoint(names))
 
 
 def _list_core_keys(rules: Sequence[NamedRule]) -> Iterator[str]:

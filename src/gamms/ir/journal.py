@@ -23,10 +23,12 @@ class Journal:
         progressed: numbers of agents whose progress along an edge was set; emptied by the reader.
         is_silent: whether nothing is recorded; `log`, `record_flight`, `record_rotation` and `record_attribute` must
             not be used then.
+        notes_attributes: whether changes of custom attributes are recorded.
         is_closed: whether the context has ended, so that agents no longer change.
     """
 
     is_silent: bool = False
+    notes_attributes: bool = True
     is_closed: bool = False
 
     def __init__(self, names: list[str]) -> None:
@@ -83,10 +85,17 @@ class Journal:
         drop(self.ids, [row for row in gone if row < len(self.ids)])  # agents whose creation failed have no numbers
 
 
+class JournalOfRow(Journal):
+    """The journal of a game of a batch, whose agents have their custom attributes themselves."""
+
+    notes_attributes = False
+
+
 class MutedJournal(Journal):
     """A wrapper of a journal that records nothing; new and removed agents still get their numbers."""
 
     is_silent = True
+    notes_attributes = False
 
     def __init__(self, journal: Journal) -> None:
         super().__init__([])
@@ -108,6 +117,7 @@ class _SilentJournal(Journal):
     """A journal that records nothing."""
 
     is_silent = True
+    notes_attributes = False
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "_SilentJournal":
         return self

@@ -350,8 +350,7 @@ class RowFunctions:
         """Store turns of agents, and why actions failed."""
         paths = decisions.paths
         for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
-            track = None if paths is None else paths.make_track(i)
-            if track is not None and (len(track.path) > 2 or track.path[0] != track.path[-1]):  # it does not just stay
+            if paths is not None and paths.maps[i] is not None:
                 row.refuse_route(row.order.names[i], "over several nodes")
         named = dict(asked.members)
         for i, action in decisions.actions.items():

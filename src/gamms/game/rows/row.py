@@ -32,7 +32,6 @@ from gamms.ir.agents import AgentBlock, as_ids, get_speed, show_column, show_fli
 from gamms.ir.events import (
     AERIAL_AGENT_FLIGHT,
     AERIAL_AGENT_TURN,
-    AGENT_ATTRIBUTE,
     AGENT_CREATE,
     AGENT_DELETE,
     AGENT_SENSOR_DEREGISTER,
@@ -40,19 +39,18 @@ from gamms.ir.events import (
 )
 from gamms.ir.game_state import KEPT, BlockedAgents, GameState, Scores, describe_conflict
 from gamms.ir.graph import IntArray
-from gamms.ir.journal import PLAIN, Journal
+from gamms.ir.journal import PLAIN, Journal, JournalOfRow
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, Memo
 from gamms.typing.agent_engine import DeletedAgent
 from gamms.typing.context import HostContext
 
-_NUMBERS = [column.name for column in NUMBERS]
+_NUMBERS = {column.name: CHANGE_EVENTS[column.name].code for column in NUMBERS}
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
 _EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
 _TURNED = CHANGE_EVENTS["heading"].code
 _MOVED = -1  # the kind of a move, which is noted as two numbers
-_ATTRIBUTES = {AGENT_ATTRIBUTE}
-_CHANGING |= {_MOVED, AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, _TURNED}
+_CHANGING |= {_MOVED, AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, _TURNED}
 
 
 class AskedPart(NamedTuple):
@@ -179,7 +177,7 @@ class Members:
 
     def renew_journal(self) -> Journal:
         """Give the block a new journal, and return it."""
-        self.journal = Journal(self.block.names)
+        self.journal = JournalOfRow(self.block.names)
         self.block.journal = self.journal
         return self.journal
 
@@ -1065,8 +1063,6 @@ class RowOfGame(Row):
         is_other = phase.epoch != self.epoch
         are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
         kinds = {one[0] if type(one) is tuple else _MOVED for one in journal.log}
-        if kinds == _ATTRIBUTES:
-            journal.log.clear()  # the agents have them
         are_others = is_other and self.ctx.agent.block is not self.block
         have_changed = bool(journal.log or journal.progressed or are_changed or are_others)
         self.shows_more = self.shows_more or is_other or have_changed
@@ -1082,8 +1078,9 @@ class RowOfGame(Row):
             self._take_logs(self.read)
         self._take_core_data()
         self._take_core_memories()
-        for name in _NUMBERS:
-            self._state.numbers[name][self.number, self.members.numbers] = getattr(block, name)
+        for name, code in _NUMBERS.items():
+            if are_others or code in kinds:
+                self._state.numbers[name][self.number, self.members.numbers] = getattr(block, name)
         if self._facts != self.facts_shown:
             self._take_facts()
         if self._why_later:
@@ -1210,7 +1207,8 @@ class RowOfGame(Row):
         block.locate()
         self.take_nodes()
         self._asked = None  # others may live
-        state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
+        if changed or block.placed or state.placed[number].any():
+            state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
         if changed and self.part is None and self._has_moved:
             self._core.place_newcomers(np.array([number]))
         if state.flights is not None:
