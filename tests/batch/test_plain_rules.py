@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from batch_scenes import WALK, assert_as_alone, check_games, plain, scene
 
+import gamms
 from gamms.errors import BadValue
 from gamms.rules import tag
 
@@ -243,3 +244,86 @@ def test_a_rule_changes_what_rules_and_strategies_in_the_core_remember_as_alone(
             games.run()
             assert games.is_in_arrays
             assert_as_alone(games, alone)
+
+
+@gamms.array_rule
+def pay_more(turn):
+    """Pay what grows from turn to turn."""
+    kept = turn.keep("paid", lambda games: {"times": np.zeros(games)})["times"]
+    kept[turn.games] += 1
+    turn.add_score("paid", np.arange(len(turn.games)), kept[turn.games])
+
+
+@gamms.array_strategy
+def go_on_counting(view):
+    """Take one legal node after the other."""
+    kept = view.keep("steps", lambda games: {"times": np.zeros(games, np.int64)})["times"]
+    kept[view.games] += 1
+    return kept[view.games][:, None] % view.counts
+
+
+DROPS = {"clear": lambda ctx: ctx.game.data.clear(), "new": lambda ctx: setattr(ctx.game, "data", {"new": 1})}
+
+
+@pytest.mark.parametrize("drop", DROPS)
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_a_rule_drops_what_rules_and_array_functions_keep_as_alone(phase, drop):
+    def act(ctx):
+        if ctx.game.turn == 3 and ctx.seed != 1:
+            DROPS[drop](ctx)
+        ctx.game.emit("keys", known=sorted(map(str, {*ctx.game.data} & {"flags", "new"})))
+
+    flags = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+    with scene([flags], max_turns=7).build(seed=1, strategies={"red": go_on_counting}) as ctx:
+        ctx.game.add(pay_more)
+        ctx.game.add(act, phase=phase)
+        check_games(ctx, seeds=range(3))
+
+
+def test_a_rule_writes_what_a_strategy_in_the_core_remembers_before_it_has_decided():
+    def send(ctx):
+        if ctx.game.turn == 0:
+            ctx.game.memories.setdefault("red_0", {})["patrol [3, 21, 7]"] = 2
+
+    rounds = {"function": "gamms.strategies:patrol", "with": {"nodes": [3, 21, 7]}}
+    with scene([], teams={"red": {"count": 2, "strategy": rounds}}, max_turns=5).build(seed=1) as ctx:
+        ctx.game.add(send, phase="before")
+        check_games(ctx, seeds=range(2))
+
+
+def test_a_memory_that_a_strategy_cannot_read_is_its_error_as_alone():
+    def spoil(ctx):
+        if ctx.game.turn == 2:
+            ctx.game.memories["red_0"]["patrol [3, 21, 7]"] = "x"
+
+    rounds = {"function": "gamms.strategies:patrol", "with": {"nodes": [3, 21, 7]}}
+    with scene([], teams={"red": {"count": 2, "strategy": rounds}}, max_turns=5).build(seed=1) as ctx:
+        ctx.game.add(spoil, phase="before")
+        with ctx.game.batch(2) as games, pytest.raises(TypeError):
+            games.run()
+        with pytest.raises(TypeError):
+            ctx.game.run()
+
+
+@pytest.mark.parametrize("last", [5, 9, None])
+def test_a_rule_changes_the_last_turn_for_later_runs_too(last):
+    def change(ctx):
+        if ctx.game.turn == 3 and ctx.seed:
+            ctx.game.max_turns = last
+        if ctx.game.turn == 11:
+            ctx.game.end("enough")
+
+    with scene([], max_turns=7).build(seed=1) as ctx:
+        ctx.game.add(change, phase="before")
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run(4)
+            games.run()
+            alone.game.reset(seed=1)
+            alone.game.run(4)
+            result = alone.game.run()
+            assert games.turn.tolist() == [7, result.turns]
+            assert games.is_over.all()
+            assert games.result(1).reason == result.reason
+            games.reset()
+            games.run(2)
+            assert games.turn.tolist() == [2, 2]

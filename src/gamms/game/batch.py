@@ -465,6 +465,7 @@ class Batch(Surface, Immutable, NotPickled):
             show = line if is_shown else None
             began = self._engine.count_turns()
             self._ran_from = began
+            self._separate.begin_run()
             self._engine.stop_after(turns)
             limits = [turns, game.settings()["max_turns"], *(rule.spec.last_turn for rule in game.rules)]
             self._warns_of_no_end = not any(isinstance(limit, int) for limit in limits)

@@ -702,6 +702,7 @@ class BatchEngine(TurnDriver):
         newest: the numbers of the maps on which games begin from now on: those that were put last.
         plays_apart: whether games are played in contexts of their own, because agents by metres obey turn restrictions.
         starts: what the next starts of games have by their seeds.
+        last_turns: (games,) the turn after which each game ends, by its setting; `NO_STOP`: it has no limit.
         only: the number of the only game that is played now, while the others wait; None: all are.
 
     Raises:
@@ -745,6 +746,7 @@ class BatchEngine(TurnDriver):
         states = [self._state, *others]
         self.only: int | None = None
         self._last: int | None = settings["max_turns"]
+        self.last_turns = np.full(len(seeds), NO_STOP if self._last is None else self._last)
         self._seconds = np.inf  # that the last turn took
         self._can_stop = False
         self._is_strict = settings["on_illegal"] == "raise"
@@ -895,6 +897,7 @@ class BatchEngine(TurnDriver):
             if self.maps_in_use != [number for number, on_map in enumerate(self._on) if len(on_map)]:
                 self._find_phases()
         self._state.is_apart[games] = False
+        self.last_turns[games] = NO_STOP if self._last is None else self._last
         self._state.stop_at[games] = NO_STOP
         for number in np.unique(maps).tolist():
             those = games[maps == number]
@@ -904,8 +907,7 @@ class BatchEngine(TurnDriver):
     def is_over(self) -> BoolArray:
         """Whether each game has ended, (games,)."""
         over = ~self._state.is_going
-        if self._last is not None:
-            over |= self._state.turn >= self._last
+        over |= self._state.turn >= self.last_turns
         return over
 
     @property
@@ -931,8 +933,8 @@ class BatchEngine(TurnDriver):
 
     def find_last_turn(self, game: int) -> int | None:
         """Return the turn at which a game stops in any case: that of the settings, or of the last run."""
-        stops = [self._last, self._state.run_until(game)]
-        return min((turn for turn in stops if turn is not None), default=None)
+        last = min(int(self.last_turns[game]), int(self._state.stop_at[game]))
+        return None if last == NO_STOP else last
 
     def stop_after(self, turns: int | None) -> None:
         """Let a run that begins now stop each game after a number of turns; None: it has no limit."""
@@ -1506,7 +1508,7 @@ class BatchEngine(TurnDriver):
         known = self._state.over[game]
         turn = self._state.turn[game]
         has_stopped = turn == self._state.stop_at[game]  # a step may have gone on from there
-        is_late = has_stopped or (self._last is not None and turn >= self._last)
+        is_late = has_stopped or turn >= self.last_turns[game]
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 
     def list_ends(self) -> tuple[IntArray, list[dict[str, Any] | None]]:

@@ -100,6 +100,7 @@ class RowPlan(NamedTuple):
             find_decider(roster.agents[number], settings["plans"]) for number in np.flatnonzero(is_asked).tolist()
         ]
         in_core = [one.spec for one in rules if one.spec.core_form is not None]
+        has_array_functions = len(groups) > 0 or any(one.spec.is_array_function for one in rules)
         return cls(
             roster=roster,
             settings=settings,
@@ -113,14 +114,14 @@ class RowPlan(NamedTuple):
             has_conflicts=has_function_of_conflicts(game, roster),
             acts=acts,
             calls_each=acts or len(collectors) > 0 or are_called,
-            has_array_functions=len(groups) > 0 or any(one.spec.is_array_function for one in rules),
+            has_array_functions=has_array_functions,
             asks_all=asks_all,
             functions=[
                 *map(find_some_function, chain(list_rule_functions(game, roster), deciders)),
                 *(one.fn for one in collectors),
             ],
             periods=frozenset(one.every for one in collectors),
-            core_keys=frozenset(_list_core_keys(rules)),
+            core_keys=frozenset(_list_core_keys(rules)) | ({KEPT} if has_array_functions else set()),
             facts_in_core=[(str(spec.key), spec.facts_of) for spec in in_core if spec.facts_of is not None],
         )
 
@@ -182,9 +183,7 @@ def _may_look_back(names: frozenset[str]) -> bool:
 
 
 def _list_core_keys(rules: Sequence[NamedRule]) -> Iterator[str]:
-    """Yield the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays."""
-    if any(one.spec.is_array_function for one in rules):
-        yield KEPT
+    """Yield the keys of `ctx.game.data` and of facts that belong to rules of the core."""
     for one in rules:
         spec = one.spec
         if spec.core_form is not None and spec.key is not None:

@@ -14,7 +14,7 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import STOPPED, Arrays, GameArrays, GameRow, Heading, NeedsSeparateContext, is_exact_float
-from gamms.game.block.strategy_steps import begin_steps
+from gamms.game.block.strategy_steps import begin_steps, can_read
 from gamms.game.lasting import copy_doing, put_doing
 from gamms.game.messages import MessageTraffic
 from gamms.game.movement.courses import Courses
@@ -253,7 +253,6 @@ class RowOfGame(Row):
         self._scores_before: dict[Any, Any] = {}
         self._num_events = 0  # of the events and messages that were read
         self._num_messages = 0
-        self._data_before: dict[Any, Any] | None = None  # of the game that leaves
         self.look = None if means.plan.asks_all else GuardedDict({}, None, lambda _: self.refuse_look())
         self._first_means = parts.settings.settings_now(), parts.rules.now
         self._first_collectors = {*parts.collectors.by_name}
@@ -481,9 +480,6 @@ class RowOfGame(Row):
         self.values.blocked = BlockedAgents()
         if type(self.values.data) is GuardedDict:
             self._guard_data()
-        elif self._data_before is not None:
-            put_data(self.values, self._data_before)
-        self._data_before = None
         settings, rules = self._first_means
         self._drop_changes()
         if self._parts.settings.settings_now() != settings:
@@ -596,10 +592,6 @@ class RowOfGame(Row):
         data = self.values.data
         if type(data) is GuardedDict:
             data.fill()
-        of_arrays = GameRow.from_game(self._state, self.number).of_arrays
-        if of_arrays and KEPT not in self._plan.core_keys:  # of array strategies alone
-            self._data_before = data
-            put_data(self.values, {**data, KEPT: of_arrays})
         self.read_field("memories")
         self.values.blocked = self._make_blocked()
 
@@ -842,8 +834,9 @@ class RowOfGame(Row):
         game = GameRow.from_game(self._state, self.number)
         for key, value in self._first_core_data.items():
             data[key] = copy_deep(value)
-        if KEPT in self._plan.core_keys:
-            data[KEPT] = {**self._own_arrays, **game.of_arrays}
+        arrays = {**self._own_arrays, **game.of_arrays}
+        if arrays:
+            data[KEPT] = arrays
         if self.values.data is data:  # else it was replaced
             with self._phase.suspend(changes_world=False):
                 for rule in as_called(self.game.rules):
@@ -858,23 +851,27 @@ class RowOfGame(Row):
         return {key: dict.get(data, key) for key in self._plan.core_keys if dict.__contains__(data, key)}
 
     def _take_core_data(self) -> None:
-        """Write the changes of the data of rules in the core to the columns, if a function has read or replaced it."""
+        """Write the changes of the data of rules in the core to the columns, if a function has read it."""
         data = self.values.data
-        if not self._plan.core_keys:
+        if not self._plan.core_keys or (isinstance(data, GuardedDict) and not data.is_filled):
             return
-        if isinstance(data, GuardedDict) and not data.is_filled:
-            return
-        if type(data) is dict or not _are_equal(self._get_core_data(), self._core_data):
+        now = self._get_core_data()
+        if type(data) is dict or not now.keys() >= self._core_data.keys() or self._has_lost_arrays(now):
+            self.go_alone("drops ctx.game.data of rules or functions in the core")
+        if not _are_equal(now, self._core_data):
             game = GameRow.from_game(self._state, self.number)
             for rule in as_called(self.game.rules):
                 if rule.spec.begin_arrays is not None:
                     self._put_arrays(rule.spec.begin_arrays(self.ctx, game))
-            if KEPT in self._plan.core_keys:
-                arrays = dict.get(data, KEPT, {})
-                self._own_arrays = {key: arrays[key] for key in arrays.keys() - self._state.kept.keys()}
-                self._put_arrays({key: arrays[key] for key in arrays.keys() & self._state.kept.keys()})
+            arrays = now.get(KEPT, {})
+            self._own_arrays = {key: arrays[key] for key in arrays.keys() - self._state.kept.keys()}
+            self._put_arrays({key: arrays[key] for key in arrays.keys() & self._state.kept.keys()})
         self._core_data = {}
         self._guard_data()
+
+    def _has_lost_arrays(self, now: Mapping[str, Any]) -> bool:
+        """Return whether a function has deleted arrays that array functions keep."""
+        return not now.get(KEPT, {}).keys() >= self._core_data.get(KEPT, {}).keys()
 
     def take_own_arrays(self, key: Hashable) -> Arrays:
         """Return the arrays that functions called in this game keep under a key; from now on, all games keep them."""
@@ -944,11 +941,19 @@ class RowOfGame(Row):
 
     def _take_core_memories(self) -> None:
         """Write the changes of what the core remembers for agents to the columns, if a function has read it."""
-        known = self._core_memories
-        self._core_memories = {}
-        memories = get_memories(self.values)
-        if all(memories[name].get(key) == value for name, memory in known.items() for key, value in memory.items()):
+        if "memories" not in self.read or not self._core.steps:
             return
+        keys = {step.key for step in self._core.steps}
+        memories = get_memories(self.values)
+        shown, now = (
+            {(name, key): one[key] for name, one in of_agents.items() for key in keys & one.keys()}
+            for of_agents in (self._core_memories, memories)
+        )
+        if shown == now:
+            return
+        find = self.ctx.graph.graph.get_node
+        if not all(can_read(self._core.steps, memory, find) for memory in memories.values()):
+            self.go_alone("writes memories that strategies in the core cannot read")
         self._put_arrays(begin_steps(self._core.steps, self.ctx, GameRow.from_game(self._state, self.number)))
 
     def _make_moves(self) -> TurnMoves | None:

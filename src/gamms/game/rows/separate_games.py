@@ -16,7 +16,7 @@ from gamms.game.array_functions.view import ArrayView, make_asked_view
 from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.block.sensing import note_sensors, note_sights
-from gamms.game.block.state import GameArrays
+from gamms.game.block.state import NO_STOP, GameArrays
 from gamms.game.movement.noted_moves import CachedLegalMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.random_streams import seed_for_run
@@ -275,6 +275,12 @@ class SeparateGames:
         state.is_going[number] = game.over is None
         state.scores.put(number, game.scores)
         self._unobserved.add(number)
+
+    def begin_run(self) -> None:
+        """Take the last turns that rules have set: a run that begins now ends there; the run before went on."""
+        for number, game in self._games.items():
+            last = game.settings()["max_turns"]
+            self._engine.last_turns[number] = NO_STOP if last is None else last
 
     def observe(self, numbers: Iterable[int]) -> None:
         """Write the observations of agents of some games into the columns.
