@@ -346,6 +346,8 @@ class Drawn:
         ctx.game.team_memory, ctx.game.on_illegal = self.shared, self.on_illegal
         if self.default_action is not None:
             ctx.game.on_error, ctx.game.default_action = "stay", self.default_action
+        if self.modes or (self.motion or {}).get("speeds") or "speed_unit" in (self.motion or {}):
+            ctx.game.publish(strolls=True)  # routes over several nodes are for games with paths
         if "p" in self.asked:
             ctx.game.command(ctx.agent.get_agent(min(self.agents)).team, agreed)
         return ctx

@@ -93,7 +93,7 @@ def attentive(state, *more):
     state["action"] = legal[lot % len(legal)] if lot % 11 else lot % 50
     if "edge" in state and lot % 7 == 0:
         state["action"] = None
-    elif lot % 13 < 4:
+    elif lot % 13 < 4 and "strolls" in state["facts"]:
         state["action"] = stroll(state["curr_pos"], lot)
     if lot % 17 == 0 and more == ("raises",):
         raise ValueError("a lot")

@@ -644,7 +644,7 @@ class GameArrays(BatchColumns):
         reading: returns the context manager in which sensors are called.
         take_own_arrays: returns the arrays that functions called game by game keep under a key, with the number of each
             game; None: none are called.
-        change_roads: closes or opens roads in games; see `PointedContext.change_roads`.
+        change_roads: closes or opens roads in games; see `RowContexts.change_roads`.
         roads: the open roads of each game.
         kept: the memory of rules and strategies: key -> name -> array (games, …).
         first: the memory of turns before the batch, as `kept`, but arrays of one game.

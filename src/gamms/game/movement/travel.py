@@ -697,7 +697,8 @@ class ResolvedAction(NamedTuple):
 
     def is_step(self) -> bool:
         """Return whether the agent stays, or moves along one edge to another node."""
-        return self.progress is None and len(self.path) <= 2
+        path = self.path
+        return self.progress is None and (len(path) == 1 or (len(path) == 2 and path[0] != path[1]))
 
 
 class Travel(TravelSearch):

@@ -351,7 +351,7 @@ class RowFunctions:
         paths = decisions.paths
         for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
             if paths is not None and paths.maps[i] is not None:
-                row.refuse_route(row.order.names[i], "over several nodes")
+                row.refuse_route(row.order.names[i], "over several nodes, or back to its own")
         named = dict(asked.members)
         for i, action in decisions.actions.items():
             if action.edge is not None:

@@ -208,8 +208,8 @@ class Members:
 class RowOfGame(Row):
     """A game of a batch in a context of its own, and what functions change in it.
 
-    If a plain function changes what the core cannot change, its game leaves: it goes on from there in another context,
-    see `take_along`. If a function reads what a batch does not keep, it is refused.
+    If a rule or a collector changes what the core cannot change, its game leaves: it goes on from there in another
+    context, see `take_along`. If a function reads what a batch does not keep, it is refused.
 
     Args:
         game: the game at its start, in the context.
@@ -363,11 +363,19 @@ class RowOfGame(Row):
         Raises:
             BadValue: always.
         """
-        self.why = ""
-        self.refusal = BadValue(
+        self._raise(
             f"A plain function {what}, and the games of a batch have not kept what this needs. Its code does not say "
-            f"that it does so: {way_out}. Then the games keep what they need, or are played one after the other."
+            f"that it does so: {way_out}. Then the games keep what they need."
         )
+
+    def _raise(self, why: str) -> NoReturn:
+        """Refuse what a function has done, also if it catches the error; see `raise_refusal`.
+
+        Raises:
+            BadValue: always.
+        """
+        self.why = ""
+        self.refusal = BadValue(why)
         raise self.refusal
 
     def raise_refusal(self) -> None:
@@ -400,9 +408,7 @@ class RowOfGame(Row):
             BadValue: another function is called, after which no game can leave.
         """
         if self._phase_call.begun is None:
-            self.why = ""
-            self.refusal = BadValue(f"A plain function that is no rule {what}. In a batch, only rules may do so.")
-            raise self.refusal
+            self._raise(f"A plain function that is no rule {what}. In a batch, only rules may do so.")
         self.why = self.why or f"a plain function {what}"
         raise NeedsSeparateContext(self.why)
 
@@ -412,11 +418,10 @@ class RowOfGame(Row):
         Raises:
             BadValue: always.
         """
-        self.refusal = BadValue(
+        self._raise(
             f"Agent {name!r} chooses a route {what}, for which a batch has no room: go it in several turns, or play "
             "the game alone, for example by scenario.play."
         )
-        raise self.refusal
 
     def _leave_later(self, what: str) -> None:
         """Let the game go on alone after the function that is called; the argument says why, in words."""
@@ -1241,11 +1246,10 @@ class RowOfGame(Row):
             is_arriving = self._core.arrival is not None
             is_moving = self.part is not None and (has_drawn or at_arrivals)
             if is_arriving or is_moving:  # agents have, any number of times
-                self.refusal = BadValue(
+                self._raise(
                     f"A plain function {what} while agents move, and the games of a batch have not kept how far they "
                     "are: draw from ctx.rng, or let a rule do it before or after the moves."
                 )
-                raise self.refusal
             self._leave_later(what)
 
     @property
