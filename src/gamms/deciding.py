@@ -210,10 +210,14 @@ class DecidePhase(NotPickled):
         phase, deciders = _of_task.get()
         return deciders if phase is self else AWAITED
 
-    def refuse(self, action: str) -> None:
+    def refuse(self, action: str, *, changes_game: bool = False) -> None:
         """Raise IllegalMutation if a strategy is running, BadValue if another thread plays a turn.
 
         Otherwise, make the end of the last turn if it is not made, before the action changes its data.
+
+        Args:
+            action: the action, in words.
+            changes_game: whether it changes the game, so that it is also refused to `judge`.
         """
         self.refuse_other_threads(action)
         if self.agent is UNREAD:
@@ -226,20 +230,12 @@ class DecidePhase(NotPickled):
                 "It may set state['action'], and write into state['memory'] and state['team_memory']. Changes of "
                 "anything else belong in a rule: ctx.game.add(rule)."
             )
-
-    def refuse_change(self, action: str) -> None:
-        """Do as `refuse` for an action that changes the game, which a function that looks or judges may not do, either.
-
-        Raises:
-            IllegalMutation, BadValue: see `refuse`.
-        """
-        if self.judge and self.agent is None:
+        if changes_game and self.judge:
             raise IllegalMutation(
                 f"{self.judge} may not {action}: agents have not all decided and moved yet, and only rules change the "
                 "game then. It may write scores, events, ctx.game.data and own attributes of agents. Changes of "
                 "anything else belong in a rule: ctx.game.add(rule)."
             )
-        self.refuse(action)
 
     def refuse_look(self, action: str) -> None:
         """Do as `refuse` for an action of other engines on which the states of the last turn do not depend."""
@@ -388,10 +384,8 @@ def _guard_method(method: Method, *, makes_last_turn: bool, changes_game: bool =
         phase = self._phase
         if phase.agent is not None or phase.player is not None:
             action = f"call {self._called}.{method.__name__}"
-            if changes_game:
-                phase.refuse_change(action)
-            elif makes_last_turn or phase.is_deciding:
-                phase.refuse(action)
+            if makes_last_turn or phase.is_deciding:
+                phase.refuse(action, changes_game=changes_game)
             else:
                 phase.refuse_other_threads(action)
         try:

@@ -139,8 +139,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             phase = self._phase
             is_guarded = phase.agent is not None or phase.judge
             if is_guarded or (phase.player is not None and phase.player != get_ident()):
-                is_own = name not in self._SETTABLE and name != "strategy"
-                (phase.refuse if is_own else phase.refuse_change)(f"set agent.{name}")
+                phase.refuse(f"set agent.{name}", changes_game=name in self._SETTABLE or name == "strategy")
             if name not in phase.known_names:
                 if name == "strategy":
                     self.decide_by(None if value is None else make_strategy(self._ctx, value))

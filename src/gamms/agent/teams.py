@@ -324,10 +324,8 @@ class Team(ContextPart):
         chosen = np.ones(len(self), np.bool_) if where is None else as_array(where, "where= of a team", "booleans")
         if chosen.shape != (len(self),):
             raise BadType(f"where= of a team must be an array ({len(self)},) of booleans, not {shown(where)}.")
-        phase = get_phase(self._ctx)
-        (phase.refuse_change if column in _OF_BLOCK or column in _OF_MEMBERS else phase.refuse)(
-            f"set {column!r} of team {self.name!r}"
-        )
+        changes_game = column in _OF_BLOCK or column in _OF_MEMBERS
+        get_phase(self._ctx).refuse(f"set {column!r} of team {self.name!r}", changes_game=changes_game)
         listed = check_each(values, len(self), column)
         places = np.flatnonzero(chosen).tolist()
         members = self._members

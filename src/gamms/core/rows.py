@@ -292,7 +292,7 @@ class Row:
         try:
             try:
                 answers = asker.ask(self, asked) if asker.asks_anew else self.turns.decide(asked.order, asked.part)
-            finally:  # sensors may write values, and functions may read what is made when it is read
+            finally:  # sensors may have written values, and fields that were read are made for this call
                 if (self.read or not self.sees_world_only) and self.has_changed():
                     self.take()
             is_common = not (answers.actions or answers.failures or answers.written or self.undone)

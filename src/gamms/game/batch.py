@@ -474,9 +474,7 @@ class Batch(Surface, Immutable, NotPickled):
             finally:
                 self._ran_from = None
             with self._watch_hidden_state():
-                for _ in self._separate.run(began):
-                    if show is not None:
-                        self._show_progress(show)
+                self._run_separately(show, began)
         self._follow({})
 
     def _run_in_core(self, threads: int, show: Callable[[str], object] | None, began: IntArray) -> None:
@@ -489,14 +487,21 @@ class Batch(Surface, Immutable, NotPickled):
             with self._watch_hidden_state():
                 for number in np.flatnonzero(self._engine.playing).tolist():
                     self._run_alone(number, threads, show, began)
-        self._run_together(threads, show, get_global_state() if self._engine.calls_each else None)
+        else:
+            self._run_together(threads, show, get_global_state() if self._engine.calls_each else None)
 
     def _run_alone(self, number: int, threads: int, show: Callable[[str], object] | None, began: IntArray) -> None:
         """Play a game while the others wait, with the global generators that belong to its seed."""
         with self._engine.play_only(number):
             self._run_together(threads, show, None)
-            for _ in self._separate.run(began, number) if number in self._separate.going else ():
-                pass
+            if number in self._separate.going:
+                self._run_separately(show, began, number)
+
+    def _run_separately(self, show: Callable[[str], object] | None, began: IntArray, only: int | None = None) -> None:
+        """Play the games in contexts of their own; see `SeparateGames.run`."""
+        for _ in self._separate.run(began, only):
+            if show is not None:
+                self._show_progress(show)
 
     def _run_together(self, threads: int, show: Callable[[str], object] | None, before: object) -> None:
         """Play games turn by turn; `before`: the state of the global generators, None: functions may draw from them."""

@@ -225,7 +225,7 @@ class RuleVerbs(Settings):
             winner: a team, or any plain value; None: no winner.
             truncated: whether time was up, rather than an event ending the game.
         """
-        self._phase.refuse_change("call ctx.game.end")
+        self._phase.refuse("call ctx.game.end", changes_game=True)
         over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
         if self._state.over is None or self._turns.is_playing:
             self._state.over = join_ends(self._state.over, over)
@@ -233,7 +233,7 @@ class RuleVerbs(Settings):
     @leave_last_turn
     def eliminate(self, agent: IAgent | str) -> None:
         """Eliminate an agent, given by itself or its name; do nothing if it is already eliminated."""
-        self._phase.refuse_change("call ctx.game.eliminate")
+        self._phase.refuse("call ctx.game.eliminate", changes_game=True)
         one = self._get_agent(agent)
         if one.alive:
             self._turns.make_state_of(one.name)

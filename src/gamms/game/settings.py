@@ -142,7 +142,7 @@ class Settings(ContextPart):
         """
         check = _CHECKS.get(name)
         if name[0] != "_":
-            (self._phase.refuse if check is None else self._phase.refuse_change)(f"set ctx.game.{name}")
+            self._phase.refuse(f"set ctx.game.{name}", changes_game=check is not None)
         if check is None and self._is_closed and not name.startswith("_"):
             self._refuse_unknown(name)
         object.__setattr__(self, name, value if check is None else check(name, value))

@@ -14,7 +14,7 @@ from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, get_facts
 from gamms.game.lasting import copy_doing, drop_deed, put_doing
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.result import CollectorMark, Collectors, warn_of_idle, warn_of_stuck_agents
+from gamms.game.result import Collectors, warn_of_idle, warn_of_stuck_agents
 from gamms.game.settings import NamedRule, Plan, RuleSet, RuleTable, Settings
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
@@ -322,10 +322,6 @@ class ForkSource:
             return places | began
         stored = {name: one for name, one in self.agents.roster.stored.items() if name not in began}
         return start.snapshot.places_of(stored) | began
-
-    def put_collectors(self, collectors: Mapping[str, CollectorMark]) -> None:
-        """Replace the collectors of the game; see `Collectors.snapshot`."""
-        self.snapshot._parts["collectors"] = collectors
 
     def renew_map(self) -> None:
         """Take the map of the game again, for one more fork of a game that has not changed."""

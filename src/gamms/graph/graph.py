@@ -154,7 +154,7 @@ class Graph(Surface, Guarded, IGraph):
         """Add a node."""
         phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
         if phase.agent is not None or phase.player is not None:
-            phase.refuse_change("call ctx.graph.graph.add_node")
+            phase.refuse("call ctx.graph.graph.add_node", changes_game=True)
         self._store.unshare_tables()
         id = records.as_id(records.get_required(node_data, "id", "A node"), "a node")
         x = records.as_coordinate(records.get_required(node_data, "x", "A node"), "x", id)
@@ -175,7 +175,7 @@ class Graph(Surface, Guarded, IGraph):
         """Add an edge."""
         phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
         if phase.agent is not None or phase.player is not None:
-            phase.refuse_change("call ctx.graph.graph.add_edge")
+            phase.refuse("call ctx.graph.graph.add_edge", changes_game=True)
         self._store.unshare_tables()
         id = records.as_id(records.get_required(edge_data, "id", "An edge"), "an edge")
         length = records.as_length(records.get_required(edge_data, "length", "An edge"), id)

@@ -99,7 +99,7 @@ class Sensor(ContextPart, ISensor):
             FixedType (AttributeError): the type of a built-in sensor is fixed by its class.
         """
         if name[0] != "_":
-            (self._phase.refuse_change if name in self._CHECKS else self._phase.refuse)(f"set sensor.{name}")
+            self._phase.refuse(f"set sensor.{name}", changes_game=name in self._CHECKS)
             if name == "type" and self._is_ours:
                 raise FixedType(f"The type of sensor {self.sensor_id!r} cannot be set: create another sensor.")
             if name in ATTRIBUTES_OF and self._is_ours:

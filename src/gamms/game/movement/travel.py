@@ -301,11 +301,6 @@ class GamePaths(core.PathsBySlot):
         """Return the number of legs of an agent with a path, or of its nodes, if there are more."""
         return int(max(self._columns.legs[i], self._columns.passed[i]))
 
-    def get_last_time(self, i: int) -> float:
-        """Return when the last leg of an agent ends."""
-        time: float = self._columns.until[i * self._most + self._columns.legs[i] - 1]
-        return time
-
     def end(self, i: int) -> int:
         """Return the id of the node that an agent with a path passes last."""
         roads = self.maps[i]

@@ -862,6 +862,8 @@ class RowOfGame(Row):
             return
         now = self._get_core_data()
         if type(data) is dict or not now.keys() >= self._core_data.keys() or self._has_lost_arrays(now):
+            if self._phase_call.begun is None:
+                self._guard_data()  # it is refused, and the data stay
             self.go_alone("drops ctx.game.data of rules or functions in the core")
         if not _are_equal(now, self._core_data):
             game = GameRow.from_game(self._state, self.number)
