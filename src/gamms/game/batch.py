@@ -45,7 +45,7 @@ from gamms.game.hidden_state import is_drawing_globally, refuse_changes
 from gamms.game.plan import find_first_called
 from gamms.game.random_streams import get_global_state, seed_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
-from gamms.game.rows.own_functions import FunctionsPerGame, MakeFunctions
+from gamms.game.rows.by_seed import GamesBySeed, MakeFunctions
 from gamms.game.rows.separate_games import SeparateGames
 from gamms.game.strategy_specs import PoolSpec, list_pools, name_strategy
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
@@ -237,8 +237,9 @@ class Batch(Surface, Immutable, NotPickled):
         self._put_public(slow=find_first_called(games[0], self._roster))
         self._is_said = False
 
-    def _make_functions(self, source: BatchSource) -> FunctionsPerGame:
-        return FunctionsPerGame(source.game, source.functions, self.seeds, source.more_edges, differs=source.differs)
+    def _make_functions(self, source: BatchSource) -> GamesBySeed:
+        seed = self.seeds[0]
+        return GamesBySeed(source.game, source.functions, seed, source.more_edges, differs=source.differs)
 
     def _take_functions(self, games: IntArray) -> None:
         """Make and install the strategies and plans of games, if they depend on the seed."""

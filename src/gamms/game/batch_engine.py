@@ -51,9 +51,9 @@ from gamms.game.movement.roads import join_streets
 from gamms.game.plan import RowPlan, StrategyGroup, are_all_asked, find_first_called
 from gamms.game.random_streams import seed_for_run
 from gamms.game.result import Result, list_opponents
+from gamms.game.rows.by_seed import GamesBySeed
 from gamms.game.rows.contexts import RowContexts
 from gamms.game.rows.functions import RowFunctions
-from gamms.game.rows.own_functions import FunctionsPerGame, get_function_in
 from gamms.game.settings import NamedRule
 from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays
 from gamms.ir.columns import Failure, select_rows
@@ -85,7 +85,7 @@ class GamesOnOneMap:
         state: the state of all games of the batch, on this map.
         block: the columns that the games on all maps share.
         number: the number of the map.
-        own: the differences between the games from their start.
+        own: the games that differ by their seeds.
         starts: what games have by their seeds when they begin.
         games: (games,) the games that begin on the map now.
 
@@ -106,7 +106,7 @@ class GamesOnOneMap:
         state: GameArrays,
         block: CoreColumns,
         number: int,
-        own: FunctionsPerGame,
+        own: GamesBySeed,
         starts: NextStarts,
         games: IntArray,
     ) -> None:
@@ -120,9 +120,9 @@ class GamesOnOneMap:
             state.share_memories()
         self._declare_deeds(settings)
         self._block = block
-        asks_all = are_all_asked(game, roster)
+        asks_all = are_all_asked(game, roster, own)
         self._call_arrays_by_game(settings, asks_all=asks_all)
-        plan = RowPlan.from_game(game, roster, asks_all=asks_all)
+        plan = RowPlan.from_game(game, roster, own, asks_all=asks_all)
         self.plan = plan
         self._begin_all(starts, games)
         carried = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
@@ -268,17 +268,17 @@ class GamesOnOneMap:
         state = self.state
         for number in games.tolist() if self._own.is_needed else ():
             game = np.array([number])
-            own = self._own.maps[number]
-            if own is not None:
-                roads = state.roads.map_with(own.edge_ids, own.closed)
+            own_roads = self._own.find_roads(number)
+            if own_roads is not None:
+                edge_ids, closed, snapshot = own_roads
+                roads = state.roads.map_with(edge_ids, closed)
                 if roads is not None:
-                    roads.snapshot = own.snapshot
+                    roads.snapshot = snapshot
                 state.put_roads(game, roads)
-            values = self._own.first[number] if self._own.first else None
-            if values is not None:
-                state.scores.put(number, values.scores)
-                state.events.forget(game)
-                state.events.begin(game, [dict(event) for event in values.events])
+            values = self._own.begun[number].internals.state
+            state.scores.put(number, values.scores)
+            state.events.forget(game)
+            state.events.begin(game, [dict(event) for event in values.events])
 
     def refuse_left_out(self, games: IntArray) -> None:
         """Refuse games with a living agent whose team the order of play or the priorities in conflicts leave out.
@@ -694,7 +694,7 @@ class BatchEngine(TurnDriver):
         map_of: (games,) the number of each game's map.
         start: the ids of the start nodes, (games, agents).
         rosters: the agents on each map.
-        own: the differences between the games on each map from their start.
+        own: the games on each map that differ by their seeds.
         num_streets: the number of different maps; map i has the streets of map i modulo this number.
 
     Attributes:
@@ -717,7 +717,7 @@ class BatchEngine(TurnDriver):
         map_of: IntArray,
         start: IntArray,
         rosters: Sequence[AgentTable],
-        own: Sequence[FunctionsPerGame],
+        own: Sequence[GamesBySeed],
         num_streets: int,
     ) -> None:
         super().__init__(DecidePhase())
@@ -801,7 +801,7 @@ class BatchEngine(TurnDriver):
         games: Sequence[PlayedGame],
         movements: Sequence[Movement],
         rosters: Sequence[AgentTable],
-        own: Sequence[FunctionsPerGame],
+        own: Sequence[GamesBySeed],
     ) -> None:
         """Add maps, on which no game is yet, or replace maps without games.
 
@@ -1550,11 +1550,11 @@ class BatchEngine(TurnDriver):
         for name in gone.keys() - {*roster.names}:  # created and deleted in one call
             team, node = gone[name]
             agents[name] = {"team": team, "alive": False, "node": node, **dict.fromkeys(state.counts, 0)}
-        plans = on_map.game.settings()["plans"]
+        plans = on_map.game.settings()["plans"] if calls is None else calls.get_plans(game)
         deciders = {
             agent.name: plans[agent.team].function if agent.team in plans else strategy for agent, strategy in own
         }
-        strategies = {name: find_strategy_name(get_function_in(one, game)) for name, one in deciders.items()}
+        strategies = {name: find_strategy_name(one) for name, one in deciders.items()}
         over = self.describe_end(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
@@ -1569,9 +1569,7 @@ class BatchEngine(TurnDriver):
             seed=state.seeds[game],
             provenance=template.provenance
             | {"strategies": dict(sorted(strategies.items()))}
-            | list_opponents(
-                [(ends[name], get_function_in(one, game)) for name, one in deciders.items()], state.seeds[game]
-            ),
+            | list_opponents([(ends[name], one) for name, one in deciders.items()], state.seeds[game]),
             **over,
         )
 

@@ -13,7 +13,7 @@ from gamms.game.block.sensing import list_sensors_called_each_turn
 from gamms.game.conflicts import find_unranked, refuse_unranked
 from gamms.game.hidden_state import find_names
 from gamms.game.order import make_left_out_error
-from gamms.game.rows.own_functions import find_some_function, list_functions_of_games
+from gamms.game.rows.by_seed import GamesBySeed
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.strategy_specs import get_strategy_spec, is_deciding_in_arrays, make_form_key
 from gamms.ir.game_state import KEPT
@@ -77,12 +77,13 @@ class RowPlan(NamedTuple):
     facts_in_core: Sequence[tuple[str, Callable[..., Any]]]
 
     @classmethod
-    def from_game(cls, game: PlayedGame, roster: AgentTable, *, asks_all: bool) -> "RowPlan":
+    def from_game(cls, game: PlayedGame, roster: AgentTable, own: GamesBySeed, *, asks_all: bool) -> "RowPlan":
         """Return the plan of games like one.
 
         Args:
             game: the game at its start.
             roster: the agents.
+            own: the games that differ by their seeds.
             asks_all: whether the strategies of all agents of the start are called game by game.
         """
         settings = game.settings()
@@ -117,7 +118,7 @@ class RowPlan(NamedTuple):
             has_array_functions=has_array_functions,
             asks_all=asks_all,
             functions=[
-                *map(find_some_function, chain(list_rule_functions(game, roster), deciders)),
+                *map(own.get_example, chain(list_rule_functions(game, roster), deciders)),
                 *(one.fn for one in collectors),
             ],
             periods=frozenset(one.every for one in collectors),
@@ -163,7 +164,7 @@ def list_rule_functions(game: PlayedGame, roster: AgentTable) -> Iterator[Callab
         yield game.settings()["conflicts"].resolve
 
 
-def are_all_asked(game: PlayedGame, roster: AgentTable) -> bool:
+def are_all_asked(game: PlayedGame, roster: AgentTable, own: GamesBySeed) -> bool:
     """Return whether the strategies of all agents are called game by game, shipped ones included.
 
     They are if the code of a plain function, or of one that it calls, names what agents have sensed in earlier turns,
@@ -174,7 +175,7 @@ def are_all_asked(game: PlayedGame, roster: AgentTable) -> bool:
     sensors = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
     called = [*list_rule_functions(game, roster), *deciders, *(getattr(one, "function", None) for one in sensors)]
     called += [one.fn for one in game.internals.parts.collectors.by_name.values()]
-    return any(map(_may_look_back, find_names(filter(callable, list_functions_of_games(called)))))
+    return any(map(_may_look_back, find_names(filter(callable, map(own.get_example, called)))))
 
 
 def _may_look_back(names: frozenset[str]) -> bool:

@@ -12,9 +12,9 @@ from gamms.game.block.in_core import CoreGames, get_memory
 from gamms.game.block.sensing import note_sights
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.plan import RowPlan
-from gamms.game.rows.own_functions import FirstValues, FunctionsPerGame, get_function_of_game
+from gamms.game.rows.by_seed import GamesBySeed, list_shared
 from gamms.game.rows.row import PhaseCall, RowMeans, RowOfGame
-from gamms.game.snapshots import ForkSource, list_shareable
+from gamms.game.snapshots import ForkSource
 from gamms.ir.graph import IntArray
 
 
@@ -39,7 +39,7 @@ class RowContexts:
         game: PlayedGame,
         state: GameArrays,
         core: CoreGames,
-        own: FunctionsPerGame,
+        own: GamesBySeed,
         plan: RowPlan,
     ) -> None:
         self.game = game
@@ -59,14 +59,7 @@ class RowContexts:
     @cached_property
     def _shared(self) -> list[object]:
         """The functions and settings that are objects which all games share."""
-        settings = self.game.settings()
-        plans = [plan.function for plan in settings["plans"].values()]
-        functions = [*self.plan.functions, *self.game.ctx.agent.storage.list_strategies(), *plans]
-        functions += [*settings.values(), *(rule.rule for rule in self.game.rules)]
-        ctx, memo = ForkSource(self.game.internals.parts, only_plain=False).make_context(0)
-        found = list_shareable({id(one): one for one in functions}.values(), memo)
-        ctx.terminate()
-        return found
+        return list_shared(self.game, self.plan.functions)
 
     @cached_property
     def _means(self) -> RowMeans:
@@ -105,39 +98,35 @@ class RowContexts:
             self._kept[number] = row.copy_turn_values()
         return row
 
+    def find(self, number: int) -> "RowOfGame | None":
+        """Return a game in its context; None: it shows nothing but what all games begin with."""
+        return self.get(number) if self._own.is_needed else self.rows.get(number)
+
     def _make(self, number: int) -> "RowOfGame":
-        """Return a game at its start in a new context."""
-        means = self._means
-        functions = [(one, get_function_of_game(one, number)) for one in self._own.list_functions()]
+        """Return a game at its start in a context of its own."""
+        if self._own.is_needed:
+            return RowOfGame(self._own.begun.pop(number), number, self._means)
         source = self._source
         source.renew_map()
-        ctx, _ = source.make_fork(self._state.seeds[number], functions=functions, shared=self._shared)
+        ctx, _ = source.make_fork(self._state.seeds[number], shared=self._shared)
         self._begin(number, ctx.game)
-        row = RowOfGame(ctx.game, number, means)
+        row = RowOfGame(ctx.game, number, self._means)
         row.has_first_functions = _list_functions(ctx.game) == _list_functions(self.game)
         return row
 
     def _begin(self, number: int, game: PlayedGame) -> None:
-        """Give a game at its start the values with which it begins, unlike others."""
-        rng = self._own.rngs[number]
+        """Let `ctx.rng` of a game at its start draw what it draws after a reset."""
         start = self.game.internals.state.start
-        if rng is None and start is not None:
-            rng = start.get_rng_state(self._state.seeds[number])
+        rng = None if start is None else start.get_rng_state(self._state.seeds[number])
         if rng is not None:
             game.ctx.reseed(self._state.seeds[number], rng)
-        first: FirstValues | None = self._own.first[number] if self._own.first else None
-        if first is not None:
-            first.put(game)
 
     def forget(self, games: IntArray) -> None:
         """Begin games again in their contexts, or end these contexts if functions are not those of the start."""
-        if self._own.is_needed:  # the game in the context of the start has begun again, too
-            self.__dict__.pop("_source", None)
-            self.__dict__.pop("_shared", None)
         for number in games.tolist() if self.rows else ():
             self._kept.pop(number, None)
             row = self.rows.pop(number, None)  # an error, or Ctrl-C, leaves no row that has half begun
-            if row is not None and row.has_first_functions and not self._own.is_needed:
+            if row is not None and row.has_first_functions:
                 row.begin_again(self._state.seeds[number], partial(self._begin, number))
                 self.rows[number] = row
             elif row is not None:
@@ -147,6 +136,7 @@ class RowContexts:
         """End all contexts; what results are made of remains."""
         for row in self.rows.values():
             row.ctx.terminate()
+        self._own.close()
 
     def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
         """Close or open roads in some games.

@@ -1,6 +1,6 @@
 """Calls plain functions in the games of a batch, each in the context of its game."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -17,7 +17,7 @@ from gamms.game.messages import MessageTraffic, read_outboxes
 from gamms.game.movement.courses import Routes
 from gamms.game.rows.contexts import RowContexts
 from gamms.game.rows.row import AskedPart, RowOfGame
-from gamms.game.settings import BegunPhase, NamedRule, RuleTable
+from gamms.game.settings import BegunPhase, NamedRule, Plan, RuleTable
 from gamms.game.turn import CLOSED, describe_closed_edge
 from gamms.ir.columns import Failure
 from gamms.ir.deeds import PlainDeeds
@@ -435,11 +435,18 @@ class RowFunctions:
 
     def get_agents(self, game: int) -> list[tuple[Any, Any]] | None:
         """Return the agents of a game and their strategies; None: those of the start."""
-        row = self._contexts.rows.get(game)
+        row = self._contexts.find(game)
         if row is None:
             return None
         agents = row.members.agents
         return [(agent, strategy) for agent, (strategy, _) in zip(agents.members, agents.equipment, strict=True)]
+
+    def get_plans(self, game: int) -> Mapping[Any, Plan]:
+        """Return the plans of teams in a game."""
+        row = self._contexts.find(game)
+        of_game = self._contexts.game if row is None else row.game
+        plans: Mapping[Any, Plan] = of_game.settings()["plans"]
+        return plans
 
     def get_departed(self, game: int) -> dict[str, tuple[Any, int]]:
         """Return the agents that were deleted in a game, with their teams and nodes."""
