@@ -75,7 +75,7 @@ class GamesBySeed:
         """Whether games may differ from their start."""
         return self._make is not None or len(self._preparing) > 0
 
-    def get_example(self, function: Any) -> Any:
+    def get_example(self, function: object) -> Any:
         """Return one of the functions for which a function stands; other functions stand for themselves."""
         return self._examples.get(id(function), function)
 
@@ -111,7 +111,7 @@ class GamesBySeed:
         game: PlayedGame = ctx.game
         return game
 
-    def _stand_for(self, known: dict[Any, Any], key: object, function: Any) -> None:
+    def _stand_for(self, known: dict[Any, Any], key: object, function: object) -> None:
         """Let a function stand for one that differs between games, and is called game by game."""
         if self._examples.get(id(known.get(key))) is None:  # an agent may have no strategy in some games
             known[key] = _make_stand_in(function)
@@ -241,7 +241,7 @@ def list_shared(game: PlayedGame, functions: Iterable[object] = ()) -> list[obje
     return found
 
 
-def _make_stand_in(function: Any) -> Callable[..., NoReturn]:
+def _make_stand_in(function: object) -> Callable[..., NoReturn]:
     """Return a function with the name of another one; it is never called."""
 
     def stand_in(*_: object) -> NoReturn:
