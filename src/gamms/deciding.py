@@ -40,16 +40,24 @@ _of_task: ContextVar[tuple[Any, Any]] = ContextVar("gamms_decider", default=(Non
 
 
 class UnknownLook(dict[str, Any]):
-    """Stands for the last state of an agent, or the last data of a sensor, that the batch of a game has not kept."""
+    """Stands for the last state of an agent, or the last data of a sensor, that the batch of a game has not kept.
 
-    __slots__ = ()
+    Args:
+        note: called with the error that is raised when it is read; None: nobody is told.
+    """
+
+    __slots__ = ("note",)
+
+    def __init__(self, note: Callable[[BadValue], object] | None = None) -> None:
+        super().__init__()
+        self.note = note
 
     def copy(self) -> "UnknownLook":
         """Return itself: it has no values."""
         return self
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "UnknownLook":
-        return self
+        return UNKNOWN_LOOK
 
 
 UNKNOWN_LOOK = UnknownLook()
@@ -65,12 +73,15 @@ def refuse_unknown_look(look: object, of: str) -> None:
     Raises:
         BadValue: it was not kept.
     """
-    if look is UNKNOWN_LOOK:
-        raise BadValue(
+    if type(look) is UnknownLook:
+        error = BadValue(
             f"The batch of this game has not kept what {of} has sensed before this turn. It keeps it if the code of a "
-            "plain function reads agent.state, or sensor.data of agent.sensors, by these names; after the next turn, "
-            "it is known in any case. games.record(…) writes a recording that has it for all turns."
+            "plain function reads agent.state, or sensor.data of agent.sensors, by these names; in games.context(i), "
+            "it is known after the next turn. games.record(…) writes a recording that has it for all turns."
         )
+        if look.note is not None:
+            look.note(error)
+        raise error
 
 
 class DecidePhase(NotPickled):

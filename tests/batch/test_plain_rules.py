@@ -327,3 +327,19 @@ def test_a_rule_changes_the_last_turn_for_later_runs_too(last):
             games.reset()
             games.run(2)
             assert games.turn.tolist() == [2, 2]
+
+
+def test_a_rule_that_holds_the_data_of_the_game_sees_what_rules_in_the_core_have_written():
+    def recall(ctx):
+        scout = ctx.agent.get_agent("red_0")
+        if not hasattr(scout, "held"):
+            scout.held = [ctx.game.data]
+        ctx.game.emit("recalled", what=str(scout.held[0]))
+
+    with scene([OUT, FLAGS], max_turns=12).build(seed=1) as ctx:
+        ctx.game.add(recall)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays
+            assert_as_alone(games, alone)
+            assert len({event["what"] for event in games.result(0).events if event["kind"] == "recalled"}) > 1

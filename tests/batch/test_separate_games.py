@@ -778,14 +778,14 @@ def draw_unnamed(ctx):
     eval("ctx.game.observation('red_0')['draw'].below(9)", {"ctx": ctx})
 
 
-SAYS_LOOK = "reads what agents have sensed in earlier turns"
+SAYS_LOOK = r"has not kept what agent .\w+. has sensed before this turn"
 SAYS_DRAW = "draws by the streams of agents while agents move.*draw from ctx.rng, or let a rule do it before or after"
 
 
 @pytest.mark.parametrize(
     ("act", "phase", "strategy", "said"),
     [
-        (read_unnamed, "after", "gamms.strategies:random_walk", f"{SAYS_LOOK}.*write agent.state"),
+        (read_unnamed, "after", "gamms.strategies:random_walk", f"{SAYS_LOOK}.*reads agent.state"),
         (read_and_catch, "after", "gamms.strategies:random_walk", SAYS_LOOK),
         (draw_unnamed, "deeds", "gamms.strategies:random_walk", SAYS_DRAW),
     ],
@@ -879,7 +879,7 @@ def test_a_function_that_looks_back_by_a_name_in_a_variable_is_refused(name):
         ctx.game.add(recall)
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
             if name == "state":
-                with pytest.raises(BadValue, match=f"{SAYS_LOOK}.*write agent.state"):
+                with pytest.raises(BadValue, match=f"{SAYS_LOOK}.*reads agent.state"):
                     games.run()
                 return
             games.run()

@@ -7,7 +7,7 @@ from math import hypot, inf
 from typing import Any, ClassVar, Self, TypeVar, cast
 
 from gamms.arguments import as_float, as_name, as_range
-from gamms.deciding import UNKNOWN_LOOK, ContextPart, DecidePhase, get_phase, refuse_unknown_look, refuse_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, UnknownLook, get_phase, refuse_unknown_look, refuse_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensor_results import SensorView
@@ -133,7 +133,7 @@ class Sensor(ContextPart, ISensor):
 
     def _get_view_data(self) -> Any:
         """Return the data to draw: `data`, or the data of the underlying kind; see `catalog.derived`."""
-        return {} if self._last[0] is UNKNOWN_LOOK else self.data
+        return {} if type(self._last[0]) is UnknownLook else self.data
 
     def _get_place_of_look(self) -> Any:
         """Return the place of the last look: the id of a node, (x, y) or (x, y, z); None before a look."""

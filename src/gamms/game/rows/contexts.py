@@ -14,6 +14,7 @@ from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.plan import RowPlan
 from gamms.game.rows.by_seed import GamesBySeed, list_shared
 from gamms.game.rows.row import PhaseCall, RowMeans, RowOfGame
+from gamms.game.rows.state import get_data
 from gamms.game.snapshots import ForkSource
 from gamms.ir.graph import IntArray
 
@@ -179,7 +180,7 @@ class RowContexts:
     def get_data(self, number: int, first: Mapping[Any, Any]) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game; `first` is that of the start."""
         row = self.rows.get(number)
-        return first if row is None else row.values.data
+        return first if row is None else get_data(row.values)
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes later changes; what functions have written themselves stays."""

@@ -3,13 +3,14 @@
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from sys import getrefcount
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from gamms.core.copies import copy_deep
 from gamms.core.rows import Call, Row, RowColumns
-from gamms.deciding import UNKNOWN_LOOK, get_phase
+from gamms.deciding import UNKNOWN_LOOK, UnknownLook, get_phase
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
@@ -23,7 +24,7 @@ from gamms.game.movement.roads import RoadMap
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.plan import RowPlan
-from gamms.game.rows.state import GuardedDict, RowStart, RowState, get_memories, get_moves, put_data
+from gamms.game.rows.state import RowStart, RowState, get_data, get_memories, get_moves
 from gamms.game.settings import BegunPhase, RuleTable, as_called
 from gamms.game.slots import COUNTED
 from gamms.game.snapshots import ForkSource, GameStart, Snapshot, copy_moves, copy_rules
@@ -45,6 +46,7 @@ from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, Memo
 from gamms.typing.agent_engine import DeletedAgent
 from gamms.typing.context import HostContext
 
+_OF_SLOT = 2  # references to an object in a slot, that of the argument included
 _NUMBERS = {column.name: CHANGE_EVENTS[column.name].code for column in NUMBERS}
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
 _EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
@@ -253,13 +255,15 @@ class RowOfGame(Row):
         self._scores_before: dict[Any, Any] = {}
         self._num_events = 0  # of the events and messages that were read
         self._num_messages = 0
-        self.look = None if means.plan.asks_all else GuardedDict({}, None, lambda _: self.refuse_look())
+        self.look = None if means.plan.asks_all else UnknownLook(self._note_refusal)
         self._first_means = parts.settings.settings_now(), parts.rules.now
         self._first_collectors = {*parts.collectors.by_name}
         self._first_fields = values.start, values.deed_log
         self._keeps_more = self.look is None or state.doings is not None or bool(self._first_collectors)
         self._first_core_data: dict[str, Any] = {}  # data of rules in the core
-        self._core_data: dict[str, Any] = {}  # the same as a function has read it
+        self._core_data: dict[str, Any] = {}  # the same as they are shown
+        self._has_core_data = False  # whether `ctx.game.data` has the data of rules in the core now
+        self._is_data_held = False  # whether functions keep the dict, which then has these data in each call
         self._own_arrays: dict[Hashable, Arrays] = {}  # that only functions called in this game keep
         self._core_memories: dict[str, dict[Any, Any]] = {}  # what the core remembers for agents, as above
         self._why_later = ""  # why the game leaves after the function that is called
@@ -316,10 +320,8 @@ class RowOfGame(Row):
     def _begin_state(self) -> None:
         """Let the state of the context read the columns of all games."""
         values = self.values
-        keys = self._plan.core_keys
-        if keys:
-            self._first_core_data = {key: one for key, one in values.data.items() if key in keys}
-            self._guard_data()
+        self._has_core_data = self._is_data_held = False
+        self._first_core_data = copy_deep(self._get_core_data())
         values.__class__ = RowState
         values.start = RowStart(self, self._means.at_rest)
         values.deed_log = self._state.deed_log
@@ -334,12 +336,6 @@ class RowOfGame(Row):
         """Return the names of the agents whose strategies are called, also of those to come."""
         return [self._state.roster.names[number] for number in np.flatnonzero(self._plan.is_asked)]
 
-    def _guard_data(self) -> None:
-        """Leave the data of rules in the core out of `ctx.game.data`, until a function reads it."""
-        keys = self._plan.core_keys
-        own = {key: one for key, one in dict.items(self.values.data) if key not in keys}
-        put_data(self.values, GuardedDict(own, keys, self._show_core_data))
-
     @property
     def block(self) -> AgentBlock:
         """The columns of the agents of the context."""
@@ -353,30 +349,20 @@ class RowOfGame(Row):
     def _phase_call(self) -> PhaseCall:
         return self._means.call
 
-    def refuse(self, what: str, way_out: str) -> NoReturn:
-        """Refuse what a function has done that a batch notices too late, because its code does not say so.
-
-        Args:
-            what: the forbidden call, in words.
-            way_out: how its code says so.
-
-        Raises:
-            BadValue: always.
-        """
-        self._raise(
-            f"A plain function {what}, and the games of a batch have not kept what this needs. Its code does not say "
-            f"that it does so: {way_out}. Then the games keep what they need."
-        )
-
     def _raise(self, why: str) -> NoReturn:
         """Refuse what a function has done, also if it catches the error; see `raise_refusal`.
 
         Raises:
             BadValue: always.
         """
+        error = BadValue(why)
+        self._note_refusal(error)
+        raise error
+
+    def _note_refusal(self, error: BadValue) -> None:
+        """Note the error that is raised, which a function may catch."""
         self.why = ""
-        self.refusal = BadValue(why)
-        raise self.refusal
+        self.refusal = error
 
     def raise_refusal(self) -> None:
         """Raise the error with which something was refused last, once.
@@ -389,16 +375,9 @@ class RowOfGame(Row):
         if refusal is not None:
             raise refusal
 
-    def refuse_look(self) -> NoReturn:
-        """Refuse to read what agents have sensed in earlier turns; see `refuse`."""
-        self.refuse(
-            "reads what agents have sensed in earlier turns",
-            "write agent.state, or sensor.data of agent.sensors, in the function itself",
-        )
-
     def refuse_verb(self, what: str) -> NoReturn:
         """Refuse a verb that no function may call in a turn; the argument says which, in words."""
-        self.refuse(what, "play and reset a game between two turns, not in a function that a turn calls")
+        self._raise(f"A plain function {what}: play and reset a game between two turns, not in a function of a turn.")
 
     def go_alone(self, what: str) -> NoReturn:
         """Let the game go on in another context; the argument says why, in words.
@@ -442,8 +421,6 @@ class RowOfGame(Row):
         drawn = self._find_drawn()
         earlier = self._show_decisions(begun) if is_within else None
         sensed = frozenset(key for key, last in list_last_states(self.ctx).items() if last[0] is not self.look)
-        if self.look is not None:
-            self.look.is_filled = True  # with nothing; deleted agents have it, too
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
         ctx, memo = self._make_fork(source)
@@ -483,8 +460,7 @@ class RowOfGame(Row):
         self._why_later = ""
         self.raised = None
         self.values.blocked = BlockedAgents()
-        if type(self.values.data) is GuardedDict:
-            self._guard_data()
+        self._has_core_data = False
         settings, rules = self._first_means
         self._drop_changes()
         if self._parts.settings.settings_now() != settings:
@@ -494,8 +470,6 @@ class RowOfGame(Row):
         collectors = self._parts.collectors
         collectors.by_name = {name: one for name, one in collectors.by_name.items() if name in self._first_collectors}
         self.turns.begun = None
-        if self.look is not None:
-            self.look.is_filled = False
         self.forget_looks()
         self._fixed = self._list_fixed_values()
         self._note_epoch()
@@ -523,10 +497,9 @@ class RowOfGame(Row):
         known = {*self.ctx.agent.agents, *self.values.departed}
         if row.keeps_for_agents and not known >= {*roster.names}:
             name = next(name for name in roster.names if name not in known)
-            self.refuse(
-                f"lets its game leave the batch ({self.why}), where keep(key, make) has a place for agent {name!r}, "
-                "which has not come",
-                "keep arrays of the shape (games,), or reserve no agents",
+            self._raise(
+                f"A plain function lets its game leave the batch ({self.why}), where keep(key, make) has a place for "
+                f"agent {name!r}, which has not come: keep arrays of the shape (games,), or reserve no agents."
             )
 
     def _find_drawn(self) -> dict[str, tuple[Any, Any]]:
@@ -594,9 +567,7 @@ class RowOfGame(Row):
         self.turns.restart_counts()
         for name in ("counts", "errors"):
             self.read.pop(name, None)  # refusals are noted after functions have read them
-        data = self.values.data
-        if type(data) is GuardedDict:
-            data.fill()
+        self.read_data()
         self.read_field("memories")
         self.values.blocked = self._make_blocked()
 
@@ -676,22 +647,20 @@ class RowOfGame(Row):
         for name, column in state.numbers.items():
             show_column(block, name, column[number, members.numbers])
         if are_placed or block.placed:
-            placed = state.placed[number].copy()
-            placed[state.flyers] &= ~state.has_flown[number]
-            block.placed = set(np.flatnonzero(placed[members.numbers]).tolist())
+            self._show_placed()
         remembers = state.movement.depends_on_speeds
         if remembers:
-            row_of = {agent: row for row, agent in enumerate(members.numbers.tolist())}
-            on_edges = state.movement.find_edge_positions(number, state.node[number])
-            show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
+            self._show_positions_on_edges()
         if state.roads.are_closed or self._roads is not None:
             self._show_roads(state.roads.get_map(number))
-        if self.part is not None and members.counting:
-            self._show_counts()
+        self._show_counts()
         if self._phase.epoch != self.epoch:
             self._note_epoch()
+        if self._is_data_held:
+            self._show_core_data()
         self.shows_more = bool(
             flights is not None
+            or self._is_data_held
             or remembers
             or state.numbers
             or headings
@@ -700,9 +669,24 @@ class RowOfGame(Row):
             or state.roads.are_closed
         )
 
+    def _show_placed(self) -> None:
+        """Show which agents rules have placed in this turn."""
+        placed = self._state.placed[self.number].copy()
+        placed[self._state.flyers] &= ~self._state.has_flown[self.number]
+        self.block.placed = set(np.flatnonzero(placed[self.members.numbers]).tolist())
+
+    def _show_positions_on_edges(self) -> None:
+        """Show which agents are on edges, and where."""
+        state = self._state
+        row_of = {agent: row for row, agent in enumerate(self.members.numbers.tolist())}
+        on_edges = state.movement.find_edge_positions(self.number, state.node[self.number])
+        show_progress(self.block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
+
     def _show_counts(self) -> None:
         """Show how often sensors have looked before agents move: once, if their owners have decided."""
-        part = self.part or 0
+        part = self.part
+        if part is None or not self.members.counting:
+            return
         _, _, took_part = self._core.get_next_moves(np.array([self.number]), part)
         have_looked = took_part[0] & (self._core.part_of <= part)
         for sensor, owners in self.members.counting:
@@ -832,8 +816,16 @@ class RowOfGame(Row):
         self._state.is_going[number] = over is None
         self.read["over"] = over
 
-    def _show_core_data(self, data: GuardedDict) -> None:
+    def read_data(self) -> dict[Any, Any]:
+        """Return `ctx.game.data`, with the data of rules in the core."""
+        if self._plan.core_keys and not self._has_core_data:
+            self._show_core_data()
+        return get_data(self.values)
+
+    def _show_core_data(self) -> None:
         """Put the data of rules in the core into `ctx.game.data`."""
+        self._has_core_data = True
+        data = get_data(self.values)
         self._take_events()
         facts = dict(self._facts)
         game = GameRow.from_game(self._state, self.number)
@@ -842,28 +834,29 @@ class RowOfGame(Row):
         arrays = {**self._own_arrays, **game.of_arrays}
         if arrays:
             data[KEPT] = arrays
-        if self.values.data is data:  # else it was replaced
-            with self._phase.suspend(changes_world=False):
-                for rule in as_called(self.game.rules):
-                    if rule.spec.show_arrays is not None:
-                        rule.spec.show_arrays(self.ctx, game, self.read["events"], None)
+        with self._phase.suspend(changes_world=False):
+            for rule in as_called(self.game.rules):
+                if rule.spec.show_arrays is not None:
+                    rule.spec.show_arrays(self.ctx, game, self.read["events"], None)
         self._facts.update({name: facts[name] for name in self._plan.core_keys & facts.keys()})  # they are the same
         self._core_data = copy_deep(self._get_core_data())
 
     def _get_core_data(self) -> dict[str, Any]:
         """Return the data of rules in the core in `ctx.game.data`."""
-        data = self.values.data
-        return {key: dict.get(data, key) for key in self._plan.core_keys if dict.__contains__(data, key)}
+        data = get_data(self.values)
+        return {key: data[key] for key in self._plan.core_keys & data.keys()}
 
     def _take_core_data(self) -> None:
         """Write the changes of the data of rules in the core to the columns, if a function has read it."""
-        data = self.values.data
-        if not self._plan.core_keys or (isinstance(data, GuardedDict) and not data.is_filled):
+        if not self._has_core_data:
             return
+        self._is_data_held = self._is_data_held or getrefcount(get_data(self.values)) > _OF_SLOT
+        self.shows_more = self.shows_more or self._is_data_held
         now = self._get_core_data()
-        if type(data) is dict or not now.keys() >= self._core_data.keys() or self._has_lost_arrays(now):
-            if self._phase_call.begun is None:
-                self._guard_data()  # it is refused, and the data stay
+        if not now.keys() >= self._core_data.keys() or self._has_lost_arrays(now):
+            if self._phase_call.begun is None:  # it is refused, and the data stay
+                get_data(self.values).update(self._core_data)
+                self._has_core_data = False
             self.go_alone("drops ctx.game.data of rules or functions in the core")
         if not _are_equal(now, self._core_data):
             game = GameRow.from_game(self._state, self.number)
@@ -873,8 +866,7 @@ class RowOfGame(Row):
             arrays = now.get(KEPT, {})
             self._own_arrays = {key: arrays[key] for key in arrays.keys() - self._state.kept.keys()}
             self._put_arrays({key: arrays[key] for key in arrays.keys() & self._state.kept.keys()})
-        self._core_data = {}
-        self._guard_data()
+        self._has_core_data = False
 
     def _has_lost_arrays(self, now: Mapping[str, Any]) -> bool:
         """Return whether a function has deleted arrays that array functions keep."""
@@ -1280,7 +1272,7 @@ class RowOfGame(Row):
         collected = collectors.snapshot() if collectors.by_name else None
         looks = {which: {**of_turns} for which, of_turns in delayed.items()}
         sensed = [last[0] for last in self.lasts] if self.look is None else ()
-        doing = copy_doing(values.data) if self._state.doings is not None else None
+        doing = copy_doing(get_data(values)) if self._state.doings is not None else None
         rng = self.ctx.rng_state() if has_drawn else None
         known = sensed, collected, looks, {**departed}, rng, {**self.undone}, copy_deep(shared), doing
         return self.members, self._moved, *known
@@ -1302,7 +1294,7 @@ class RowOfGame(Row):
         if collected is not None:
             self._parts.collectors.restore(collected)
         if self._state.doings is not None:
-            put_doing(values.data, doing)
+            put_doing(get_data(values), doing)
         self.decide_again()
         self._note_epoch()
 

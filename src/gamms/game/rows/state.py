@@ -1,7 +1,5 @@
 """The state of a game of a batch in a context of its own."""
 
-from collections.abc import Callable
-from copy import deepcopy
 from functools import partial
 from typing import Any, NoReturn
 
@@ -11,72 +9,6 @@ from gamms.typing.agent_engine import IAgent
 
 _READ = ("began", "counts", "driven", "errors", "events", "memories", "messages", "moves", "scores")
 """Fields of the state of a game that are made when they are read; so is `over`, which may be set."""
-_OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
-_OF_ALL = (
-    *("__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
-    *("__repr__", "__ror__", "clear", "copy", "items", "keys", "popitem", "update", "values"),
-)
-
-
-class GuardedDict(dict[Any, Any]):
-    """A dict of a game, some of whose values are not in it until a function reads one of them.
-
-    Args:
-        values: the values of the other keys.
-        keys: the keys whose values are not in it; None: all.
-        fill: called with the dict before such a value is read, to put all of them in.
-
-    Attributes:
-        is_filled: whether all values are in it.
-    """
-
-    def __init__(
-        self, values: dict[Any, Any], keys: frozenset[str] | None, fill: Callable[["GuardedDict"], object]
-    ) -> None:
-        super().__init__(values)
-        self._unread = keys
-        self.fill_by(fill)
-        self.is_filled = False
-
-    def __bool__(self) -> bool:
-        return len(self) > 0
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> dict[Any, Any]:
-        return deepcopy({**self}, memo)
-
-    def fill_by(self, fill: Callable[["GuardedDict"], object]) -> None:
-        """Set the function that puts the values in."""
-        self._fill = fill
-
-    def fill(self) -> None:
-        """Put all values in, unless they are."""
-        if not self.is_filled:
-            self.is_filled = True
-            try:
-                self._fill(self)
-            except BaseException:
-                self.is_filled = False
-                raise
-
-    def may_lack(self, key: object) -> bool:
-        """Return whether the value of a key is possibly not in it."""
-        return not self.is_filled and (self._unread is None or key in self._unread)
-
-
-def _make_filling_method(name: str, *, is_of_one: bool) -> Callable[..., Any]:
-    """Return the method of `dict` with this name, which first fills the dict if it may lack the key, or any value."""
-    method = getattr(dict, name)
-
-    def read(self: GuardedDict, *args: object, **named: object) -> Any:
-        if not is_of_one or self.may_lack(args[0]):
-            self.fill()
-        return method(self, *args, **named)
-
-    return read
-
-
-for _name in (*_OF_ONE, *_OF_ALL):
-    setattr(GuardedDict, _name, _make_filling_method(_name, is_of_one=_name in _OF_ONE))
 
 
 class RowStart:
@@ -157,9 +89,16 @@ def _refuse_turn(state: GameState, _: object) -> None:
     state.start.row.refuse_verb("plays a turn of the game")
 
 
+def _read_data(state: GameState) -> dict[Any, Any]:
+    data: dict[Any, Any] = state.start.row.read_data()
+    return data
+
+
 def _replace_data(state: GameState, data: dict[Any, Any]) -> None:
+    row = state.start.row
+    row.read_data()
     put_data(state, data)
-    state.start.row.read["data"] = data
+    row.read["data"] = data
 
 
 _memories: Any = vars(GameState)["memories"]  # the slots
@@ -178,6 +117,12 @@ def get_moves(state: GameState) -> Any:
     return _moves.__get__(state)
 
 
+def get_data(state: GameState) -> dict[Any, Any]:
+    """Return `ctx.game.data` of a game of a batch, perhaps without the data of rules in the core."""
+    found: dict[Any, Any] = _data.__get__(state)
+    return found
+
+
 def put_data(state: GameState, data: dict[Any, Any]) -> None:
     """Set `ctx.game.data` of a game of a batch."""
     _data.__set__(state, data)
@@ -185,7 +130,6 @@ def put_data(state: GameState, data: dict[Any, Any]) -> None:
 
 for _name in _READ:
     setattr(RowState, _name, property(partial(_read_field, _name), _refuse_turn))
-_read_data: Any = _data.__get__
 for _name, _read, _write in (
     ("data", _read_data, _replace_data),
     ("over", partial(_read_field, "over"), lambda state, over: state.start.row.end(over)),
