@@ -197,7 +197,8 @@ class GamesOnOneMap:
 
     def _get_data(self, number: int) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game."""
-        return self.state.data_apart.get(number) or self.contexts.get_data(number, self._first_data)
+        apart = self.state.apart.get(number)
+        return self.contexts.get_data(number, self._first_data) if apart is None else apart().internals.state.data
 
     @property
     def asking(self) -> int | None:

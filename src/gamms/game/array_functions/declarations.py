@@ -18,7 +18,7 @@ from gamms.game.array_functions.aims import ActionFinder
 from gamms.game.array_functions.given import make_flight_action
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, make_asked_view
-from gamms.game.block.columns import AgentTable, PlayedGame, find_decider, get_mode
+from gamms.game.block.columns import AgentTable, find_decider, get_mode
 from gamms.game.block.initial_state import LastTurn, make_movement
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
@@ -27,7 +27,6 @@ from gamms.game.lasting import DeedReader
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.noted_moves import CachedLegalMoves
 from gamms.game.movement.routes import RoutesWithTurns
 from gamms.game.movement.travel import find_usable_graph
 from gamms.game.settings import RuleSpec, declared
@@ -38,7 +37,6 @@ from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
-from gamms.typing.on_edges import locate
 
 _CACHE = "array functions"  # the key of `ctx.game.internals.kept`
 _ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
@@ -188,36 +186,10 @@ def _make_block(ctx: HostContext) -> GameArrays:
         state.movement.traffic.put_driven(roster.names, game.internals.state.driven)
     state.previous[0] = streets.rows([agent.prev_node_id for agent in roster.agents])
     if roster.obey_turns and state.movement.by_metres:
-        state.noted_moves = CachedLegalMoves(state.node.shape)
         state.is_apart[0] = True
-        note_moves(state, game, 0)
+        state.apart[0] = lambda: game
+    state.reading = partial(get_phase(ctx).suspend, changes_world=False)
     return state
-
-
-def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
-    """Note the legal nodes and the positions of agents as the context of their game has them.
-
-    Args:
-        state: the state of games, with `noted_moves`.
-        game: the game.
-        number: its number among these games.
-    """
-    moves = state.noted_moves
-    assert moves is not None  # noqa: S101 - see above
-    known = game.ctx.agent.agents
-    names = state.roster.names
-    turns = game.internals.parts.turns
-    legal = turns.list_legal([name for name in names if name in known])
-    columns = state.streets.columns
-    block = game.ctx.agent.block
-    for i, name in enumerate(names):
-        node = state.node[number, i]
-        moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
-        moves.note_position(number, i, (-1, -1, -1), 0.0, columns.xy[node])
-        progress = block.get_edge_position(block.find_row(name)) if name in known else None
-        place = None if progress is None else locate(game.ctx.graph.graph, progress)
-        if place is not None:
-            moves.note_position(number, i, *place[:3])
 
 
 # -- strategies -------------------------------------------------------------------------------------------------------
@@ -376,7 +348,6 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
                 note_sights(block, ctx, turns.read_sensors, 0)
 
     block.look = look
-    block.reading = partial(get_phase(ctx).suspend, changes_world=False)
     if game.channels:
         turns.messages.follow()
         gone = {name: team for name, (team, _) in game.internals.state.departed.items()}

@@ -40,8 +40,7 @@ from gamms.game.block.vectors import (
 from gamms.game.conflicts import flatten
 from gamms.game.lasting import DeedReader, DeedsInProgress
 from gamms.game.messages import OutgoingMessages, ReceivedMessages
-from gamms.game.movement.legal_moves import Movement
-from gamms.game.movement.noted_moves import Places
+from gamms.game.movement.legal_moves import Movement, MovesInContexts, Places
 from gamms.game.movement.routes import RouteTable
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.strategy_specs import CoreStep, get_strategy_spec
@@ -107,9 +106,10 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         self.games = copy_locked(games)  # other views and the batch may have it, too
         self.agents = copy_locked(agents)
         self.streets, self._movement, self._shared = state.make_map_data(games, agents)
-        if state.noted_moves is not None and state.is_apart[games].any():
-            self._movement = self._movement.add_notes(state.noted_moves)
         self.roster = state.roster
+        if state.apart and state.is_apart[games].any():
+            apart = MovesInContexts(state.apart, self.roster.names, self.streets, state.reading)
+            self._movement = self._movement.add_contexts(apart)
         self.memory_of = state.memory_of
         self.node: IntArray = state.select_values(state.node, games, agents)
         self.mask: BoolArray = state.select_values(state.alive, games, agents)

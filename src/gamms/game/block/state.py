@@ -20,7 +20,6 @@ from gamms.game.decisions import COUNT_OF
 from gamms.game.deeds import DeclaredDeeds
 from gamms.game.messages import MessageTraffic
 from gamms.game.movement.legal_moves import Movement
-from gamms.game.movement.noted_moves import CachedLegalMoves
 from gamms.game.movement.roads import MultiMapStreets, RoadMap
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.slots import COUNTED
@@ -633,9 +632,8 @@ class GameArrays(BatchColumns):
         streets: the graph on which agents move.
         tell: called with each failure, to inform the agent.
         doings: reads what agents are doing; None: no deed lasts. Any: its class imports this module.
-        data_apart: `ctx.game.data` of games that are played in contexts of their own, by number.
         deeds: the deeds that agents may do besides moving.
-        noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
+        apart: number of a game that is played in a context of its own -> a function that returns it.
         noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
         sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
         sighted_nodes: (game, agent) -> sensor in `noted_nodes` -> the rows of the visible nodes.
@@ -694,7 +692,7 @@ class GameArrays(BatchColumns):
         self.shared: dict[Hashable, Any] = {}
         self.searches: dict[Hashable, sight.AgentSearch] = {}
         self.asked: dict[Hashable, Any] = {}
-        self.noted_moves: CachedLegalMoves | None = None
+        self.apart: dict[int, Callable[[], PlayedGame]] = {}
         self.noted: dict[int, list[str]] = {}
         self.noted_nodes: dict[int, list[str]] = {}
         self.now = dict[Hashable, Any]()
@@ -706,7 +704,6 @@ class GameArrays(BatchColumns):
         self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
         self.tell: Callable[[Failure], None] = _tell_nobody
         self.doings: Any = None
-        self.data_apart: dict[int, Mapping[Any, Any]] = {}
         self.memory_of = copy_locked(np.arange(len(self.roster.names)))
         self.no_node = np.zeros(len(self), np.int64)
         self.strategy_in: Callable[[object], Any] | None = None

@@ -3,7 +3,8 @@
 The core finds the legal nodes of agents with speeds; see `core.by_edges` and `core.travel`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from copy import copy
 from functools import cached_property, partial
 from typing import Any, NamedTuple, Self
@@ -16,7 +17,6 @@ from gamms.core import travel as core
 from gamms.core.by_edges import LegalByEdges
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame, get_or_make
-from gamms.game.movement.noted_moves import CachedLegalMoves, Places
 from gamms.game.movement.roads import (
     ModeEdges,
     OpenRoads,
@@ -32,12 +32,21 @@ from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, spli
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.kernels import as_buffer
-from gamms.typing.on_edges import Lines
+from gamms.typing.context import HostContext
+from gamms.typing.on_edges import Lines, locate
 
 _MOST_ACTIONS = 4096  # that masks and vectors have
 _OF_MAP = ("map", "_legal_nodes")  # computed attributes that depend on the open roads
 _ROOM = 1 << 12  # nodes that the core lists at once, besides those of one agent
 _AT_ONCE = 1 << 12  # positions at which the most legal nodes are looked for
+
+
+class Places(NamedTuple):
+    """Positions of agents that may be on edges; the first axes of arrays are games and agents."""
+
+    edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
+    offset_m: FloatArray  # (games, agents)  metres along it
+    xy: FloatArray  # (games, agents, 2)  map units
 
 
 class TravelTerms(NamedTuple):
@@ -92,7 +101,7 @@ class Movement:
         leaves_nodes: whether agents may be off the nodes.
         all_roads: the open roads of each game.
         tables: the legal nodes of games along one edge on several maps; None: they are on one.
-        noted: the legal nodes and positions in games that are played in contexts of their own; None: in none.
+        apart: the legal nodes and positions in games that are played in contexts of their own; None: in none.
         traffic: the states of agents by edges that obey turn restrictions; None: there are none.
         previous: (games, agents) the column of this name.
         edge: (games, agents) the column `edge` or `begun` of the games; see `BatchColumns`.
@@ -108,7 +117,7 @@ class Movement:
     previous: IntArray
     traffic: TrafficOnMaps | None = None
     tables: RoadTables | None = None
-    noted: CachedLegalMoves | None = None
+    apart: "MovesInContexts | None" = None
     _on: RoadMap | None = None  # the map, if it is not that of the start
     _is_on_one_map = False  # whether all games that it is asked for are on `_on`
 
@@ -181,12 +190,12 @@ class Movement:
     @property
     def is_plain(self) -> bool:
         """Whether the legal nodes are the own node and its neighbors in `streets`, in every game."""
-        return not (self.are_all_legal or self.depends_on_speeds or self.noted is not None)
+        return not (self.are_all_legal or self.depends_on_speeds or self.apart is not None)
 
     @property
     def acts_by_paths(self) -> bool:
         """Whether actions toward nodes may be paths, which are not numbers of legal nodes."""
-        return self.depends_on_speeds and self.noted is None
+        return self.depends_on_speeds and self.apart is None
 
     @property
     def is_endless(self) -> bool:
@@ -221,10 +230,10 @@ class Movement:
         own._is_on_one_map = True
         return own
 
-    def add_notes(self, noted: CachedLegalMoves) -> Self:
-        """Return the movement in which the games that are played in contexts of their own are as noted."""
+    def add_contexts(self, apart: "MovesInContexts") -> Self:
+        """Return the movement in which games that are played in contexts of their own are as these have them."""
         own = copy(self)
-        own.noted = noted
+        own.apart = apart
         own.leaves_nodes = True
         return own
 
@@ -401,7 +410,7 @@ class Movement:
             offset_m[on] = share * columns.lengths[rows]
             xy[on] = np.column_stack(self.lines.find_points(rows, share)[:2])
         found = Places(ids, offset_m, xy)
-        return found if self.noted is None else self.noted.put_places(found, which)
+        return found if self.apart is None else self.apart.put_places(found, which)
 
     # -- legal edges ----------------------------------------------------------------------------------------------
 
@@ -535,7 +544,7 @@ class Movement:
             found = self._find(node, which)[0].reshape(node.shape)
         else:
             found = self._count_on_streets(node, which)
-        return found if self.noted is None else self.noted.put_counts(found, which)
+        return found if self.apart is None else self.apart.put_counts(found, which)
 
     def find_legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
         """Return the rows of the legal nodes of agents, with one axis more, and a mask of them; see `count_legal`.
@@ -558,7 +567,7 @@ class Movement:
             columns = np.arange(int(counts.max(initial=1)))
             is_legal = columns < counts
             found = self._find_ends_on_streets(node, which, np.where(is_legal, columns, 0))
-        return (found, is_legal) if self.noted is None else self.noted.put_legal(found, is_legal, which)
+        return (found, is_legal) if self.apart is None else self.apart.put_legal(found, is_legal, which)
 
     @property
     def _table(self) -> RoadTables | None:
@@ -585,7 +594,7 @@ class Movement:
 
     def find_action(self, node: IntArray, which: tuple[IntArray, IntArray], targets: IntArray) -> IntArray:
         """Return the numbers of the legal nodes with the rows `targets`; -1 if one is not legal."""
-        if self.are_all_legal and self.noted is None:
+        if self.are_all_legal and self.apart is None:
             return np.where(targets == node, 0, targets + (targets < node))
         nodes, is_legal = self.find_legal(node, which)
         matches = (nodes == targets[..., None]) & is_legal
@@ -681,3 +690,89 @@ class Movement:
             parts.append(self._room[: counts[first:last].sum()].copy())
             first = last
         return counts, np.concatenate(parts)
+
+
+class MovesInContexts:
+    """The legal nodes and positions of agents in games that are played in contexts of their own, as these have them.
+
+    Args:
+        games: number of a game -> a function that returns it. Any: the class of games imports this module.
+        names: the names of the agents.
+        streets: has the rows of the nodes.
+        reading: returns a context manager in which contexts are read.
+    """
+
+    def __init__(
+        self,
+        games: Mapping[int, Callable[[], Any]],
+        names: Sequence[str],
+        streets: StreetGraph,
+        reading: Callable[[], AbstractContextManager[None]],
+    ) -> None:
+        self._games = games
+        self._names = names
+        self._streets = streets
+        self._reading = reading
+        self._legal: dict[int, list[IntArray | None]] = {}
+
+    def list_legal(self, number: int) -> list[IntArray | None]:
+        """Return the rows of the legal nodes of each agent of a game; None: it has none.
+
+        Raises:
+            UnknownName (KeyError): a legal node has no row.
+        """
+        if number not in self._legal:
+            game = self._games[number]()
+            with self._reading():
+                known = game.ctx.agent.agents
+                legal = game.internals.parts.turns.list_legal([name for name in self._names if name in known])
+            ids = [legal.get(name) for name in self._names]
+            self._legal[number] = [self._streets.rows(one) if one else None for one in ids]
+        return self._legal[number]
+
+    def _list_agents(
+        self, shape: tuple[int, ...], which: tuple[IntArray, IntArray]
+    ) -> Iterator[tuple[tuple[int, ...], int, int]]:
+        """Yield the index of each agent in these games, the number of its game, and its own."""
+        games, agents = (np.broadcast_to(one, shape) for one in which)
+        for index in map(tuple, np.argwhere(np.isin(games, [*self._games])).tolist()):
+            yield index, int(games[index]), int(agents[index])
+
+    def put_counts(self, counts: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents, in these games as in their contexts."""
+        found = np.array(counts)
+        for index, game, agent in self._list_agents(counts.shape, which):
+            legal = self.list_legal(game)[agent]
+            found[index] = 1 if legal is None else len(legal)
+        return found
+
+    def put_legal(
+        self, nodes: IntArray, is_legal: BoolArray, which: tuple[IntArray, IntArray]
+    ) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of agents, and a mask of valid entries; see `put_counts`."""
+        counts = self.put_counts(is_legal.sum(axis=-1), which)
+        more = int(counts.max(initial=nodes.shape[-1])) - nodes.shape[-1]
+        nodes = np.concatenate((nodes, np.repeat(nodes[..., :1], more, axis=-1)), axis=-1)
+        for index, game, agent in self._list_agents(nodes.shape[:-1], which):
+            legal = self.list_legal(game)[agent]
+            nodes[index] = nodes[index][0]
+            if legal is not None:
+                nodes[index][: len(legal)] = legal
+        return nodes, np.arange(nodes.shape[-1]) < counts[..., None]
+
+    def put_places(self, places: Places, which: tuple[IntArray, IntArray]) -> Places:
+        """Return the positions of agents, in these games as in their contexts. `places` is changed."""
+        for index, number, agent in self._list_agents(places.offset_m.shape, which):
+            ctx = self._games[number]().ctx
+            with self._reading():
+                progress = _get_progress(ctx, self._names[agent])
+                on_edge = None if progress is None else locate(ctx.graph.graph, progress)
+            if on_edge is not None:
+                places.edge[index], places.offset_m[index], places.xy[index] = on_edge[:3]
+        return places
+
+
+def _get_progress(ctx: HostContext, name: str) -> Progress | None:
+    """Return where on an edge an agent is; None: it is on a node, or not in the game."""
+    block = ctx.agent.block
+    return block.get_edge_position(block.find_row(name)) if name in ctx.agent.agents else None

@@ -5,19 +5,19 @@ A function has done there what columns cannot hold, for example changed a settin
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from gamms.errors import BadValue, UnknownName
-from gamms.game.array_functions.declarations import note_moves
 from gamms.game.array_functions.given import OutsideActions, OutsideActor
 from gamms.game.array_functions.view import ArrayView, make_asked_view
 from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import NO_STOP, GameArrays
-from gamms.game.movement.noted_moves import CachedLegalMoves
+from gamms.game.movement.legal_moves import MovesInContexts
 from gamms.game.movement.roads import RoadMap
 from gamms.game.random_streams import seed_for_run
 from gamms.game.result import Result
@@ -86,6 +86,7 @@ class SeparateGames:
             game.internals.left_as = number
         state = self._engine.get_game_state(number)
         state.is_apart[number] = True
+        state.apart[number] = partial(self.get_game, number)
         state.is_going[number] = True
         state.over[number] = None
         if turns is not None:
@@ -100,7 +101,7 @@ class SeparateGames:
             self._unobserved.discard(number)
             self._held.discard(number)
             state = self._engine.get_game_state(number)
-            state.data_apart.pop(number, None)
+            state.apart.pop(number, None)
             state.is_apart[number] = False
 
     def close(self) -> None:
@@ -314,11 +315,8 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
     Raises:
         UnknownName (KeyError): an agent is at or next to a node that is not in the columns.
     """
-    if state.noted_moves is None:
-        state.noted_moves = CachedLegalMoves(state.node.shape)
-        note_sensors(state, with_nodes=True)
-        state.shared.clear()
-    state.data_apart[number] = game.internals.state.data
+    note_sensors(state, with_nodes=True)
+    state.shared.clear()
     ctx = game.ctx
     known = ctx.agent.agents
     names = state.roster.names
@@ -333,7 +331,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
     state.movement.clear(np.array([number]))
     state.put_roads(np.array([number]), _make_road_map(state, game))
     state.now.clear()
-    note_moves(state, game, number)
+    MovesInContexts({number: lambda: game}, names, state.streets, nullcontext).list_legal(number)  # it may raise
     if state.flights is not None:
         for row, i in enumerate(state.flyers.tolist()):
             agent: Any = known.get(names[i])
