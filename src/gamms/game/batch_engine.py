@@ -133,7 +133,7 @@ class GamesOnOneMap:
         asked = np.flatnonzero(plan.is_asked).tolist()
         self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
         self.contexts = RowContexts(game, state, self.core, own, plan)
-        state.look = self.contexts.look
+        state.find_game = self.contexts.show
         state.change_roads = self.contexts.change_roads
         state.take_own_arrays = self.contexts.take_own_arrays
         self.calls = RowFunctions(self.contexts, state, self.core) if plan.calls_each else None

@@ -20,7 +20,7 @@ from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, make_asked_view
 from gamms.game.block.columns import AgentTable, find_decider, get_mode
 from gamms.game.block.initial_state import LastTurn, make_movement
-from gamms.game.block.sensing import note_sensors, note_sights
+from gamms.game.block.sensing import note_sensors
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.deeds import DeclaredDeeds, check_value
 from gamms.game.lasting import DeedReader
@@ -340,14 +340,7 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     blocked = game.internals.state.blocked
     block.blocked[0] = ["in conflict" in (blocked.get(one) or "") for one in roster.names]
     note_sensors(block, with_nodes=True)
-
-    def look(games: IntArray) -> None:  # noqa: ARG001 - there is one game
-        if "looked" not in block.now:
-            block.now["looked"] = True
-            with block.reading():
-                note_sights(block, ctx, turns.read_sensors, 0)
-
-    block.look = look
+    block.find_game = lambda _: game
     if game.channels:
         turns.messages.follow()
         gone = {name: team for name, (team, _) in game.internals.state.departed.items()}

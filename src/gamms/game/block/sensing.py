@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.block.columns import get_or_make, get_sensors
+from gamms.game.block.columns import PlayedGame, get_or_make, get_sensors
 from gamms.game.block.state import GameArrays
 from gamms.game.block.strategy_steps import collect_looks, has_plain_looks, make_search
 from gamms.game.conflicts import flatten
@@ -213,8 +213,7 @@ def find_seen_agents(
     plain = _find_seen_agents(state, games, agents, asked & ~noted, names, axes)
     if not noted.any() or not len(games):
         return VisibleAgentPairs(shape, *plain)
-    if state.look is not None:
-        state.look(games)
+    _look(state, games)
     parts = [plain, *_list_sighted_agents(state, names, (games, agents), asked)]
     at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     _, first = np.unique((at * shape[1] + viewers) * shape[2] + others, return_index=True)
@@ -297,8 +296,8 @@ def find_seen_nodes(
     for name in names:
         if name not in known:
             raise UnknownName("sensor that shows nodes", name, known)
-    if state.look is not None and state.noted_nodes:
-        state.look(games)
+    if state.noted_nodes:
+        _look(state, games)
     shape = (*node.shape, state.streets.num_nodes)
     none = np.zeros(0, np.int64)
     parts = [(none, none, none)]
@@ -355,27 +354,40 @@ def _find_shown_nodes(
     return np.repeat(at, counts), state.streets.rows(found.values)[places]
 
 
-# -- notes of looks --------------------------------------------------------------------------------------------------
+# -- sensors that are called in contexts ------------------------------------------------------------------------------
 
 
-def note_sights(
-    state: GameArrays, ctx: HostContext, look: Callable[[IAgent, Sequence[str]], dict[str, Any]], number: int
-) -> None:
-    """Record the data of sensors in the game of a context.
+def _look(state: GameArrays, games: IntArray) -> None:
+    """Call sensors in the games whose sensor data are out of date."""
+    if state.find_game is None:
+        return
+    known: set[int] = state.now.setdefault("looked", set())
+    for number in games.tolist():
+        if number not in known:
+            with state.reading():
+                look_in(state, state.find_game(number), number)
+            known.add(number)
+
+
+def look_in(state: GameArrays, game: PlayedGame, number: int) -> None:
+    """Call the sensors of a game in its context.
 
     Args:
         state: the state of all games.
-        ctx: the context.
-        look: returns the data of some sensors of an agent, as in `state["sensor"]`.
-        number: the number of the game.
+        game: the game.
+        number: its number.
+
+    Raises:
+        UnknownName (KeyError): a sensor shows a node that has no row.
     """
+    ctx = game.ctx
     names = {name: i for i, name in enumerate(state.roster.names)}
     for i in {**state.noted, **state.noted_nodes}:
         agent = ctx.agent.agents.get(state.roster.names[i])
         carried = get_sensors(agent) if agent is not None and agent.alive else {}
         of_agents = [name for name in state.noted.get(i, ()) if name in carried]
         of_nodes = [name for name in state.noted_nodes.get(i, ()) if name in carried]
-        data = look(agent, of_agents + of_nodes) if carried else {}
+        data = game.internals.parts.turns.read_sensors(agent, of_agents + of_nodes) if carried else {}
         sights: dict[str, tuple[IntArray, IntArray]] = {}
         state.sighted[number, i] = sights
         for name in of_agents:

@@ -638,7 +638,7 @@ class GameArrays(BatchColumns):
         sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
         sighted_nodes: (game, agent) -> sensor in `noted_nodes` -> the rows of the visible nodes.
         covered: (game, agent) -> a sensor that turns with the agent -> rows of the nodes where it would show agents.
-        look: calls these sensors in games; None: they were called already.
+        find_game: returns a game in a context that shows it as it is now, by its number; None: no context does.
         reading: returns the context manager in which sensors are called.
         take_own_arrays: returns the arrays that functions called game by game keep under a key, with the number of each
             game; None: none are called.
@@ -698,7 +698,7 @@ class GameArrays(BatchColumns):
         self.now = dict[Hashable, Any]()
         self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
         self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
-        self.look: Callable[[IntArray], None] | None = None
+        self.find_game: Callable[[int], PlayedGame] | None = None
         self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
         self.take_own_arrays: Callable[[Hashable], Iterable[tuple[int, Arrays]]] | None = None
         self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None

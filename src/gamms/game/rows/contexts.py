@@ -9,7 +9,6 @@ import numpy as np
 from gamms.core.rows import RowColumns
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames, get_memory
-from gamms.game.block.sensing import note_sights
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.plan import RowPlan
 from gamms.game.rows.by_seed import GamesBySeed, list_shared
@@ -166,16 +165,13 @@ class RowContexts:
         for row in self.rows.values():
             row.decide_again()
 
-    def look(self, games: IntArray) -> None:
-        """Call sensors in the games whose sensor data are out of date."""
-        state = self._state
-        known: set[int] = state.now.setdefault("looked", set())
-        for number in games[~state.is_apart[games]].tolist():
-            if number not in known:
-                row = self.get(number)
-                row.show()
-                note_sights(state, row.ctx, row.turns.read_sensors, number)
-                known.add(number)
+    def show(self, number: int) -> PlayedGame:
+        """Return a game in a context that shows it as it is now."""
+        if self._state.is_apart[number]:
+            return self._state.apart[number]()
+        row = self.get(number)
+        row.show()
+        return row.game
 
     def get_data(self, number: int, first: Mapping[Any, Any]) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game; `first` is that of the start."""

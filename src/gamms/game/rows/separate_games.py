@@ -15,7 +15,7 @@ from gamms.game.array_functions.given import OutsideActions, OutsideActor
 from gamms.game.array_functions.view import ArrayView, make_asked_view
 from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
-from gamms.game.block.sensing import note_sensors, note_sights
+from gamms.game.block.sensing import look_in, note_sensors
 from gamms.game.block.state import NO_STOP, GameArrays
 from gamms.game.movement.legal_moves import MovesInContexts
 from gamms.game.movement.roads import RoadMap
@@ -337,7 +337,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
             agent: Any = known.get(names[i])
             if agent is not None and agent.type is AgentType.AERIAL:
                 state.position[number, row] = agent.position
-    note_sights(state, ctx, game.internals.parts.turns.read_sensors, number)
+    look_in(state, game, number)
 
 
 def _make_road_map(state: GameArrays, game: PlayedGame) -> RoadMap | None:
