@@ -59,7 +59,7 @@ def batch_of(rules, settings, strategies=None, plain=None, games=1024, turns=50,
     scenario = Scenario(rules=rules, settings=settings, max_turns=turns, **given)
     batch, alone = scenario.batch(games, strategies=strategies), scenario.build(seed=0, strategies=plain or strategies)
     if not batch.is_in_arrays:
-        raise RuntimeError(f"This batch is played one by one, because of {batch.slow}.")
+        raise RuntimeError(f"Games of this batch are played one by one: {batch.detached}.")
 
     def ours():
         batch.reset()

@@ -131,7 +131,7 @@ def test_it_sees_deeds_in_every_phase(phase, order):
         ctx.game.add(count)
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
             games.run()
-            assert games.is_in_arrays, games.slow
+            assert games.is_in_arrays
             assert_as_alone(games, alone)
         assert {event["kind"] for event in games.result(0).events} >= {"strike", "eliminated"}
 

@@ -9,6 +9,7 @@ from batch_scenes import BEYOND, WALK, assert_as_alone, assert_as_played, beyond
 import gamms
 from gamms import strategies
 from gamms.errors import BadType, BadValue
+from gamms.game.plan import find_first_called
 
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
 SEEING = {
@@ -72,7 +73,7 @@ def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
 def test_it_plays_in_games_that_have_no_array_form():
     scenario = beyond_core(scene(**SEEING))
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:
-        assert games.slow == BEYOND
+        assert find_first_called(games.game, games.roster) == BEYOND
         games.run()
         assert plain(games.result(1)) == plain(scenario.play(seed=4, strategies={"red": hunt}))
 
@@ -148,7 +149,7 @@ def test_with_a_time_budget_it_is_asked_game_by_game_in_the_core(same_as_one_by_
     scenario = scene(settings={"time_budget": 60.0}, **SEEING)
     with scenario.batch(2, strategies={"red": hunt}) as games:
         assert games.is_in_arrays
-        assert "hunt" in games.slow
+        assert "hunt" in find_first_called(games.game, games.roster)
     same_as_one_by_one(scenario, [1, 2, 3], {"red": hunt})
 
 
@@ -193,7 +194,7 @@ def test_strategies_of_agents_with_speeds_go_towards_nodes_in_each_game(speed, s
     with made as ctx, ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
         games.step()
         games.run()
-        assert games.is_in_arrays, games.slow
+        assert games.is_in_arrays
         assert_as_alone(games, alone)
 
 

@@ -24,6 +24,7 @@ from batch_scenes import (
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
+from gamms.game.plan import find_first_called
 from gamms.readonly import ReadOnly
 from gamms.rules import time_limit
 from gamms.scenario import Scenario
@@ -146,9 +147,9 @@ def test_only_what_differs_with_the_seed_is_made_for_each_game(given, is_called,
     (tmp_path / "mine.py").write_text(MINE)
     scenario = Scenario(**{**scene([]).to_dict(), **given, "folder": tmp_path})
     with scenario.batch(3, seed=1) as games:
-        assert ("the rule" in str(games.slow)) == is_called
+        assert ("the rule" in str(find_first_called(games.game, games.roster))) == is_called
         games.run()
-        assert games.is_in_arrays, games.slow
+        assert games.is_in_arrays
         games.reset([1], seeds=[9])
         games.run()
         if "lucky" not in str(given):
@@ -196,8 +197,8 @@ def test_strategies_that_differ_with_the_seed_are_called_in_the_core(strategy, t
         for seeds in (range(1, 5), [7, 2, 9, 9]):
             games.reset(seeds=seeds)
             games.run()
-            assert games.is_in_arrays, games.slow
-            assert games.slow.startswith("the strategy")
+            assert games.is_in_arrays
+            assert find_first_called(games.game, games.roster).startswith("the strategy")
             for number, seed in enumerate(seeds):
                 assert games.result(number) == scenario.play(seed=seed)
                 assert plain(games.context(number).game.result()) == plain(games.result(number))
@@ -213,7 +214,7 @@ def test_sensors_and_descriptions_of_agents_that_differ_with_the_seed_are_those_
         for seeds in (range(1, 5), [7, 2, 9, 9]):
             games.reset(seeds=seeds)
             games.run()
-            assert games.is_in_arrays, games.slow
+            assert games.is_in_arrays
             assert_as_played(games, scenario)
 
 
@@ -270,7 +271,7 @@ def test_strategies_prepare_in_each_game(turns):
         with ctx.game.batch(seeds=[4, 5, 6]) as games:
             for _ in range(2):
                 games.run()
-                assert games.is_in_arrays, games.slow
+                assert games.is_in_arrays
                 with ctx.game.fork(0).ctx as alone:
                     assert_as_alone(games, alone)
                 assert_as_shown(games)
@@ -285,7 +286,7 @@ def test_strategies_of_scenarios_prepare_in_each_game(maps, tmp_path):
     scenario = Scenario(**{**scene([TAG], teams={"red": team, "blue": team}).to_dict(), "folder": tmp_path})
     with scenario.batch(4, seed=1, maps=maps) as games:
         games.run()
-        assert games.is_in_arrays, games.slow
+        assert games.is_in_arrays
         assert_as_played(games, scenario, maps=maps)
 
 
@@ -298,22 +299,8 @@ def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(
         games.step()
         games.reset([2, 3], seeds=[40, 41])
         games.run()
-        assert games.is_in_arrays, games.slow
+        assert games.is_in_arrays
         assert_as_played(games, scenario, maps=maps)
-
-
-def test_run_logs_once_the_functions_that_are_called_game_by_game(caplog):
-    with scene([TAG], max_turns=1).build() as ctx:
-        ctx.game.add(UNUSED)
-        with ctx.game.batch(2) as games, ctx.game.batch(2) as others, caplog.at_level("INFO", ctx.logger.name):
-            others.run(warn=False)
-            assert not caplog.records
-            for _ in range(2):
-                games.run()
-                games.reset()
-    assert [one.message for one in caplog.records if "game by game" in one.message] == [
-        f"A batch calls plain functions game by game, because of {BEYOND}."
-    ]
 
 
 def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_same_results():
@@ -513,7 +500,7 @@ def test_an_error_of_a_strategy_names_game_agent_and_turn():
         state["action"] = state["curr_pos"]
 
     with scene().batch(3, seed=5, strategies={"red": fall, "blue": stay}) as games:
-        assert games.slow is not None
+        assert find_first_called(games.game, games.roster) is not None
         with pytest.raises(ZeroDivisionError) as caught:
             games.run()
     notes = ["In the strategy of agent 'red_1', in turn 2.", "In game 0 of a batch, with the seed 5."]

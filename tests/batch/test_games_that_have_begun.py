@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, settings
 
 import gamms
 from gamms.errors import UnknownName
+from gamms.game.plan import find_first_called
 from gamms.strategies import (
     assign,
     chase,
@@ -51,7 +52,7 @@ def check(ctx, seeds=(3, 4), rounds=2):
         for _ in range(rounds):
             games.run()
             assert_as_alone(games, alone)
-            why = games.slow or next(iter(games.detached.values()), None)
+            why = find_first_called(games.game, games.roster) or next(iter(games.detached.values()), None)
             games.reset()
         return why
 
@@ -124,7 +125,7 @@ def test_a_memory_that_the_strategy_has_not_written_is_read_by_the_strategy_itse
         for memory in ctx.game.memories.values():
             memory["patrol [3, 3, 12, 5]"] = 2.0
         with ctx.game.batch(1) as games:
-            assert games.slow.startswith("the strategy patrol(")
+            assert find_first_called(games.game, games.roster).startswith("the strategy patrol(")
             assert games.is_in_arrays
 
 

@@ -13,6 +13,7 @@ from gamms import strategies
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.game import batch_engine
 from gamms.game.block.columns import play_in_threads
+from gamms.game.plan import find_first_called
 from gamms.game.strategy_specs import get_strategy_spec
 from gamms.rules.in_core import FORMS
 
@@ -262,9 +263,9 @@ def test_waypoints_that_are_loaded_are_nodes(number):
 def test_strategies_by_metres_of_which_illegal_actions_are_raised_are_asked_game_by_game():
     scenario = BY_METRES.replace(**{"settings.on_illegal": "raise"})
     with BY_METRES.batch(2) as games, scenario.batch(2) as others:
-        assert games.slow is None
+        assert find_first_called(games.game, games.roster) is None
         assert others.is_in_arrays
-        assert "random_waypoints" in others.slow
+        assert "random_waypoints" in find_first_called(others.game, others.roster)
         others.run()
         assert plain(others.result(1)) == plain(scenario.play(seed=1))
 

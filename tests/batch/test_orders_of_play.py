@@ -18,7 +18,7 @@ def check(ctx, seeds):
     """Check that games in the core are those that are played alone; return their results."""
     with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
         games.run()
-        assert games.is_in_arrays, games.slow
+        assert games.is_in_arrays
         assert_as_alone(games, alone)
         return [games.result(number) for number in range(len(seeds))]
 

@@ -26,7 +26,7 @@ SENSORS = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}, "next": {"type
 def check(ctx, seeds=(1, 2, 3), *, stays=True):
     """Check that the games of a batch are those that are played alone, and whether they stay together."""
     with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
-        assert games.is_in_arrays, games.slow
+        assert games.is_in_arrays
         games.run()
         assert_as_alone(games, alone)
         assert (games.detached == {}) == stays, games.detached

@@ -38,7 +38,7 @@ def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), tur
             while not games.is_over.all():
                 games.step()
             assert_as_alone(games, alone)
-            assert games.is_in_arrays or not stays, games.slow
+            assert games.is_in_arrays or not stays
             return [games.result(number) for number in range(len(seeds))]
 
 
@@ -122,7 +122,7 @@ def test_actions_are_given_on_the_roads_that_are_open_in_each_game(phase, settin
                 )
                 games.step({"red": (view.turn[:, None] * 5) % view.counts}, on_illegal="stay")
             assert_as_shown(games)
-            assert games.is_in_arrays, games.slow
+            assert games.is_in_arrays
 
 
 def test_agents_are_stopped_once_whose_roads_deeds_have_closed_and_who_give_way():

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.game import IllegalAction
+from gamms.game.plan import find_first_called
 from gamms.scenario import Scenario
 from gamms.strategies import (
     chase,
@@ -59,7 +60,7 @@ def test_any_number_of_agents_chase_and_flee_in_the_core_as_alone(count, radius)
     scenario = Scenario(map=grid, teams=teams, sensors={"near": near}, rules=[TAG], max_turns=5)
     with scenario.batch(2, seed=5) as games:
         games.run()
-        assert not games.slow
+        assert not find_first_called(games.game, games.roster)
         for number in range(2):
             assert games.result(number) == scenario.play(seed=5 + number)
 
@@ -81,7 +82,7 @@ def test_strategies_that_call_functions_have_no_array_form():
         }.items():
             agent.register_strategy(strategy)
             with ctx.game.batch(2) as games:
-                assert games.slow == slow
+                assert find_first_called(games.game, games.roster) == slow
 
 
 @pytest.mark.parametrize("strategy", [gamms.strategies.chase, gamms.strategies.flee])
@@ -130,7 +131,7 @@ def test_a_strategy_that_is_called_with_a_plain_dict_decides_as_in_a_batch(red, 
     with hunted().batch(1, seed=seed, strategies=chosen) as games, hunted().build(seed, strategies=called) as ctx:
         games.run()
         ctx.game.run()
-        assert not games.slow
+        assert not find_first_called(games.game, games.roster)
         assert games.result(0) == ctx.game.result()
         played = games.context(0)
         for name, agent in ctx.agent.agents.items():

@@ -6,6 +6,7 @@ import pytest
 import gamms
 from gamms.game import batch
 from gamms.game import game as game_module
+from gamms.game.plan import find_first_called
 from gamms.game.result import MANY_TURNS
 from gamms.rules import last_team, reach, time_limit
 from gamms.strategies import random_walk, stay
@@ -79,7 +80,7 @@ def test_a_batch_in_the_core_is_warned_about_too(game, heard):
     game.add(reach("green", 39))
     with game.batch(2) as games:
         games.run()
-        assert games.slow is None
+        assert find_first_called(games.game, games.roster) is None
         assert min(games.turn) > 100
         assert [text for text in heard_by(games) if "After" in text] == [SAID]
 

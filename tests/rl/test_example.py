@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import gamms
+from gamms.game.plan import find_first_called
 
 pytest.importorskip("torch", reason='torch is not installed: pip install ".[train]"')
 pytest.importorskip("sb3_contrib", reason='sb3-contrib is not installed: pip install ".[train]"')
@@ -39,7 +40,7 @@ def test_a_policy_of_the_example_plays_the_same_games_alone_and_in_a_batch(monke
     red = gamms.rl.policy(tmp_path / "red.safetensors", observation=pursuit["observe"])
     with scenario.batch(5, seed=3, strategies={"red": red}) as games:
         games.run()
-        assert games.slow is None
+        assert find_first_called(games.game, games.roster) is None
         for game in range(5):
             assert games.result(game) == scenario.play(seed=3 + game, strategies={"red": red})
 

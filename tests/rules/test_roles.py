@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
+from gamms.game.plan import find_first_called
 from gamms.rules import (
     Conflicts,
     arrive,
@@ -252,7 +253,7 @@ CATCH = {"rule": "tag", "with": {"taggers": "blue", "tagged": {"team": "red", "n
 def test_a_game_with_roles_in_a_batch_is_the_game_alone(first):
     scenario = Scenario(**SCENE, rules=[*first, *RULES])
     with scenario.batch(seeds=range(12)) as games:
-        assert (games.slow is None) == (HOLD not in first)
+        assert (find_first_called(games.game, games.roster) is None) == (HOLD not in first)
         games.run()
         assert_as_played(games, scenario)
         results = [games.result(number) for number in range(12)]
@@ -272,7 +273,7 @@ GROUND = {"function": "gamms.rules.territory:by_distance", "with": {"bases": [[T
 def test_a_game_whose_territory_belongs_to_roles_is_in_a_batch_the_game_alone():
     scenario = Scenario(**SCENE, rules=OWNED, facts={"territory": GROUND})
     with scenario.batch(seeds=range(6)) as games:
-        assert games.slow is None
+        assert find_first_called(games.game, games.roster) is None
         games.run()
         assert_as_played(games, scenario)
         tags = [event for number in range(6) for event in games.result(number).events if event["kind"] == "tag"]

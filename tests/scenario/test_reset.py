@@ -168,7 +168,7 @@ def test_games_of_a_batch_are_those_of_their_seeds(game):
         for seeds in (range(1, 4), [9, 5, 5]):
             games.reset(seeds=seeds)
             games.run()
-            assert games.is_in_arrays, games.slow
+            assert games.is_in_arrays
             for number, seed in enumerate(seeds):
                 alone, together = game.play(seed=seed), games.result(number)
                 alone.timings = together.timings

@@ -13,6 +13,7 @@ from solved_games import pursuit as pursuit_game
 
 import gamms
 from gamms.errors import BadType, BadValue, GammsError, TooLarge, UnknownName
+from gamms.game.plan import find_first_called
 from gamms.limits import allowing
 from gamms.solve import (
     PursuitSolution,
@@ -201,7 +202,7 @@ def test_exact_play_against_exact_play_takes_as_many_turns_as_the_solution_says(
         assert (result.winner, result.turns) == (None, 30)
     with scenario.batch(2, strategies=both) as games:
         games.run(warn=False)
-        assert games.slow is None
+        assert find_first_called(games.game, games.roster) is None
         assert games.result(0) == scenario.play(games.seeds[0], both)
 
 
@@ -219,7 +220,7 @@ def test_exact_agents_solve_each_map_of_a_batch_once(monkeypatch):
     monkeypatch.setattr(pursuits.PursuitTable, "_find", lambda *args: solved_maps.append(args) or find(*args))
     with scenario.batch(8, maps=maps) as games:
         games.run(warn=False)
-        assert (games.slow, len(solved_maps)) == (None, 2)
+        assert (find_first_called(games.game, games.roster), len(solved_maps)) == (None, 2)
         for number in range(8):
             of_map = scenario.replace(map=maps[games.maps[number]])
             with of_map.build() as ctx:

@@ -107,13 +107,11 @@ class Batch(Surface, Immutable, NotPickled):
     Attributes:
         seeds: (games,) the seed of each game.
         maps: (games,) the number of each game's map, drawn from its seed; 0 if there is one map.
-        slow: the first plain function that is called game by game, as text; None: there is none.
         is_closed: whether `close` was called; results remain available.
     """
 
     seeds: Sequence[int]
     maps: IntArray
-    slow: str | None
     is_closed: bool
     _called = "batch"
     _items = " batch.result(0) is the result of its first game, and batch.table() has a row for each game."
@@ -143,7 +141,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._put_public(seeds=seeds)
         self._refuse_too_many()
         maps = copy_locked(draw_maps(seeds, len(sources)))
-        self._put_public(seeds=tuple(seeds), slow=None, maps=maps, is_closed=False)
+        self._put_public(seeds=tuple(seeds), maps=maps, is_closed=False)
         self._source_of = maps.copy()  # (games,) the number of the source of each game
         # Before agents move in those contexts:
         self._first_nodes = [
@@ -161,7 +159,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._steps = 0
         self._ran_from: IntArray | None = None  # (games,) the turns played before the current run; None: none runs
         self._warns_of_no_end = False  # whether the current run may never end, which has not been said yet
-        self._is_said = False  # whether the slow part was logged
         self._first_turn = sources[0].game.turn  # the number of turns played before the batch
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
         self._window: _SingleGame | None = None  # the game that began in a window, with the number of its source
@@ -175,7 +172,7 @@ class Batch(Surface, Immutable, NotPickled):
             self._separate.add(game, "agents by metres obey turn restrictions, which the core does not know")
 
     def _make_engine(self) -> BatchEngine:
-        """Return the engine that plays the games in the core, and set `slow`.
+        """Return the engine that plays the games in the core.
 
         Raises:
             TooLarge: the games do not fit into memory.
@@ -186,7 +183,6 @@ class Batch(Surface, Immutable, NotPickled):
         each = zip(games, self._rosters, self._own, strict=True)
         movements = [make_core_movement(game, roster, own.more_edges) for game, roster, own in each]
         begin = self._draw_starts(self.seeds, self.maps)
-        self._put_public(slow=find_first_called(games[0], self._roster))
         played = games, movements, self.seeds, self._source_of, begin
         return BatchEngine(*played, self._rosters, self._own, self._num_maps)
 
@@ -234,8 +230,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._sources[those] = sources
         self._rosters[those] = rosters
         self._own[those] = own
-        self._put_public(slow=find_first_called(games[0], self._roster))
-        self._is_said = False
 
     def _make_functions(self, source: BatchSource) -> GamesBySeed:
         seed = self.seeds[0]
@@ -442,8 +436,7 @@ class Batch(Surface, Immutable, NotPickled):
             max_turns: the largest number of turns that each game plays now; None: until the total of the settings is
                 reached, which ends a game in any case.
             progress: whether to show the progress on a line of stderr, if it is a terminal.
-            warn: whether to log once the teams without a strategy, the agents that cannot move, and the part that makes
-                the batch slow.
+            warn: whether to log once the teams without a strategy, and the agents that cannot move.
             threads: the number of threads, if the core plays all parts; the results do not depend on it. Other games
                 use one thread.
 
@@ -461,7 +454,6 @@ class Batch(Surface, Immutable, NotPickled):
         if as_bool(warn, "warn"):
             game.internals.warn_of_idle_teams()
             self._warn_of_stuck_agents()
-            self._say_what_is_slow()
         with self._lock_for_playing(), progress_line() as line:
             show = line if is_shown else None
             began = self._engine.count_turns()
@@ -573,12 +565,6 @@ class Batch(Surface, Immutable, NotPickled):
             each = zip(state.roster.names, nodes, strict=True)
             seeds_at = {name: dict(zip(starts, seeds, strict=True)) for name, starts in each}
             self._sources[number].game.internals.warn_of_stuck_agents(seeds_at)
-
-    def _say_what_is_slow(self) -> None:
-        if self._is_said or self.slow is None:
-            return
-        self._is_said = True
-        self.game.ctx.logger.info(f"A batch calls plain functions game by game, because of {self.slow}.")
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
         """Reset games to their start; with several maps, games with new seeds draw their maps again.
@@ -692,7 +678,7 @@ class Batch(Surface, Immutable, NotPickled):
                 "obey them."
             )
         if self._separate or self._engine.calls_each:
-            why = str(self.slow).removesuffix(".")
+            why = str(find_first_called(self.game, self._roster)).removesuffix(".")
             raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")
         if self._num_maps > 1:
             raise BadValue(
