@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms.core import observe
-from gamms.game.array_functions.given import make_flight_action
+from gamms.game.array_functions.aims import make_flight_action
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch import Batch
 from gamms.game.strategy_specs import CoreStep, StrategySpec

@@ -3,7 +3,7 @@
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import takewhile
-from math import isfinite
+from math import hypot, isfinite
 from typing import Any
 
 import numpy as np
@@ -193,3 +193,9 @@ class ActionFinder:
     def get_action(self, number: int) -> int | list[int] | EdgeAction | None:
         """Return the value of `state["action"]` of an action by its number; None: it is the number of a legal node."""
         return self._actions[number - _FIRST] if number >= _FIRST else None
+
+
+def make_flight_action(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the action for a displacement in map units, limited by the agent's speed."""
+    action = {"direction": flight, "distance": min(hypot(*flight), speed or 0.0)}
+    return {**action, "do": do} if do else action

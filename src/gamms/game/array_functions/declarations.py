@@ -14,8 +14,7 @@ import numpy as np
 from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import get_phase
 from gamms.errors import BadType
-from gamms.game.array_functions.aims import ActionFinder
-from gamms.game.array_functions.given import make_flight_action
+from gamms.game.array_functions.aims import ActionFinder, make_flight_action
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, make_asked_view
 from gamms.game.block.columns import AgentTable, find_decider, get_mode
@@ -68,7 +67,7 @@ def array_strategy(
         as_context(ctx, name)
 
         def strategy(state: dict[str, Any]) -> None:
-            _act(cast("HostContext", ctx), state, function, name)
+            act_in_arrays(cast("HostContext", ctx), state, function, name)
 
         declare(strategy, StrategySpec(array_form=function))
         return _copy_docstring(strategy, function)
@@ -217,7 +216,7 @@ class _Decisions(NamedTuple):
     messages: dict[str, list[dict[str, Any]]]
 
 
-def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> None:
+def act_in_arrays(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> None:
     """Set the action of an agent; the first one that is asked lets the function decide for all, as in a batch."""
     with get_phase(ctx).suspend(changes_world=False):
         asked = ctx.game.internals.parts.turns.asked

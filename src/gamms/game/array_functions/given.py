@@ -1,7 +1,6 @@
 """Actions from outside, which replace the decisions of a team's strategies in all games."""
 
-from collections.abc import Hashable, Mapping, Sequence
-from math import hypot
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,10 +8,12 @@ import numpy as np
 from gamms.arguments import as_array, as_edges, as_mapping
 from gamms.core.moves import NO_EDGE, STOP
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.array_functions.declarations import act_in_arrays
 from gamms.game.array_functions.view import ArrayView, as_actions, as_flights
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.deeds import parse_field
 from gamms.game.settings import Plan
+from gamms.game.strategy_specs import StrategySpec, declare
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -65,9 +66,13 @@ class OutsideActions(NamedTuple):
         """Return the edges of the agents of a view; with `may_stay`, agents stop that name an illegal edge."""
         if self.edges is None:
             return None
-        edges = np.where(view.mask, self.edges[view.games], NO_EDGE)
-        is_legal = (view["legal_edges"] == edges[..., None]).any(axis=-1)
-        found: IntArray = np.where((edges >= 0) & ~is_legal, STOP, edges)
+        return self.find_legal_edges(view, self.edges[view.games])
+
+    def find_legal_edges(self, view: ArrayView, edges: IntArray) -> IntArray:
+        """Return the edges of the agents of a view; -1 for agents without one, `STOP` in place of illegal edges."""
+        chosen = np.where(view.mask, edges, NO_EDGE)
+        is_legal = (view["legal_edges"] == chosen[..., None]).any(axis=-1)
+        found: IntArray = np.where((chosen >= 0) & ~is_legal, STOP, chosen)
         return found
 
     def check_edges(self, view: ArrayView, by: str) -> None:
@@ -199,123 +204,127 @@ def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
 
 
 class OutsideActor:
-    """Replaces the decisions of strategies and plans in one game by given actions.
+    """Lets agents of one game act as was given to a batch: plans of their teams are functions of arrays.
 
-    Its plans stay until `end`, because each change of plans makes the turn engine compute again which agents it asks.
+    The plans stay until `end`, because each change of plans makes the turn engine compute again which agents it asks.
+
+    Args:
+        game: the game.
+        roster: the agents of the batch, whose numbers the actions have.
     """
 
     def __init__(self, game: PlayedGame, roster: AgentTable) -> None:
         self._game = game
         self._roster = roster
-        self._taking: dict[Hashable, _OutsideStrategy] = {}
+        self._given: Mapping[Hashable, OutsideActions] = {}
+        self._number = 0
+        self._plans: dict[Hashable, tuple[Plan | None, Plan]] = {}  # the own plan of a team, and that of these actions
 
     def take(self, given: Mapping[Hashable, OutsideActions], number: int) -> None:
         """Use the actions of a game of the batch, by team, from now on."""
-        if given.keys() != self._taking.keys():
+        self._given = given
+        self._number = number
+        if given.keys() != self._plans.keys():
             self.end()
-            plans = self._game.plans
-            self._taking = {team: _OutsideStrategy(self._game, self._roster, team, plans.get(team)) for team in given}
-            self._game.plans = {**plans, **{team: Plan(one) for team, one in self._taking.items()}}
-        for team, one in self._taking.items():
-            one.given = given[team]
-            one.number = number
+            own = self._game.plans
+            self._plans = {team: (own.get(team), Plan(self._make_plan(team))) for team in given}
+            self._game.plans = {**own, **{team: plan for team, (_, plan) in self._plans.items()}}
 
     def end(self) -> None:
-        """Restore the strategies and plans, also in the start to which a reset returns."""
-        plans = self._game.plans
-        if any(isinstance(plan.function, _OutsideStrategy) for plan in plans.values()):
-            own = {
-                team: one.function.own if isinstance(one.function, _OutsideStrategy) else one
-                for team, one in plans.items()
-            }
-            self._game.plans = {team: plan for team, plan in own.items() if plan is not None}
-        self._taking = {}
+        """Restore the plans, also in the start to which a reset returns."""
+        plans = dict(self._game.plans)
+        for team, (own, given) in self._plans.items():
+            if team in plans and plans[team].function is given.function:
+                del plans[team]
+                if own is not None:
+                    plans[team] = own
+        if plans != self._game.plans:
+            self._game.plans = plans
+        self._plans = {}
 
+    def _make_plan(self, team: Hashable) -> Callable[[dict[str, Any]], None]:
+        """Return a plan by which agents of a team act as given; others, such as new ones, follow their strategies."""
+        ctx = self._game.ctx
+        of_team = {self._roster.names[agent]: i for i, agent in enumerate(self._roster.members(team).tolist())}
 
-def _select_value(value: Any, number: int, agent: int) -> Any:  # Any: what a caller has given
-    """Return the value for one agent, from one value for all or an array that broadcasts to (games, agents)."""
-    if not isinstance(value, np.ndarray) or not value.ndim:
-        return value.item() if isinstance(value, np.ndarray | np.generic) else value
-    one = value[number, agent] if value.ndim > 1 else value[agent]
-    return one.tolist() if isinstance(one, np.ndarray | np.generic) else one
+        def find_columns() -> dict[str, int]:
+            name = self._given[team].name
+            return of_team if name is None else {name: 0}
 
+        def act(view: ArrayView) -> Any:
+            return self._act(view, self._given[team], find_columns())
 
-class _OutsideStrategy:
-    """A plan that sets the given actions of a team's living agents; it may replace a plan of the game.
+        def plan(states: dict[str, Any]) -> None:
+            columns = find_columns()
+            known = ctx.agent.agents
+            for name, state in states.items():
+                if name in columns:
+                    act_in_arrays(ctx, state, act, "The given actions")
+                elif known[name].strategy is None:
+                    state["action"] = state["legal"][0]
+                else:
+                    known[name].strategy(state)
 
-    Other agents, such as those that rules have created, follow their strategies, or stay.
-    """
+        declare(plan, StrategySpec(array_form=act))
+        return plan
 
-    given: OutsideActions
-    number: int
+    def _act(self, view: ArrayView, given: OutsideActions, columns: Mapping[str, int]) -> Any:
+        """Return the actions of the agents of a view of the game; do their deeds and send their messages.
 
-    def __init__(self, game: PlayedGame, roster: AgentTable, team: Hashable, own: Plan | None) -> None:
-        self._game = game
-        self._roster = roster
-        self.own = own
-        self._place_of = {roster.names[agent]: i for i, agent in enumerate(roster.members(team).tolist())}
+        Args:
+            view: the agents, in one game.
+            given: the actions of the team.
+            columns: name -> the column of the agent in these actions.
+        """
+        places = np.array([columns.get(name, -1) for name in view["name"]])
+        some = view.only((places >= 0)[None])
+        one = self._select_agents(given, places, view.roster.names)
+        one.act(some)
+        if view.flies:
+            return np.zeros((*view.node.shape, 3)) if one.flights is None else one.flights
+        if one.edges is None:
+            return one.get_moves(some, one.moves)
+        is_late = bool(view._state.time.any())  # the edges count for all arrivals of a turn
+        edges = one.edges if not (one.may_stay or is_late) else one.find_legal_edges(some, one.edges)
+        view.take_edges(np.where(some.mask, np.maximum(edges, NO_EDGE), NO_EDGE))
+        return np.where(edges == STOP, 0, one.get_moves(some, one.moves))
 
-    def __call__(self, states: dict[str, Any]) -> None:
-        agents = self._game.ctx.agent.agents
-        places = self._place_of if self.given.name is None else {self.given.name: 0}
-        for name, state in states.items():
-            if name in places:
-                self._act(state, places[name], agents[name].speed)
-            elif agents[name].strategy is None:
-                state["action"] = state["legal"][0]
-            else:
-                agents[name].strategy(state)
+    def _select_agents(self, given: OutsideActions, places: IntArray, names: Sequence[str]) -> OutsideActions:
+        """Return the given actions of agents in the game.
 
-    def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
-        """Set the action of the agent at an index of the columns."""
-        moves, deeds, messages, flights = self.given[:4]
-        number = self.number
-        do = {
-            deed: self._convert_fields(deed, {key: _select_value(value, number, i) for key, value in fields.items()})
-            for deed, (where, fields) in deeds.items()
-            if where[number, i]
-        }
-        for channel, (where, body, to) in messages.items():
-            if where[number, i]:
-                receiver = self._roster.names[_select_value(to, number, i)] if isinstance(to, np.ndarray) else to
-                message = {"channel": channel, "to": receiver, "body": _select_value(body, number, i)}
-                state.get("outbox", []).append(message)
-        if "quat" in state:  # it flies
-            flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
-            state["action"] = make_flight_action(flight, speed, do)
-            return
-        if self.given.edges is not None and self.given.edges[number, i] >= 0:
-            edge = int(self.given.edges[number, i])
-            may_stay = self.given.may_stay or state.get("time", 0.0) > 0.0  # it counts for all arrivals of a turn
-            is_legal = not may_stay or edge in state["legal_edges"]
-            state["action"] = {**({"edge": edge} if is_legal else {}), "do": do}
-            return
-        legal = state["legal"]
-        move = int(moves[number, i])
-        if not 0 <= move < len(legal):
-            if not self.given.may_stay:
-                raise BadValue(
-                    f"Action {move} of agent {shown(state['name'])}, turn {state['turn']}, is not the number of a "
-                    f"legal node: it has {len(legal)}, numbered from 0."
-                )
-            move = 0
-        state["action"] = {"node_id": legal[move], "do": do} if do else legal[move]
+        Args:
+            given: the actions of the team.
+            places: (agents,) the column of each agent in these actions; -1: it has no actions.
+            names: the agents of the game, whose numbers the fields of deeds have then.
+        """
 
-    def _convert_fields(self, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the fields of a deed of one agent as plain values."""
-        declared = self._game.settings()["deeds"].get(deed, {})
-        plain = dict[str, Any]()
-        for key, value in fields.items():
-            kind = parse_field(declared[key]).kind if key in declared else ""
-            known = {"agent": self._roster.names, "node": self._game.ctx.graph.columns().node_ids}.get(kind)
-            if known is not None and value not in (None, -1):
-                plain[key] = known[value] if kind == "agent" else int(known[value])
-            elif known is None and value is not None:
-                plain[key] = value
-        return plain
+        def select(value: Any) -> Any:
+            if not isinstance(value, np.ndarray) or not value.ndim:
+                return value.item() if isinstance(value, np.ndarray | np.generic) else value
+            return value[[self._number]][:, places] if value.ndim > 1 else value[places]
 
+        number_of = {name: number for number, name in enumerate(names)}
+        numbers = np.array([number_of.get(name, -1) for name in self._roster.names], np.int64)
 
-def make_flight_action(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the action for a displacement in map units, limited by the agent's speed."""
-    action = {"direction": flight, "distance": min(hypot(*flight), speed or 0.0)}
-    return {**action, "do": do} if do else action
+        def renumber(value: Any) -> Any:
+            return value if value is None or (np.ndim(value) == 0 and value < 0) else numbers[value]
+
+        has_actions = places >= 0
+        declared = self._game.settings()["deeds"]
+        deeds = {}
+        for deed, (where, fields) in given.deeds.items():
+            kinds = {key: parse_field(kind).kind for key, kind in declared.get(deed, {}).items()}
+            own = {key: select(value) for key, value in fields.items()}
+            own |= {key: renumber(value) for key, value in own.items() if kinds.get(key) == "agent"}
+            deeds[deed] = select(where) & has_actions, own
+        messages = {}
+        for channel, (where, body, to) in given.messages.items():
+            receivers = numbers[select(to)] if isinstance(to, np.ndarray) else to
+            messages[channel] = select(where) & has_actions, select(body), receivers
+        return given._replace(
+            moves=np.where(has_actions, select(given.moves), 0),
+            deeds=deeds,
+            messages=messages,
+            flights=None if given.flights is None else np.where(has_actions[:, None], select(given.flights), 0.0),
+            edges=None if given.edges is None else select(given.edges),
+        )
