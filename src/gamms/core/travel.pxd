@@ -131,7 +131,6 @@ cpdef Py_ssize_t find_shorter_direction(RoadEdges roads, i64 edge, double share,
 cpdef int begin(
     TurnPaths trips, i64 row, i64 node, i64 edge, double share, i64 motion, double now, double speed, i64 left
 ) except -1 nogil
-cpdef int stand_on(TurnPaths trips, i64 row, i64 back) except -1 nogil
 @cython.locals(place=i64)
 cdef int put_new_leg(
     TurnPaths trips, i64 row, i64 edge, i64 back, double begin, double end, double until

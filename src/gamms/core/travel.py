@@ -779,11 +779,6 @@ def begin(
     return 0
 
 
-def stand_on(trips: TurnPaths, row: int, back: int) -> int:
-    """Keep an agent at its position on an edge for the rest of the turn; `back` is the edge for turning around."""
-    return put_new_leg(trips, row, trips.edge[row], back, trips.share[row], trips.share[row], 1.0)
-
-
 def add_leg(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, begin: float, end: float, until: float) -> int:
     """Add a leg along a part of an edge, from the current time until `until`."""
     return put_new_leg(trips, row, edge, find_reverse_edge(roads, edge), begin, end, until)
