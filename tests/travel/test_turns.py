@@ -201,7 +201,7 @@ def test_traffic_turns_back_only_where_nothing_else_is_legal(corner):
 @pytest.mark.parametrize("action", [3, {"edge": 4}, [3], {"node_id": 3, "orientation": (1.0, 0.0)}])
 def test_a_forbidden_turn_is_an_illegal_action_whose_error_names_the_turn(corner, action):
     actions = [1, action]
-    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR, speed=1.0 if isinstance(action, list) else None)
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR)
     agent.strategy = lambda state: state.update(action=actions[state["turn"]])
     corner.game.on_illegal = "raise"
     corner.game.step()
@@ -337,10 +337,8 @@ def town(tmp_path_factory):
     return folder
 
 
-def drive_in(folder, strategy="gamms.strategies:random_walk", speed=None, **more):
+def drive_in(folder, strategy="gamms.strategies:random_walk", **more):
     cars = {"count": 2, "mode": CAR, "strategy": strategy, "sensors": {"near": {"type": "NEIGHBOR"}}}
-    if speed is not None:
-        cars["speed"] = speed
     walkers = {"count": 1, "mode": "on_foot", "strategy": "gamms.strategies:random_walk"}
     return Scenario(
         map={"file": "town.gamms"}, max_turns=12, teams={"cars": cars, "walkers": walkers}, folder=folder, **more
@@ -405,11 +403,8 @@ DRIVERS = {"anyhow": drive_anyhow, "edges": take_first_edges, "around": go_aroun
 TAG = {"rule": "tag", "with": {"taggers": "walkers", "tagged": "cars", "then": "respawn"}}
 
 
-@pytest.mark.parametrize(
-    ("driver", "speed"),
-    [("walk", None), ("edges", None), ("anyhow", 0.5), ("around", 2.5), ("edges", 2.5), ("walk", float("inf"))],
-)
-def test_a_game_in_a_batch_is_the_game_alone(town, driver, speed):
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_a_game_in_a_batch_is_the_game_alone(town, driver):
     strategies = {} if DRIVERS[driver] is None else {"strategies": {"cars": DRIVERS[driver]}}
     order = {"order": [["walkers"], ["cars"]]}
     functions = f"{__name__}:{{}}".format
@@ -420,7 +415,7 @@ def test_a_game_in_a_batch_is_the_game_alone(town, driver, speed):
             {"rules": [{"rule": functions("leave"), "phase": "before"}]},
         )
     ):
-        scenario = drive_in(town, speed=speed, allow=[__name__], **more)
+        scenario = drive_in(town, allow=[__name__], **more)
         with scenario.batch(2, **strategies) as games:
             games.run()
             assert bool(games.detached) == (number == 2)
@@ -428,9 +423,8 @@ def test_a_game_in_a_batch_is_the_game_alone(town, driver, speed):
                 assert games.result(game) == scenario.play(seed=seed, **strategies)
 
 
-@pytest.mark.parametrize("speed", [None, 2.5])
-def test_a_batch_goes_on_with_the_edges_driven(town, speed):
-    with drive_in(town, speed=speed).build(seed=5) as ctx:
+def test_a_batch_goes_on_with_the_edges_driven(town):
+    with drive_in(town).build(seed=5) as ctx:
         for _ in range(4):
             ctx.game.step()
         legal = ctx.game.internals.parts.turns.list_legal(["cars_0", "cars_1"])
@@ -495,9 +489,8 @@ GOING = {
 }
 
 
-@pytest.mark.parametrize("speeds", [[None], [0.5, 1.0, 2.5, float("inf"), None]])
 @pytest.mark.parametrize("seed", range(2))
-def test_drivers_make_no_forbidden_turn(seed, speeds):
+def test_drivers_make_no_forbidden_turn(seed):
     roads = draw_roads(seed)
     draw = random.Random(seed)
     with open_town(roads, seed) as ctx:
@@ -508,7 +501,6 @@ def test_drivers_make_no_forbidden_turn(seed, speeds):
                 name,
                 start_node_id=number,
                 mode=CAR,
-                speed=speeds[number % len(speeds)],
                 team="ab"[number % 2],
                 strategy=make(ctx, draw),
                 sensors={"eyes": gamms.sensor.agent_range(range_m=25)},
@@ -520,7 +512,7 @@ def test_drivers_make_no_forbidden_turn(seed, speeds):
             ctx.game.step()
             for agent in ctx.agent.create_iter():
                 legs = ctx.game.tracks([agent])[0].legs
-                assert len(legs) < 2 or agent.speed is not None
+                assert len(legs) < 2
                 for leg in legs:
                     assert leg.edge in list_legal(roads, lengths, history[agent.name], leg.source)
                     history[agent.name].append(leg.edge)
@@ -530,43 +522,54 @@ def test_drivers_make_no_forbidden_turn(seed, speeds):
         assert {error["agent"] for error in ctx.game.errors} <= {"anyhow"}
 
 
-def test_with_a_speed_the_legal_nodes_are_those_of_all_drives_that_obey(corner):
-    agent = corner.agent.create_agent("car", start_node_id=0, speed=2.5, mode=CAR)
-    legal = corner.game.internals.parts.turns.list_legal
-    assert legal(["car"]) == {"car": (0, 1, 2)}  # the turn from 0 over 1 to 3 is forbidden
-    agent.speed = 4.0
-    assert legal(["car"]) == {"car": (0, 1, 2, 3)}  # 0, 1, 2, and back over 1 to 3
-    agent.strategy = lambda state: state.update(action=3)
+def test_an_agent_that_obeys_turns_with_a_speed_in_edges_is_refused_wherever_it_comes_from(corner):
+    message = r"moves by one edge or by metres\. Agent 'car' has mode='drive with turns' and speed=2.0 in edges"
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=strategies.random_walk)
     corner.game.step()
-    assert corner.game.tracks([agent])[0].path == (0, 1, 2, 1, 3)
-    assert [leg.edge for leg in corner.game.tracks([agent])[0].legs] == [0, 2, 3, 4]
-
-
-def test_with_a_speed_below_one_the_turn_counts_where_the_agent_arrives(corner):
-    agent = corner.agent.create_agent("car", start_node_id=0, speed=0.75, mode=CAR)
-    agent.strategy = lambda state: state.update(action=state.legal[-1])
-    seen = []
-    for _ in range(4):
+    before = agent.current_node_id, corner.game.internals.state.driven
+    agent.speed = 2.0
+    for play in (corner.game.step, lambda: corner.game.batch(2), lambda: corner.game.fork(0).step()):
+        with pytest.raises(BadValue, match=message):
+            play()
+    agent.speed = None
+    assert (agent.current_node_id, corner.game.internals.state.driven, corner.game.turn) == (*before, 1)
+    corner.agent.create_agent("late", start_node_id=0, mode=CAR, speed=1.0)
+    with pytest.raises(BadValue, match="Agent 'late' .* leave out its speed, or set .*speed_unit = 'metres'"):
         corner.game.step()
-        seen.append((agent.current_node_id, corner.game.internals.parts.turns.list_legal(["car"])["car"]))
-    assert seen == [(0, (0, 1)), (1, (1, 2)), (1, (1, 2)), (2, (2, 1))]
-
-
-def test_a_loop_back_to_its_node_forgets_nothing_and_a_return_to_it_does(corner):
-    car = corner.agent.create_agent("car", start_node_id=1, speed=2.0, mode=CAR, team="b")
-    legal = corner.game.internals.parts.turns.list_legal
-    for action in ([2, 1], 1):  # then it waits
-        car.strategy = lambda state, action=action: state.update(action=action)
-        corner.game.step()
-        assert car.current_node_id == 1
-        assert legal(["car"]) == {"car": (1, 0, 3)}  # it came from 2, and does not turn back
-    with corner.game.batch(1) as games:
-        assert games.observe("b")["legal"][0, 0].tolist() == [1, 0, 3]
-    corner.agent.create_agent("cop", start_node_id=0, team="a", strategy=strategies.stay)
-    corner.game.add(tag("a", "b", then="respawn"))
-    car.strategy = lambda state: state.update(action=0)
+    corner.game.speed_unit = "metres"
     corner.game.step()
-    assert legal(["car"]) == {"car": (1, 0, 2, 3)}
+    corner.game.speed_unit = "edges"
+    with pytest.raises(BadValue, match="Agent 'late' has"):
+        corner.game.step()
+
+
+@pytest.mark.parametrize("is_new", [False, True])
+def test_a_rule_cannot_give_an_agent_of_a_batch_both_turns_and_a_speed_in_edges(corner, is_new):
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=strategies.random_walk)
+
+    def hurry(ctx):
+        if ctx.game.turn == 3 and is_new:
+            ctx.agent.create_agent("new", start_node_id=0, mode=CAR, speed=2.0)
+        elif ctx.game.turn == 3:
+            ctx.agent.get_agent("car").speed = 2.0
+
+    corner.game.add(hurry)
+    with corner.game.batch(2) as games, pytest.raises(BadValue, match="moves by one edge or by metres"):
+        games.run(6)
+
+
+def test_scenarios_refuse_turns_with_speeds_in_edges_by_their_path(town):
+    ann = {"name": "ann", "mode": CAR, "node": 0}
+    for team, path in (
+        ({"count": 2, "mode": CAR, "speed": 2.0}, r"teams\.cars\.speed: An agent .* Agent 'cars_0'"),
+        ({"agents": [{**ann, "speed": 2.0}]}, r"agents \(ann\), speed: .* Agent 'ann'"),
+        ({"agents": [ann], "speed": 2.0}, r"teams\.cars\.speed: .* Agent 'ann'"),
+    ):
+        scenario = Scenario(map={"file": "town.gamms"}, max_turns=2, teams={"cars": team}, folder=town)
+        for make in (lambda one: one.build(seed=1), lambda one: one.batch(2)):
+            with pytest.raises(ScenarioError, match=path):
+                make(scenario)
+        scenario.replace(settings={"speed_unit": "metres"}).play(seed=1)
 
 
 def test_an_agent_that_obeys_turns_takes_the_exit_that_its_legal_routes_reach_first(corner):

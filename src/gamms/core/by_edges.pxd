@@ -22,20 +22,14 @@ cdef class LegalByEdges(LegalNodes):
 
 cdef class TrafficStates:
     cdef const i64[::1] nodes, edges, sources, offsets, after, kept, first_of_game, begin_of_agent
-    cdef i64[::1] driven, driving, route, marks, queue, before, hops
-    cdef i64 begin, first, search, count
+    cdef i64[::1] driven, driving
+    cdef i64 begin, first
 
 
 cdef class LegalWithTurns(LegalNodes):
     cdef TrafficStates states
 
     cdef Py_ssize_t find(self, i64 node, i64 edge, double share, i64 motion, double speed, double now) except -1 nogil
-
-
-cdef class PathsWithTurns:
-    cdef TurnPaths trips
-    cdef TrafficStates states
-    cdef ReachSearch reach
 
 
 cdef class EdgePaths:
@@ -47,7 +41,7 @@ cdef class EdgePaths:
 cdef class EdgeMovers(TripMovers):
     cdef EdgePaths paths
     cdef GoalPaths long_ways
-    cdef PathsWithTurns with_turns
+    cdef LegalWithTurns with_turns
     cdef bint goes_far, obey_turns
     cdef const double[::1] speeds
 
@@ -74,56 +68,29 @@ cpdef bint go_towards(EdgePaths walks, i64 row, GoalPaths ways, i64 memory, i64 
 @cython.locals(budget=double, speed=double, edges=i64, first=i64, place=i64, left=double)
 cpdef int walk(TurnPaths trips, i64 row, i64 count) except -1 nogil
 
-@cython.locals(state=i64, is_loop=bint, kept=i64, has_come=bint)
-cdef Py_ssize_t find_state(TrafficStates s, i64 row, i64 node, i64 previous, bint is_paced) except -1 nogil
-@cython.locals(at=i64, row=i64, is_paced=bint)
+@cython.locals(state=i64, kept=i64)
+cdef Py_ssize_t find_state(TrafficStates s, i64 row, i64 node, i64 previous) except -1 nogil
+@cython.locals(at=i64, row=i64)
 cpdef int find_states(
     TrafficStates s, const i64[::1] games, const i64[::1] agents, const i64[::1] node, const i64[::1] previous,
-    const double[::1] speed, i64[::1] found, i64[::1] places
+    i64[::1] found, i64[::1] places
 ) except -1
 cpdef int use_states(TrafficStates s, i64 game, i64 agent) except -1 nogil
-@cython.locals(is_loop=bint)
-cdef int keep_state(TrafficStates s, i64 row, i64 state) except -1 nogil
-cdef int begin_search(TrafficStates s) except -1 nogil
-cdef int see_state(TrafficStates s, i64 state, i64 before, i64 hops) except -1 nogil
+@cython.locals(at=i64, place=i64, after=i64)
+cdef Py_ssize_t find_next(TrafficStates s, i64 state, i64 node, i64 edge) except -2 nogil
 @cython.locals(at=i64, place=i64)
-cdef int see_ahead(TrafficStates s, i64 state, i64 ahead, i64 hops) except -1 nogil
-@cython.locals(at=i64, place=i64)
-cdef int see_next(TrafficStates s, i64 state) except -1 nogil
-@cython.locals(number=i64, at=i64, node=i64, place=i64)
-cdef int list_seen_within(TrafficStates s, ReachSearch reach, double hops) except -1 nogil
-@cython.locals(found=bint, at=i64, place=i64)
-cdef bint is_ahead(TrafficStates s, i64 state, i64 node) except -1 nogil
-@cython.locals(goal=i64, number=i64, at=i64, count=i64, place=i64)
-cdef Py_ssize_t find_way(TrafficStates s, i64 state, i64 ahead, i64 target) except -1 nogil
-@cython.locals(number=i64, at=i64, found=i64, place=i64)
-cdef Py_ssize_t follow_edges(TrafficStates s, i64 state, const i64[::1] edges, i64 count) except -1 nogil
-@cython.locals(at=i64)
-cpdef int begin_with_turns(PathsWithTurns p, i64 row, i64 state, i64 ahead, double covered, double speed) except -1 nogil
-cpdef Py_ssize_t find_legal_with_turns(PathsWithTurns p, i64 row, i64 state) except -1 nogil
-@cython.locals(at=i64, place=i64)
-cdef Py_ssize_t list_with_turns(
-    TrafficStates s, ReachSearch reach, i64 state, i64 ahead, double share, double speed
-) except -1 nogil
-@cython.locals(count=i64)
-cpdef bint go_to_with_turns(PathsWithTurns p, i64 row, i64 state, i64 target) except -1 nogil
-@cython.locals(number=i64)
-cpdef Py_ssize_t go_along_with_turns(PathsWithTurns p, i64 row, i64 state, i64 count) except -1 nogil
-@cython.locals(most=double, number=i64, place=i64)
-cdef int drive(TrafficStates s, TurnPaths trips, i64 row, i64 count) except -1 nogil
+cdef Py_ssize_t list_with_turns(TrafficStates s, ReachSearch reach, i64 state) except -1 nogil
 
 cdef int use_edges(EdgeMovers w, i64 first) except -1 nogil
 cdef int stand(GameColumns games, EdgeMovers w, i64 row, i64 i) except -1 nogil
 @cython.locals(row=i64, own=i64, node=i64, target=i64, count=i64)
 cdef int choose(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil
-@cython.locals(row=i64, own=i64, node=i64, by=u8, state=i64, has_route=bint, target=i64, count=i64)
-cdef int choose_with_turns(GameColumns games, EdgeMovers w, PathsWithTurns p, i64 game, i64 i) except -1 nogil
-@cython.locals(row=i64, count=i64, number=i64)
-cdef Py_ssize_t draw_with_turns(
-    GameColumns games, EdgeMovers w, PathsWithTurns p, i64 game, i64 i, i64 state
+@cython.locals(row=i64, own=i64, node=i64, state=i64, after=i64)
+cdef int choose_with_turns(GameColumns games, EdgeMovers w, LegalWithTurns legal, i64 game, i64 i) except -1 nogil
+@cython.locals(row=i64, by=u8, count=i64, number=i64)
+cdef Py_ssize_t find_chosen_state(
+    GameColumns games, EdgeMovers w, LegalWithTurns legal, i64 game, i64 i, i64 state
 ) except -2 nogil
-@cython.locals(state=i64)
-cdef int note_driving(TrafficStates s, TurnPaths trips, i64 row, i64 own, i64 node) except -1 nogil
 @cython.locals(row=i64, own=i64, obeys=bint)
 cdef int go(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil
 @cython.locals(row=i64, by=u8, target=i64, count=i64)

@@ -62,13 +62,8 @@ class TrafficStates:
         kept: (places,) the state that is left of each one, because edges are closed; -1: none.
         first: the place of the first state on the map in use.
         first_of_game: (games,) the same for the map of each game.
-        driven: (rows,) what agents have driven: their state; `-2 - state`: their last move has ended on the node on
-            which it began; -1: they begin on their nodes.
+        driven: (rows,) the states of agents; -1: they begin on their nodes.
         driving: (rows,) the same after the moves that are under way.
-        route: (states,) a route, without the state in which it begins.
-        marks, search: (states,) the number of the last search that has seen each state, and that of the present one.
-        queue, count: (states,) the states that a search has seen, in this order.
-        before, hops: (states,) the state before each of them, and the number of edges to it.
     """
 
     def __init__(
@@ -77,24 +72,15 @@ class TrafficStates:
         edges: memoryview[int],
         sources: memoryview[int],
         begin_of_agent: memoryview[int],
-        working: memoryview[int],
         driven: memoryview[int],
         driving: memoryview[int],
     ) -> None:
-        count = len(nodes)
         self.nodes = nodes
         self.edges = edges
         self.sources = sources
         self.begin_of_agent = begin_of_agent
         self.begin = 0
         self.first = 0
-        self.route = working[:count]
-        self.marks = working[count : 2 * count]
-        self.queue = working[2 * count : 3 * count]
-        self.before = working[3 * count : 4 * count]
-        self.hops = working[4 * count : 5 * count]
-        self.search = 0
-        self.count = 0
         self.driven = driven
         self.driving = driving
 
@@ -113,7 +99,7 @@ class TrafficStates:
 
 
 class LegalWithTurns(LegalNodes):
-    """The legal nodes of agents by edges that obey turn restrictions, with or without speeds.
+    """The legal nodes of agents by edges that obey turn restrictions.
 
     Attributes:
         states: the states of traffic.
@@ -124,29 +110,8 @@ class LegalWithTurns(LegalNodes):
         self.states = states
 
     def find(self, node: int, edge: int, share: float, motion: int, speed: float, now: float) -> int:
-        """Find the legal nodes of an agent in the state `node`; return their number.
-
-        `edge` is the node at the end of a partial edge.
-        """
-        return list_with_turns(self.states, self.reach, node, edge, share, speed)
-
-
-class PathsWithTurns:
-    """Finds the paths of agents by edges that obey turn restrictions.
-
-    In `TurnPaths`, `edge` and `share` are as in `EdgePaths`; `edges` lead to the nodes after the first, and on to the
-    node ahead. There are no legs.
-
-    Attributes:
-        trips: the paths.
-        states: the states of traffic.
-        reach: receives the legal nodes of one agent.
-    """
-
-    def __init__(self, trips: TurnPaths, states: TrafficStates, reach: ReachSearch) -> None:
-        self.trips = trips
-        self.states = states
-        self.reach = reach
+        """Find the legal nodes of an agent in the state `node`; return their number."""
+        return list_with_turns(self.states, self.reach, node)
 
 
 class EdgePaths:
@@ -181,14 +146,14 @@ class EdgeMovers(TripMovers):
         paths: finds the paths.
         long_ways: the shortest paths of agents that go beyond their legal nodes, if some do (`goes_far`).
         speeds: (agents,) edges per turn; NaN: the agent moves along one edge.
-        with_turns: the paths of agents that obey turn restrictions, if some do (`obey_turns`).
+        with_turns: the legal nodes of agents that obey turn restrictions, if some do (`obey_turns`).
     """
 
     def __init__(
         self,
         paths: EdgePaths,
         long_ways: GoalPaths | None,
-        with_turns: PathsWithTurns | None,
+        with_turns: LegalWithTurns | None,
         *movers: Any,
         speeds: memoryview[float],
         has_all: bool,
@@ -360,7 +325,7 @@ def walk(trips: TurnPaths, row: int, count: int) -> int:
 # -- traffic with turn restrictions ------------------------------------------------------------------------------------
 
 
-def find_state(s: TrafficStates, row: int, node: int, previous: int, is_paced: bool) -> int:
+def find_state(s: TrafficStates, row: int, node: int, previous: int) -> int:
     """Return the state of an agent on a node, on the map in use.
 
     It begins on its node if its last edge is closed, or if something else than its last move has brought it there.
@@ -370,19 +335,14 @@ def find_state(s: TrafficStates, row: int, node: int, previous: int, is_paced: b
         row: the row of the agent.
         node: its node.
         previous: its previous node.
-        is_paced: whether it has a speed; then it may have passed several nodes in its last move.
     """
     state = s.driven[row]
-    if state == -1:
+    if state < 0:
         return s.begin + node
-    is_loop = state < -1
-    kept = s.kept[s.first + (-2 - state if is_loop else state)]
-    if kept < 0 or s.nodes[kept] != node:
+    kept = s.kept[s.first + state]
+    if kept < 0 or s.nodes[kept] != node or s.sources[kept] != previous:
         return s.begin + node
-    has_come = s.sources[kept] == previous
-    if is_paced:
-        has_come = is_loop or previous != node
-    return kept if has_come else s.begin + node
+    return kept
 
 
 def find_states(
@@ -391,7 +351,6 @@ def find_states(
     agents: memoryview[int],
     node: memoryview[int],
     previous: memoryview[int],
-    speed: memoryview[float],
     found: memoryview[int],
     places: memoryview[int],
 ) -> int:
@@ -403,15 +362,13 @@ def find_states(
         agents: (entries,) the numbers of agents that obey turns.
         node: (entries,) their nodes.
         previous: (entries,) their previous nodes.
-        speed: (entries,) their speeds; NaN: none.
         found: (entries,) receives the states.
         places: (entries,) receives their places.
     """
     for at in range(len(games)):
         use_states(s, games[at], agents[at])
         row = games[at] * len(s.begin_of_agent) + agents[at]
-        is_paced = speed[at] == speed[at]  # not NaN
-        found[at] = find_state(s, row, node[at], previous[at], is_paced)
+        found[at] = find_state(s, row, node[at], previous[at])
         places[at] = s.first + found[at]
     return 0
 
@@ -423,179 +380,34 @@ def use_states(s: TrafficStates, game: int, agent: int) -> int:
     return 0
 
 
-def keep_state(s: TrafficStates, row: int, state: int) -> int:
-    """Forget what an agent has driven, as far as it is not in its state."""
-    is_loop = s.driven[row] < -1
-    s.driven[row] = -1
-    if s.edges[state] >= 0:
-        s.driven[row] = -2 - state if is_loop else state
-    return 0
+def find_next(s: TrafficStates, state: int, node: int, edge: int) -> int:
+    """Return the first state that may follow a state on a node, or along an edge; -1: there is none, or is not asked.
 
-
-def begin_search(s: TrafficStates) -> int:
-    """Begin a search by the number of edges."""
-    s.search += 1
-    s.count = 0
-    return 0
-
-
-def see_state(s: TrafficStates, state: int, before: int, hops: int) -> int:
-    """Add a state to a search, unless it has been seen."""
-    if s.marks[state] != s.search:
-        s.marks[state] = s.search
-        s.queue[s.count] = state
-        s.before[state] = before
-        s.hops[state] = hops
-        s.count += 1
-    return 0
-
-
-def see_ahead(s: TrafficStates, state: int, ahead: int, hops: int) -> int:
-    """Add the states on a node that may follow a state to a search; a node of -1 is none."""
-    at = s.first + state
-    for place in range(s.offsets[at], s.offsets[at + 1]):
-        if s.nodes[s.after[place]] == ahead:
-            see_state(s, s.after[place], state, hops)
-    return 0
-
-
-def see_next(s: TrafficStates, state: int) -> int:
-    """Add all states that may follow a state to a search."""
-    at = s.first + state
-    for place in range(s.offsets[at], s.offsets[at + 1]):
-        see_state(s, s.after[place], state, s.hops[state] + 1)
-    return 0
-
-
-def list_seen_within(s: TrafficStates, reach: ReachSearch, hops: float) -> int:
-    """Append the nodes at most `hops` edges from the states that a search begins with, ordered by row."""
-    if hops < 0:
-        return 0
-    reach.count = 0
-    number = 0
-    while number < s.count:
-        at = s.queue[number]
-        number += 1
-        node = s.nodes[at]
-        if reach.places[node] == 0:
-            reach.places[node] = 1
-            reach.seen[reach.count] = node
-            reach.count += 1
-        if s.hops[at] + 1 <= hops:
-            see_next(s, at)
-    number = reach.count
-    travel.sort_seen(reach)
-    for place in range(number):
-        travel.list_node(reach, reach.seen[place], 0.0)
-    return 0
-
-
-def is_ahead(s: TrafficStates, state: int, node: int) -> bool:
-    """Return whether a legal edge leads from a state to a node."""
-    found = False
-    at = s.first + state
-    for place in range(s.offsets[at], s.offsets[at + 1]):
-        found = found or s.nodes[s.after[place]] == node
-    return found
-
-
-def find_way(s: TrafficStates, state: int, ahead: int, target: int) -> int:
-    """Write a route with the fewest edges from a state to another node; return their number, 0 if there is none.
-
-    A route over the node ahead is taken if it is no longer, then the one that a breadth-first search finds first.
+    Args:
+        s: the states.
+        state: the state.
+        node: the node, which differs from that of the state; -1: any.
+        edge: the edge; -1: any.
     """
-    begin_search(s)
-    see_state(s, state, -1, 0)
-    see_ahead(s, state, ahead, 1)
-    goal = -1
-    number = 0
-    while goal < 0 and number < s.count:
-        at = s.queue[number]
-        number += 1
-        if s.nodes[at] == target:
-            goal = at
-        else:
-            see_next(s, at)
-    if goal < 0:
-        return 0
-    count = s.hops[goal]
-    for place in range(count, 0, -1):
-        s.route[place - 1] = goal
-        goal = s.before[goal]
-    return count
+    if node < 0 and edge < 0:
+        return -1
+    at = s.first + state
+    for place in range(s.offsets[at], s.offsets[at + 1]):
+        after = s.after[place]
+        if (node < 0 or s.nodes[after] == node) and (edge < 0 or s.edges[after] == edge):
+            return after
+    return -1
 
 
-def follow_edges(s: TrafficStates, state: int, edges: memoryview[int], count: int) -> int:
-    """Write the route from a state along the first `count` edges; return how many of them follow each other."""
-    for number in range(count):
-        at = s.first + state
-        found = -1
-        for place in range(s.offsets[at], s.offsets[at + 1]):
-            if s.edges[s.after[place]] == edges[number]:
-                found = s.after[place]
-        if found < 0:
-            return number
-        s.route[number] = found
-        state = found
-    return count
-
-
-def begin_with_turns(p: PathsWithTurns, row: int, state: int, ahead: int, covered: float, speed: float) -> int:
-    """Place an agent on its start node; the covered part of an edge that it may not go on along is dropped."""
-    at = ahead if ahead >= 0 and is_ahead(p.states, state, ahead) else -1
-    return travel.begin(p.trips, row, p.states.nodes[state], at, covered, 0, 0.0, speed, 0)
-
-
-def find_legal_with_turns(p: PathsWithTurns, row: int, state: int) -> int:
-    """Find the legal nodes of an agent on its start node; return their number."""
-    return list_with_turns(p.states, p.reach, state, p.trips.edge[row], p.trips.share[row], p.trips.speed[row])
-
-
-def list_with_turns(s: TrafficStates, reach: ReachSearch, state: int, ahead: int, share: float, speed: float) -> int:
-    """Find the legal nodes of an agent in a state, with a share of an edge to the node ahead; return their number."""
+def list_with_turns(s: TrafficStates, reach: ReachSearch, state: int) -> int:
+    """Find the legal nodes of an agent in a state; return their number."""
     reach.search += 1
     reach.found = 0
     travel.list_node(reach, s.nodes[state], 0.0)
     at = s.first + state
     for place in range(s.offsets[at], s.offsets[at + 1]):
         travel.list_node(reach, s.nodes[s.after[place]], 0.0)
-    if speed == speed:  # noqa: PLR0124 - NaN
-        begin_search(s)
-        see_state(s, state, -1, 0)
-        list_seen_within(s, reach, count_whole_edges(speed))
-        begin_search(s)
-        see_ahead(s, state, ahead, 0)
-        list_seen_within(s, reach, count_whole_edges(speed + share) - 1)
     return reach.found
-
-
-def go_to_with_turns(p: PathsWithTurns, row: int, state: int, target: int) -> bool:
-    """Move an agent toward another node until the turn is over; return whether it can."""
-    count = find_way(p.states, state, p.trips.edge[row], target)
-    if count > 0:
-        drive(p.states, p.trips, row, count)
-    return count > 0
-
-
-def go_along_with_turns(p: PathsWithTurns, row: int, state: int, count: int) -> int:
-    """Move an agent along the first `count` edges of `TurnPaths.route`, at least one, as far as its speed allows."""
-    number = follow_edges(p.states, state, p.trips.route, count)
-    if number > 0:
-        drive(p.states, p.trips, row, number)
-    return number
-
-
-def drive(s: TrafficStates, trips: TurnPaths, row: int, count: int) -> int:
-    """Move an agent along the first `count` states of a route, as far as its speed allows."""
-    most = (trips.speed[row] + 1.0) * (1.0 + travel.SLACK)  # NaN without a speed
-    number = 0
-    while number < count and (number == 0 or number <= most):
-        trips.route[number] = s.nodes[s.route[number]]
-        number += 1
-    walk(trips, row, number)
-    for place in range(min(number, trips.passed[row])):
-        trips.edges[row * trips.most + place] = s.edges[s.route[place]]
-    return 0
 
 
 # -- the agents of a game --------------------------------------------------------------------------------------------
@@ -647,54 +459,44 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     return 0
 
 
-def choose_with_turns(games: GameColumns, w: EdgeMovers, p: PathsWithTurns, game: int, i: int) -> int:
-    """Decide for an agent that obeys turn restrictions, and write its path through the turn."""
+def choose_with_turns(games: GameColumns, w: EdgeMovers, legal: LegalWithTurns, game: int, i: int) -> int:
+    """Decide for an agent that obeys turn restrictions, and write its path along one edge."""
     row = game * games.agents + i
     own = w.first + i
     node = games.node[row]
-    by = w.decides_by[i]
-    use_states(p.states, game, i)
-    state = find_state(p.states, row, node, games.previous[row], w.speeds[i] == w.speeds[i])
-    begin_with_turns(p, own, state, games.edge[row], games.share[row], w.speeds[i])
-    has_route = False
-    target = -1
-    if games.alive[row]:
-        w.blocked[row] = 0
-        keep_state(p.states, row, state)
-        if by == moves.IS_GIVEN and w.edges[row] >= 0:
-            w.trips.route[0] = w.edges[row]
-            has_route = go_along_with_turns(p, own, state, 1) > 0
-        elif by == moves.IS_GIVEN and w.given[row] < 0:
-            count = w.routes.take(row, w.trips.route)  # type: ignore[union-attr] # there are some
-            has_route = count > 0 and go_along_with_turns(p, own, state, count) > 0
-        elif by != moves.STAYS:
-            target = draw_with_turns(games, w, p, game, i, state)
-    if target >= 0 and target != node:
-        has_route = go_to_with_turns(p, own, state, target)
-    if not has_route:
-        stand(games, w, row, i)
-    note_driving(p.states, w.trips, row, own, node)
-    w.ends[row] = w.trips.node[own]
+    stand(games, w, row, i)
+    w.ends[row] = node
+    legal.states.driving[row] = legal.states.driven[row]
+    if not games.alive[row]:
+        return 0
+    w.blocked[row] = 0
+    use_states(legal.states, game, i)
+    state = find_state(legal.states, row, node, games.previous[row])
+    legal.states.driven[row] = -1 if legal.states.edges[state] < 0 else state
+    legal.states.driving[row] = legal.states.driven[row]
+    after = find_chosen_state(games, w, legal, game, i, state)
+    if after >= 0:
+        w.trips.route[0] = legal.states.nodes[after]
+        walk(w.trips, own, 1)
+        w.trips.edges[own * w.trips.most] = legal.states.edges[after]
+        legal.states.driving[row] = after
+        w.ends[row] = w.trips.node[own]
     return 0
 
 
-def draw_with_turns(games: GameColumns, w: EdgeMovers, p: PathsWithTurns, game: int, i: int, state: int) -> int:
-    """Return the legal node that an agent draws, or that it is given by its number."""
+def find_chosen_state(games: GameColumns, w: EdgeMovers, legal: LegalWithTurns, game: int, i: int, state: int) -> int:
+    """Return the state to which an agent goes on, by its own decision or a given action; -1: it stays."""
     row = game * games.agents + i
-    count = find_legal_with_turns(p, w.first + i, state)
+    by = w.decides_by[i]
+    if by == moves.STAYS:
+        return -1
+    if by == moves.IS_GIVEN and (w.edges[row] >= 0 or w.given[row] < 0):
+        return find_next(legal.states, state, -1, w.edges[row])
+    count = list_with_turns(legal.states, legal.reach, state)
     number = moves.as_legal(w.given[row], count)
-    if w.decides_by[i] != moves.IS_GIVEN:
+    if by != moves.IS_GIVEN:
         number = draws.draw_integer(w.walks.keys[row], games.turn[game], 0, count)
-    return p.reach.nodes[number]
-
-
-def note_driving(s: TrafficStates, trips: TurnPaths, row: int, own: int, node: int) -> int:
-    """Note the state in which an agent is after its move from a node; `own` is the row of its path."""
-    s.driving[row] = s.driven[row]
-    if trips.passed[own] > 1:
-        state = s.route[trips.passed[own] - 2]
-        s.driving[row] = -2 - state if s.nodes[state] == node else state
-    return 0
+    return find_next(legal.states, state, legal.reach.nodes[number] if number > 0 else -1, -1)
 
 
 def go(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:

@@ -318,6 +318,9 @@ class Slots(Sequence[AgentSlot]):
             refuse_modes(settings.legal, [(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True)])
             if settings.decide == "arrival":
                 refuse_turns([(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True)])
+            if settings.speed_unit == "edges":
+                fast = [i for i in self.paced if has_speed[rows[i]]]
+                refuse_speeds((self.names[i], block.modes[rows[i]], block.speed[rows[i]]) for i in fast)
         are_slow = not travels and not have_modes and not any(has_speed[rows[i]] for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and are_slow
 
@@ -560,6 +563,23 @@ def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
                 f"leave decide='turn'. Or make it an agent with mode={attribute!r}, whose action is the rest of one "
                 f"route that obeys: ctx.graph.shortest_path(a, b, turns={attribute!r}). Of parallel edges it takes the "
                 "cheapest."
+            )
+
+
+def refuse_speeds(agents: Iterable[tuple[str, str | None, float | None]]) -> None:
+    """Refuse agents that obey turn restrictions and have a speed in edges.
+
+    Args:
+        agents: names, modes and speeds.
+
+    Raises:
+        BadValue: an agent has a speed, and its mode says that it obeys turn restrictions.
+    """
+    for name, mode, speed in agents:
+        if mode is not None and speed is not None and split_mode(mode)[1]:
+            raise BadValue(
+                f"An agent that obeys turns moves by one edge or by metres. Agent {shown(name)} has mode={mode!r} and "
+                f"speed={float(speed)} in edges per turn: leave out its speed, or set ctx.game.speed_unit = 'metres'."
             )
 
 

@@ -17,6 +17,7 @@ from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.game.hidden_state import make_image
 from gamms.game.settings import get_rule_spec, refuse_unused
+from gamms.game.slots import refuse_speeds
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.plain import Plain, as_json, is_same
@@ -343,6 +344,10 @@ class Builder:
         mode = get_mode(self.spec.teams[member.team], member.listed)
         if mode is not None:
             keywords["mode"] = mode
+        if self.spec.settings.speed_unit == "edges":
+            is_own = member.listed is not None and member.listed.speed is not None
+            with locate_errors(join_path(member.path if is_own else f"teams.{member.team}", "speed")):
+                refuse_speeds([(member.name, mode, speed)])
         with locate_errors(member.path):
             declared = self._list_sensors(member)
             sensors = {name: self._make_sensor(f"{member.name}/{name}", *one) for name, one in declared.items()}

@@ -333,9 +333,7 @@ def step_towards(
     legal = list_legal_on_map(ctx, state)
     graph = get_graph(ctx, state)
     if isinstance(graph, RoutesWithTurns):
-        return aims.step_with_turns(
-            graph, legal, target, has_speed=is_paced, by_metres=bool(ends), is_allowed=is_allowed
-        )
+        return aims.step_with_turns(graph, legal, target, by_metres=bool(ends), is_allowed=is_allowed)
     weight = choose_weight(ctx, state)
     return aims.step_towards(
         graph, here, legal, target, weight=weight, has_speed=is_paced, ends=ends, is_allowed=is_allowed

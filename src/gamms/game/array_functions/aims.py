@@ -85,7 +85,6 @@ def step_with_turns(
     legal: Sequence[int],
     target: int,
     *,
-    has_speed: bool,
     by_metres: bool,
     is_allowed: Callable[[int], bool] | None = None,
 ) -> int | list[int] | EdgeAction | None:
@@ -93,38 +92,26 @@ def step_with_turns(
 
     Args:
         routes: its routes.
-        legal: see `step_towards`; so are `target`, `has_speed` and `is_allowed`.
+        legal: see `step_towards`; so are `target` and `is_allowed`.
         target: a node id.
-        has_speed: whether it has a speed.
-        by_metres: whether it may go any distance toward a node; then it has a speed.
+        by_metres: whether it may go any distance toward a node.
         is_allowed: whether it may enter a node; None: every node.
 
     Returns:
-        A node id, or the edge to it, if the path does not go on from the cheapest one; for an agent with a speed the
-        nodes of the path, up to the first one out of reach. A path may come to nodes again: only its first edge counts
-        in games by metres with nodes that are not allowed. None if there is no path.
+        A node id, or the edge to it, if the path does not go on from the cheapest one; from an edge, its end and the
+        next node. None if there is no path.
     """
     if by_metres and is_allowed is None:
         return target if target in legal or routes.find_path(routes.here, target) is not None else None
     is_free = is_allowed is None or is_allowed(target)
     if target == routes.here or (not by_metres and target in legal and is_free):
         return target
-    if has_speed and not by_metres:
-        nodes = routes.find_nodes(target)
-        return None if nodes is None else _cut_path(nodes, legal, is_allowed) or routes.here
     found = routes.find_step(target)
     if found is not None and is_allowed is not None and not is_allowed(found[0]):
         return routes.here
     if found is None or not routes.is_on_edge:
         return None if found is None else found[1]
     return [routes.here, found[0]]
-
-
-def _cut_path(nodes: list[int], legal: Sequence[int], is_allowed: Callable[[int], bool] | None) -> list[int]:
-    """Return the nodes of a path up to the first one out of reach, without those that may not be entered."""
-    free = nodes if is_allowed is None else [*takewhile(is_allowed, nodes)]
-    steps = sum(1 for _ in takewhile(legal.__contains__, free))
-    return free[: steps + 1]
 
 
 class ActionFinder:
@@ -168,14 +155,14 @@ class ActionFinder:
             legal = ids(rows[place][are_legal[place]]).tolist()
             routes = self._routes[int(which[1][place])]
             graph = self._graphs[modes[place]]
-            options: Any = {"has_speed": has_speed, "is_allowed": is_allowed}
+            options: Any = {"is_allowed": is_allowed}
             step: int | list[int] | EdgeAction | None
             if routes is not None:
                 step = step_with_turns(routes, legal, target, by_metres=bool(ends), **options)
             else:
                 if movement.by_metres:
                     options["weight"] = movement.terms.weight
-                step = step_towards(graph, here, legal, target, ends=ends, **options)
+                step = step_towards(graph, here, legal, target, ends=ends, has_speed=has_speed, **options)
             if step is not None:
                 found[place] = self._find_number(step, legal)
         return found

@@ -23,7 +23,7 @@ from gamms.game.movement.legal_moves import Movement, TravelTerms
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import as_called
-from gamms.game.slots import COUNTED, refuse_modes, refuse_turns
+from gamms.game.slots import COUNTED, refuse_modes, refuse_speeds, refuse_turns
 from gamms.game.strategy_specs import get_strategy_spec
 from gamms.game.turn import describe_closed_edge
 from gamms.ir.agents import UNTURNED, get_speed, read_vector
@@ -69,6 +69,8 @@ def make_movement(
         refuse_modes(settings["legal"], [(agent.name, mode) for agent, mode in zip(roster.agents, modes, strict=True)])
         if settings["decide"] == "arrival":
             refuse_turns([(agent.name, mode) for agent, mode in zip(roster.agents, modes, strict=True)])
+        if settings["speed_unit"] == "edges":
+            refuse_speeds(zip(roster.names, modes, speeds, strict=True))
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":

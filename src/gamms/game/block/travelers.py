@@ -234,10 +234,10 @@ class TravelColumns:
         if columns["by_steps"] is not None:
             long_ways = self._ways.get_plain_ways(reach)
             columns["by_steps"].go_far(long_ways)
-        with_turns: by_edges.PathsWithTurns | None = None
+        with_turns: by_edges.LegalWithTurns | None = None
         if by.traffic is not None:
             self._traffic.append(by.traffic.bind())
-            with_turns = by_edges.PathsWithTurns(trips, self._traffic[-1], reach.core)
+            with_turns = by_edges.LegalWithTurns(self._traffic[-1], reach.core)
         speeds = flatten(by.paces, np.float64)
         has_all = self.courses is not None
         walkers = by_edges.EdgeMovers(walks, long_ways, with_turns, *movers, speeds=speeds, has_all=has_all, **columns)

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import kernels
 from gamms.core import moves
 from gamms.core import travel as core
 from gamms.game.decisions import Decisions
@@ -88,7 +87,6 @@ class Routes:
         self.core = moves.ChosenRoutes(room, self._nodes.data, self._counts.data, self._motions.data)
         self._chosen: list[tuple[int, int, int]] = []  # row, how many nodes, motion
         self._ids: list[int] = []  # of the nodes, one way after the other
-        self._by_edges: list[tuple[int, int]] = []  # where ids of edges begin among them, and how many there are
 
     def choose(self, game: int, agent: int, decisions: Decisions, i: int) -> bool:
         """Set the action of an agent in this turn; return whether there is room for its path.
@@ -102,11 +100,7 @@ class Routes:
         count = STAYS
         motion = int(Motion.FORWARD)
         nodes: Iterable[int] = ()
-        action = decisions.actions.get(i)
-        if action is not None and action.edges:
-            nodes = action.edges
-            self._by_edges.append((len(self._ids), len(action.edges)))
-        elif decisions.paths is not None and decisions.paths.maps[i] is not None:
+        if decisions.paths is not None and decisions.paths.maps[i] is not None:
             count, motion, nodes = decisions.paths.make_route(i)
         elif decisions.ends[i] != decisions.starts[i]:
             nodes = (decisions.ends[i],)
@@ -115,7 +109,6 @@ class Routes:
         count = (len(self._ids) - before) or count
         if count > self._longest:
             del self._ids[before:]
-            self._by_edges = [one for one in self._by_edges if one[0] < before]
             return False
         self._chosen.append((game * self._agents + agent, count, motion))
         return True
@@ -128,28 +121,13 @@ class Routes:
         lengths = np.maximum(counts, 0)
         first = np.cumsum(lengths) - lengths
         places = np.repeat(rows * self._room - first, lengths) + np.arange(len(self._ids))
-        self._nodes[places] = self._list_rows()
+        self._nodes[places] = self._by.streets.rows(self._ids)
         self.forget()
-
-    def _list_rows(self) -> IntArray:
-        """Return the rows of the nodes, and of the edges in their place on routes of agents that obey turns."""
-        columns = self._by.columns
-        if not self._by_edges:
-            return self._by.streets.rows(self._ids)
-        ids = np.array(self._ids, np.int64)
-        are_edges = np.zeros(len(ids), np.bool_)
-        for begin, count in self._by_edges:
-            are_edges[begin : begin + count] = True
-        rows = np.zeros(len(ids), np.int64)
-        rows[~are_edges] = self._by.streets.rows(ids[~are_edges])
-        rows[are_edges] = kernels.find_rows(columns.edge_ids, ids[are_edges], columns.edge_order)
-        return rows
 
     def forget(self) -> None:
         """Drop the chosen actions."""
         self._chosen.clear()
         self._ids.clear()
-        self._by_edges.clear()
 
 
 class Courses:
@@ -200,18 +178,15 @@ class Courses:
         each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
 
-    def list_driven(self, game: int, agent: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Return the ids of the nodes and edges of the path of an agent by edges that obeys turns.
-
-        The edge is among them that it has partly covered at the end.
-        """
+    def find_step(self, game: int, agent: int) -> tuple[tuple[int, ...], int | None]:
+        """Return the ids of the nodes and of the edge of the move of an agent by edges that obeys turns; None: it stays."""
         trips = self.trips
         columns = self._by.columns
         row = game * self._shape[1] + agent
         nodes = trips.nodes[row, : trips.passed[row]]
         nodes = nodes[np.append(True, nodes[1:] != nodes[:-1])]  # it may wait on the first node
-        count = len(nodes) - 1 + int(trips.edge[row] >= 0)
-        return tuple(columns.node_ids[nodes].tolist()), tuple(columns.edge_ids[trips.edges[row, :count]].tolist())
+        edge = None if len(nodes) == 1 else int(columns.edge_ids[trips.edges[row, 0]])
+        return tuple(columns.node_ids[nodes].tolist()), edge
 
     def stand(self, game: int, agent: int, node: int) -> None:
         """Let an agent stay on a node for the whole turn."""

@@ -657,7 +657,7 @@ class Movement:
         """Return the states of agents that obey turns on these nodes, and their places; all arguments are flat."""
         assert self.traffic is not None  # noqa: S101 - they obey turns
         which = games, agents
-        return self.traffic.find_states(which, node, self.previous[which], self.paces[agents])
+        return self.traffic.find_states(which, node, self.previous[which])
 
     def _find_with_turns(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
         """Return what `_find_on_map` does for agents that obey turns."""

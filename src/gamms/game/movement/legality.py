@@ -166,14 +166,6 @@ def explain_edge(edge: tuple[int, int, int], here: int, on_edge: int | None, mod
     return f"it leads from node {here} to itself" if target == here else f"mode {mode!r} may not use it"
 
 
-def is_loop_of(driven: Sequence[int]) -> bool:
-    """Return whether an agent by edges has ended its last move on the node on which it has begun it.
-
-    Then `GameState.driven` has its last edge twice. The previous node of the agent does not say so.
-    """
-    return len(driven) > 1 and driven[-1] == driven[-2]
-
-
 class Legality:
     """Checks the actions of agents, and finds the moves that they lead to.
 
@@ -295,7 +287,7 @@ class Legality:
             self.travel.cross_edge(self.travel.get_position(mover.row), here, mover.speed, edge)
             return ResolvedAction(self.travel.end(), (here,), edge=edge)
         if mover.obeys_turns:
-            return self.turning.go_along(*self._find_start(mover, here), [edge])
+            return _make_step(here, (edge, roads.edge_ids[row][1]))
         return self.resolve_path(mover, here, [roads.edge_ids[row][1]], True)._replace(edge=edge)
 
     def _explain_refused_edge(self, mover: AgentSlot, here: int, edge: tuple[int, int, int]) -> str:
@@ -327,9 +319,6 @@ class Legality:
         known = self._state.driven.get(name, ())
         if not known:
             return ()
-        by_edges = self._settings.speed_unit == "edges"
-        is_loop = by_edges and is_loop_of(known)
-        known = known[:-1] if is_loop else known
         block = self._ctx.agent.block
         row = block.find_row(name)
         mode = block.modes[row]
@@ -347,9 +336,8 @@ class Legality:
         previous, node = block.get_previous_node(row), block.get_node(row)
         if not walk or walk[-1][1] != node:
             return ()
-        if by_edges:
-            is_paced = self._ctx.agent.agents[name].speed is not None
-            has_come = is_loop or previous != node if is_paced else walk[-1][0] == previous
+        if self._settings.speed_unit == "edges":
+            has_come = walk[-1][0] == previous
         else:  # it passes several nodes in a turn, and may end it on the node where it has begun it
             has_come = previous != node or any(source == previous for source, *_ in walk)
         return tuple([edge for *_, edge in walk]) if has_come else ()
@@ -359,31 +347,24 @@ class Legality:
         known = self._state.driven
         if mover.name in known:
             driven = self.find_driven(mover.name)
-            if not driven:
-                del known[mover.name]
-            elif self._settings.speed_unit == "edges" and is_loop_of(known[mover.name]):
-                known[mover.name] = (*driven, driven[-1])
-            else:
+            if driven:
                 known[mover.name] = driven
+            else:
+                del known[mover.name]
 
     def drive_on(self, mover: AgentSlot, legs: Sequence[Leg]) -> None:
         """Note the edges that an agent that obeys turn restrictions has driven to their ends on its legs."""
         driven = self._state.driven
         forbidden = self.get_for_agent(mover)._forbidden
-        before = known = self._list_driven(mover.name)
+        before = known = driven.get(mover.name, ())
         edges = [leg.edge for leg in legs if leg.end == 1.0]
         for edge in edges:
             known = forbidden.step(known, edge) or (edge,)
         if edges and not mover.travels:
-            driven[mover.name] = (*known, known[-1]) if legs[0].source == legs[-1].target else known
+            driven[mover.name] = known
         elif edges:
             count = max(len(known), len(edges))  # all of this turn: its first node is then the previous one
             driven[mover.name] = (*before, *edges)[-count:]
-
-    def _list_driven(self, name: str) -> tuple[int, ...]:
-        """Return the edges that an agent has driven, wherever it is now."""
-        known = self._state.driven.get(name, ())
-        return known[:-1] if self._settings.speed_unit == "edges" and is_loop_of(known) else known
 
     @property
     def _forbidden(self) -> kernels.ForbiddenPaths:
@@ -414,28 +395,17 @@ class Legality:
             "or it leads back, which is legal only where nothing else is"
         )
 
-    def _find_start(self, mover: AgentSlot, here: int) -> tuple[int, tuple[int, ...], float | None, Progress | None]:
-        """Return where an agent begins that obeys turn restrictions, as `MovesWithTurns` takes it."""
-        place = None if mover.speed is None else self._ctx.agent.block.get_progress(mover.row)
-        return here, self.find_driven(mover.name), mover.speed, place
-
-    def _obey(self, mover: AgentSlot, here: int, path: list[int], *, is_route: bool) -> ResolvedAction:
-        """Return the move of an agent by edges that obeys turn restrictions, along the cheapest legal edges."""
-        start = self._find_start(mover, here)
+    def _obey(self, mover: AgentSlot, here: int, path: list[int]) -> ResolvedAction:
+        """Return the move of an agent by edges that obeys turn restrictions, along the cheapest legal edge."""
         path = [node for node, before in zip(path, [here, *path], strict=False) if node != before]
         if not path:
             return ResolvedAction(here, (here,))
-        if mover.speed is not None and not is_route:
-            return self.turning.go_towards(*start, path[0])
-        near = {
-            self.travel.roads.edge_ids[self.travel.roads.edge_rows[edge]][1]
-            for edge in self._list_onward_edges(mover, here)
-        }
-        is_next = path[0] in near and (mover.speed is not None or len(path) == 1)
-        if is_next:
-            return self.turning.go_over(*start, path)
+        onward = self.turning.list_moves(here, self.find_driven(mover.name))
+        found = [one for one in onward if one[1] == path[0]]
+        if found and len(path) == 1:
+            return _make_step(here, found[0])
         legal = [*self.list_reachable(mover, here)]
-        if path[0] not in near and path[0] in self._graph.neighborhoods[here]:
+        if not found and path[0] in self._graph.neighborhoods[here]:
             raise BadValue(
                 f"No turn to node {path[0]} is legal: {self._explain_forbidden_edge(mover, here)}; legal are {legal}."
             )
@@ -491,7 +461,8 @@ class Legality:
         if self._settings.legal == "any":
             return self._list_all_nodes(here)
         if mover.obeys_turns:
-            return own.turning.find_legal(*own._find_start(mover, here))
+            ends = [end for _, end in own.turning.list_moves(here, own.find_driven(mover.name))]
+            return tuple(dict.fromkeys([here, *ends]))
         return own.walking.list_reachable(here, mover.speed, self._ctx.agent.block.get_progress(mover.row))
 
     def _list_all_nodes(self, here: int) -> tuple[int, ...]:
@@ -567,7 +538,7 @@ class Legality:
         if self._settings.legal == "any":
             return ResolvedAction(path[-1], (here, *path))
         if mover.obeys_turns:
-            return self._obey(mover, here, path, is_route=is_route)
+            return self._obey(mover, here, path)
         if mover.speed is None:
             near = self._graph.neighborhoods[here]
             if len(path) > 1 or path[0] not in near:
@@ -577,3 +548,9 @@ class Legality:
         if is_route:
             return self.walking.move_along(here, mover.speed, place, path)
         return self.walking.move_towards(mover.row, here, mover.speed, place, path[0])
+
+
+def _make_step(here: int, onward: tuple[int, int]) -> ResolvedAction:
+    """Return the move from a node along an edge, given by its id and that of its end."""
+    edge, end = onward
+    return ResolvedAction(end, (here, end), edge=edge)

@@ -179,17 +179,12 @@ class TurnMoves(TurnMovesInCore):
         # NOTE: contacts read `get_track`: in games that count edges they compare nodes, whatever edge leads to them.
         track = self.get_track(i)
         action = self.actions.get(i)
-        if track.legs or action is None or (action.edge is None and not action.edges) or len(track.path) == 1:
+        if track.legs or action is None or action.edge is None or len(track.path) == 1:
             return track
         path, times, _ = track
-        steps = [place for place in range(1, len(path)) if path[place - 1] != path[place]]
-        edges = action.edges[: len(steps)] or (action.edge,)
-        legs = [
-            Leg(path[place - 1], path[place], edge, 0.0, 1.0, times[place - 1], times[place])
-            for place, edge in zip(steps[-len(edges) :], edges, strict=True)
-            if edge is not None
-        ]
-        return track._replace(legs=tuple(legs))
+        last = max(place for place in range(1, len(path)) if path[place - 1] != path[place])
+        leg = Leg(path[last - 1], path[last], action.edge, 0.0, 1.0, times[last - 1], times[last])
+        return track._replace(legs=(leg,))
 
     def find_named_edges(self) -> dict[str, int]:
         """Return agent -> the id of the edge that its action has named, for those that come to its end."""

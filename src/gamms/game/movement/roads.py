@@ -317,11 +317,11 @@ class TrafficOnMaps:
         use_states(self.states, game, agent)
 
     def find_states(
-        self, which: tuple[IntArray, IntArray], node: IntArray, previous: IntArray, speed: FloatArray
+        self, which: tuple[IntArray, IntArray], node: IntArray, previous: IntArray
     ) -> tuple[IntArray, IntArray]:
         """Return the states of agents that obey turns, and their places; all arguments are flat, see the core."""
         found, places = np.zeros((2, len(node)), np.int64)
-        columns = [kernels.as_buffer(one) for one in (*which, node, previous, speed)]
+        columns = [kernels.as_buffer(one) for one in (*which, node, previous)]
         find_states(*[self.states, *columns, found.data, places.data])
         return found, places
 
@@ -337,13 +337,11 @@ class TrafficOnMaps:
     def list_driven(self, game: int, agent: int) -> tuple[int, ...]:
         """Return the ids of the edges that an agent has driven, as `GameState.driven` has them; (): none."""
         driven = int(self.driven[game, agent])
-        if driven == -1:
+        if driven < 0:
             return ()
         mode = int(self._mode_of[agent])
-        table = self._tables[self._modes.index(mode)]
-        rows = table.list_edges((driven if driven >= 0 else -2 - driven) - self._first[mode])
-        ids = tuple(self._roads.whole.columns.edge_ids[[*rows]].tolist())
-        return ids if driven >= 0 else (*ids, ids[-1])
+        rows = self._tables[self._modes.index(mode)].list_edges(driven - self._first[mode])
+        return tuple(self._roads.whole.columns.edge_ids[[*rows]].tolist())
 
     def put_driven(self, names: Sequence[str], driven: Mapping[str, Sequence[int]]) -> None:
         """Set the edges that the agents with these names have driven in a block of one game; see `GameState.driven`."""
@@ -353,16 +351,14 @@ class TrafficOnMaps:
     def _find_driven(self, agent: int, edges: Sequence[int]) -> int:
         """Return the edges that an agent has driven in the form of the column."""
         columns = self._roads.whole.columns
-        is_loop = len(edges) > 1 and edges[-1] == edges[-2]
-        known = np.array(edges[:-1] if is_loop else edges, np.int64)
-        rows = kernels.find_rows(columns.edge_ids, known, columns.edge_order)
+        rows = kernels.find_rows(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
         mode = int(self._mode_of[agent])
         missing = np.flatnonzero(rows < 0)
         rest = rows[missing[-1] + 1 :] if len(missing) else rows
-        state = -1
-        if len(rest):
-            state = self._first[mode] + self._tables[self._modes.index(mode)].find_state(rest.tolist())
-        return -2 - state if is_loop and state >= 0 else state
+        if not len(rest):
+            return -1
+        first: int = self._first[mode]
+        return first + self._tables[self._modes.index(mode)].find_state(rest.tolist())
 
 
 def _find_other_rows(rows: IntArray, size: int) -> IntArray:

@@ -317,9 +317,3 @@ class RoutesWithTurns(RoutesFromNodes):
         node = int(columns.node_ids[end])
         is_alone = np.count_nonzero(columns.targets[leaving] == end) == 1
         return node, node if is_alone or not self._is_in_game else {"edge": edges[0]}
-
-    def find_nodes(self, target: int) -> list[int] | None:
-        """Return the ids of the nodes on the shortest path beyond the first; None: there is no path."""
-        edges = self.find_path(self.here, target)
-        columns = self.graph.columns()
-        return None if edges is None else columns.node_ids[columns.targets[self._find_rows(edges)]].tolist()

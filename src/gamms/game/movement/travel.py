@@ -688,7 +688,6 @@ class ResolvedAction(NamedTuple):
     quat: Quat | None = None
     deeds: Mapping[str, dict[str, Any]] | None = None  # deed -> field -> value
     edge: int | None = None  # id of the edge that the action has named, or that an agent that obeys turns takes
-    edges: tuple[int, ...] = ()  # ids of all edges that an agent by edges takes that obeys turns, as far as it comes
 
     def is_step(self) -> bool:
         """Return whether the agent stays, or moves along one edge to another node."""
@@ -933,13 +932,12 @@ def bind_states(
     """Return the states of traffic of several modes in the form of the core, for one thread; see there."""
     columns = [[getattr(one, name) for one in tables] for name in ("nodes", "edges", "sources")]
     views: list[Any] = [np.concatenate(several).data for several in columns]
-    working: Any = np.zeros(5 * len(views[0]), np.int64).data
     of_agents = [kernels.as_buffer(one.reshape(-1)) for one in (begin_of_agent, driven, driving)]
-    return by_edges.TrafficStates(*[*views, of_agents[0], working, *of_agents[1:]])
+    return by_edges.TrafficStates(*views, *of_agents)
 
 
 class MovesWithTurns:
-    """Finds the moves of agents by edges that obey turn restrictions, on one revision of a graph.
+    """Finds the moves along one edge of agents that obey turn restrictions, on one revision of a graph.
 
     Args:
         columns: the columns of the graph.
@@ -949,113 +947,25 @@ class MovesWithTurns:
 
     def __init__(self, columns: GraphColumns, mode: str, costs: FloatArray) -> None:
         self.columns = columns
-        self._costs = costs
-        self._ids: list[int] = columns.node_ids.tolist()
-        self._edge_ids: list[int] = columns.edge_ids.tolist()
-        self._row_of = RowsOfIds("node", self._ids)
-        self._edge_rows = RowsOfIds("edge", self._edge_ids)
         self._table = TrafficTable(columns, mode)
         self._following = self._table.find_following(np.flatnonzero(find_usable_edges(columns, mode)), costs)
-        nothing = np.full(1, -1)
-        self._states = bind_states([self._table], np.array([self._table.begin]), nothing, nothing)
-        self._states.take_maps(*[*map(kernels.as_buffer, self._following), kernels.as_buffer(np.zeros(1, np.int64))])
-        by_edges.use_states(self._states, 0, 0)
-        self._reach = ReachableNodes(len(self._ids))
-        self._make_room(len(self._ids) + _MORE_LEGS)
+        self._row_of = RowsOfIds("node", columns.node_ids.tolist())
+        self._edge_rows = RowsOfIds("edge", columns.edge_ids.tolist())
 
-    def _make_room(self, most: int) -> None:
-        """Allocate memory for paths over `most` nodes."""
-        self._most = most
-        self._trips = make_paths_of_one(most)
-        self._paths = by_edges.PathsWithTurns(self._trips, self._states, self._reach.core)
+    def list_moves(self, here: int, driven: Sequence[int]) -> list[tuple[int, int]]:
+        """Return the ids of each edge that an agent may take next, and of its end.
 
-    def _find_state(self, here: int, driven: Sequence[int]) -> int:
-        """Return the state of an agent on a node that has driven edges, given by their ids."""
-        rows = [self._edge_rows[edge] for edge in driven]
-        return self._table.find_state(rows) if rows else self._table.begin + self._row_of[here]
-
-    def _begin(self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None) -> int:
-        """Place an agent at its start; return its state."""
-        state = self._find_state(here, driven)
-        is_partial = place is not None and place.source == here
-        ahead = self._row_of.get(place.target, -1) if place is not None and is_partial else -1
-        covered = place.share if place is not None and is_partial else 0.0
-        pace = nan if speed is None else min(speed, float(len(self._ids)))
-        by_edges.begin_with_turns(self._paths, 0, state, ahead, covered, pace)
-        return state
-
-    def find_legal(
-        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None
-    ) -> tuple[int, ...]:
-        """Return the legal nodes of an agent in this turn, its own first.
+        Edges to the same node follow each other, the cheapest first.
 
         Args:
             here: the id of its node.
             driven: the ids of the edges by which it has come there.
-            speed: its speed; None: one edge.
-            place: the part of an edge that it has covered; None: none.
         """
-        state = self._begin(here, driven, speed, place)
-        count = by_edges.find_legal_with_turns(self._paths, 0, state)
-        return tuple([self._ids[row] for row in self._reach.nodes[:count].tolist()])
-
-    def go_towards(
-        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None, target: int
-    ) -> ResolvedAction:
-        """Return the move of an agent toward another node, along a path with the fewest edges; see `find_legal`.
-
-        Raises:
-            BadValue: there is no path.
-        """
-        state = self._begin(here, driven, speed, place)
-        if not by_edges.go_to_with_turns(self._paths, 0, state, self._row_of[target]):
-            raise BadValue(str(NoPath(here, target)))
-        return self._end_move()
-
-    def go_over(
-        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None, route: Sequence[int]
-    ) -> ResolvedAction:
-        """Return the move of an agent over a route of nodes, by the cheapest edges whose turns are all legal.
-
-        Raises:
-            BadValue: no edges along the route are legal.
-        """
-        rows = [self._row_of[node] for node in route]
-        state = self._find_state(here, driven)
-        edges = find_legal_edges(state, here, rows, self._ids, self._list_onward, self._costs)
-        return self.go_along(here, driven, speed, place, [self._edge_ids[row] for row in edges])
-
-    def go_along(
-        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None, edges: Sequence[int]
-    ) -> ResolvedAction:
-        """Return the move of an agent along legal edges, given by their ids."""
-        if not edges:
-            return ResolvedAction(here, (here,))
-        if len(edges) + _MORE_LEGS > self._most:
-            self._make_room(len(edges) + _MORE_LEGS)
-        state = self._begin(here, driven, speed, place)
-        for number, edge in enumerate(edges):
-            self._trips.route[number] = self._edge_rows[edge]
-        by_edges.go_along_with_turns(self._paths, 0, state, len(edges))
-        return self._end_move()
-
-    def _list_onward(self, state: int) -> list[tuple[int, int, int]]:
-        """Return what may follow a state: the rows of the edge and of its end, and the next state, of each."""
         table = self._table
-        return [(int(table.edges[one]), int(table.nodes[one]), one) for one in self._following.list_after(state)]
-
-    def _end_move(self) -> ResolvedAction:
-        """Return the path that the core has written."""
-        trips = self._trips
-        passed = trips.passed[0]
-        ahead = trips.edge[0]
-        path = tuple([self._ids[row] for row in memoryview(trips.nodes)[:passed].tolist()])
-        taken = memoryview(trips.edges)[: passed if ahead >= 0 else passed - 1].tolist()
-        edges = tuple([self._edge_ids[row] for row in taken])
-        progress = None if ahead < 0 else Progress(path[-1], self._ids[ahead], trips.share[0])
-        return ResolvedAction(
-            path[-1], path, progress=progress, edge=edges[0] if len(edges) == 1 else None, edges=edges
-        )
+        rows = [self._edge_rows[edge] for edge in driven]
+        after = self._following.list_after(table.find_state(rows) if rows else table.begin + self._row_of[here])
+        edges = self.columns.edge_ids[table.edges[after]].tolist()
+        return [*zip(edges, self.columns.node_ids[table.nodes[after]].tolist(), strict=True)]
 
 
 def find_legal_edges(

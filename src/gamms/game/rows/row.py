@@ -1041,7 +1041,7 @@ class RowOfGame(Row):
     def _resolve_driven(
         self, numbers: IntArray, courses: Courses, actions: Mapping[int, ResolvedAction]
     ) -> dict[int, ResolvedAction]:
-        """Return the moves of agents that obey turns, with all their edges, by their places among these numbers."""
+        """Return the moves of agents that obey turns, with their edges, by their places among these numbers."""
         traffic = self._state.movement.traffic
         assert traffic is not None  # noqa: S101 - some obey turns
         found = {}
@@ -1049,10 +1049,9 @@ class RowOfGame(Row):
             agent = int(numbers[place])
             if not traffic.obeys[agent]:
                 continue
-            path, edges = courses.list_driven(self.number, agent)
-            one = actions.get(place) or ResolvedAction(path[-1], path)
-            edge = edges[0] if one.edge is None and len(edges) == 1 else one.edge
-            found[place] = one._replace(end=path[-1], path=path, edge=edge, edges=edges)
+            path, edge = courses.find_step(self.number, agent)
+            one = actions.get(place) or ResolvedAction(path[-1], path, edge=edge)
+            found[place] = one._replace(end=path[-1], path=path)
         return found
 
     # -- what functions change -----------------------------------------------------------------------------------------
