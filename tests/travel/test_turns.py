@@ -534,7 +534,7 @@ def test_an_agent_that_obeys_turns_with_a_speed_in_edges_is_refused_wherever_it_
     agent.speed = None
     assert (agent.current_node_id, corner.game.internals.state.driven, corner.game.turn) == (*before, 1)
     corner.agent.create_agent("late", start_node_id=0, mode=CAR, speed=1.0)
-    with pytest.raises(BadValue, match="Agent 'late' .* leave out its speed, or set .*speed_unit = 'metres'"):
+    with pytest.raises(BadValue, match=r"Agent 'late' .* leave out its speed, or set .*speed_unit = 'metres'"):
         corner.game.step()
     corner.game.speed_unit = "metres"
     corner.game.step()

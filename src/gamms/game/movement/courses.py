@@ -179,7 +179,7 @@ class Courses:
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
 
     def find_step(self, game: int, agent: int) -> tuple[tuple[int, ...], int | None]:
-        """Return the ids of the nodes and of the edge of the move of an agent by edges that obeys turns; None: it stays."""
+        """Return the ids of the nodes and of the edge of the move of an agent that obeys turns; None: it stays."""
         trips = self.trips
         columns = self._by.columns
         row = game * self._shape[1] + agent
