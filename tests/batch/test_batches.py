@@ -63,6 +63,11 @@ def by_seed(ctx, period=2):
         state["action"] = state["legal"][k]
     return strategy
 
+def paved(ctx):
+    if ctx.seed == 13 and not ctx.graph.graph.has_node(99):
+        ctx.graph.add_nodes([99], [0.0], [9.0])
+    return by_seed(ctx)
+
 def by_place(ctx):
     homes = {agent.name: agent.current_node_id for agent in ctx.agent.create_iter()}
     def strategy(state):
@@ -301,6 +306,18 @@ def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(
         games.run()
         assert games.is_in_arrays
         assert_as_played(games, scenario, maps=maps)
+
+
+def test_games_go_on_as_before_a_reset_that_code_of_the_game_refuses(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    scenario = Scenario(**{**scene([]).to_dict(), **by("mine:paved"), "folder": tmp_path})
+    with scenario.batch(3, seed=1) as games:
+        for rounds in range(2):
+            with pytest.raises(BadValue, match="more of the map by the seed"):
+                games.reset(seeds=[7, 13, 8])
+            assert games.seeds == (1, 2, 3)
+            games.run(2 if rounds == 0 else None)
+        assert [games.result(number) == scenario.play(seed=number + 1) for number in range(3)] == [True] * 3
 
 
 def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_same_results():

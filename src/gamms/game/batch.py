@@ -593,9 +593,14 @@ class Batch(Surface, Immutable, NotPickled):
             starts.next[numbers] = starts.now[numbers]
         else:
             self._prepare(starts.next[numbers], given)
+        known = self.seeds, self.maps, self._source_of.copy()
         self._put_seeds(numbers, given, starts.streets[starts.next[numbers]], first)
-        if any(own.is_needed for own in self._own):
+        try:
             self._take_functions(numbers)
+        except BaseException:
+            seeds, maps, self._source_of[:] = known
+            self._put_public(seeds=seeds, maps=maps)
+            raise
         self._engine.start(numbers, first)
         self._note_begun(numbers)
 

@@ -83,8 +83,25 @@ class GamesBySeed:
         """Begin games in contexts of their own; afterwards, the context is reset with its first seed.
 
         Raises:
-            BadValue: their maps differ in more than the open roads.
+            BadValue: their maps differ in more than the open roads; then no game has begun.
         """
+        begun: dict[int, PlayedGame] = {}
+        try:
+            self._begin_each(games, seeds, begun)
+        except BaseException:
+            for one in begun.values():
+                one.ctx.terminate()
+            if self._map is not None:
+                self._game.ctx.graph.storage.restore(self._map)
+            self._first = self._begin(self._seed)
+            self.install()
+            raise
+        for number, one in begun.items():
+            self._end(number)
+            self.begun[number] = one
+
+    def _begin_each(self, games: IntArray, seeds: Sequence[int], begun: dict[int, PlayedGame]) -> None:
+        """Put the games, by number, into `begun`, each in a context of its own; see `take`."""
         self._decide_by(self._first)
         self._first = self._begin(self._seed)
         first_rules = {one.name: one for one in self._game.rules}
@@ -99,8 +116,7 @@ class GamesBySeed:
                     self._stand_for(self._standing_rules, rule.name, rule.rule)
                     self._stand_for(self._standing_checks, rule.name, rule.spec.check)
             self._check_map(seed)
-            self._end(number)
-            self.begun[number] = self._make_fork(seed, shared)
+            begun[number] = self._make_fork(seed, shared)
         self._first = self._begin(self._seed)
         self._first_rules = self._game.rules
 
