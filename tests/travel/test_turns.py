@@ -443,8 +443,9 @@ def test_a_batch_goes_on_with_the_edges_driven(town):
             check_legal(games)
             games.run()
             assert (games.columns()["node"] == nodes).all()
-            with pytest.raises(BadValue, match="'driven' has"):
-                games.load({**before, "driven": before["driven"] + 10**6}, turn=4)
+            for others in (before["driven"] + 10**6, np.full_like(before["driven"], -2)):
+                with pytest.raises(BadValue, match="'driven' has"):
+                    games.load({**before, "driven": others}, turn=4)
 
 
 def test_views_and_learners_have_the_legal_nodes_of_agents_that_obey_turns(town):

@@ -885,7 +885,7 @@ class GameArrays(BatchColumns):
             "start": Limit(first, nodes),
             "begun": Limit(-1, nodes),
             "covered": _SHARE,
-            "driven": Limit(-1 - self.movement.num_states, self.movement.num_states - 1),
+            "driven": Limit(-1, self.movement.num_states - 1),
             "edge": Limit(-1, edges),
             "share": _SHARE,
             "motion": Limit(min(Motion), max(Motion)),
