@@ -387,7 +387,8 @@ PLAYS = {
     "calls a strategy": {
         "agent/agent.py step",  # outside of turns
         "core/ask.py ask_each",
-        "game/array_functions/given.py __call__",  # of agents that outside actions leave to their strategies
+        "game/array_functions/given.py _make_plan",
+        "game/array_functions/given.py plan",  # of agents that outside actions leave to their strategies
         "game/decisions.py _put",  # plans, and strategies of agents that the core does not ask
     },
     "calls a rule": {
