@@ -308,6 +308,16 @@ def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(
         assert_as_played(games, scenario, maps=maps)
 
 
+def test_a_batch_of_one_game_begins_again_with_the_functions_of_other_seeds(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    scenario = Scenario(**{**scene([]).to_dict(), **by("mine:by_seed"), "folder": tmp_path})
+    with scenario.batch(1, seed=2) as games:
+        for seed in (2, 3, 4):
+            games.reset(seeds=[seed])
+            games.run()
+            assert games.result(0) == scenario.play(seed=seed)
+
+
 def test_games_go_on_as_before_a_reset_that_code_of_the_game_refuses(tmp_path):
     (tmp_path / "mine.py").write_text(MINE)
     scenario = Scenario(**{**scene([]).to_dict(), **by("mine:paved"), "folder": tmp_path})

@@ -457,7 +457,8 @@ class Scenario(Surface, Immutable):
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
         ctx, builder = self._build_context(seeds[0], strategies)
         try:
-            others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
+            some = dict.fromkeys([*seeds[:_AMONG], *range(seeds[0] + 1, seeds[0] + 1 + _PROBES)])  # for later resets
+            others = islice(some, 1, 1 + _PROBES)
             varying = builder.list_varying(self._make_builder(one, strategies) for one in others)
             functions = partial(builder.get_functions, varying) if varying else None
             differs = builder.has_other_values(varying)
