@@ -43,7 +43,7 @@ class UnknownLook(dict[str, Any]):
     """Stands for the last state of an agent, or the last data of a sensor, that the batch of a game has not kept.
 
     Args:
-        note: called with the error that is raised when it is read; None: nobody is told.
+        note: called with the error that is raised when it is read; None: nothing is called.
     """
 
     __slots__ = ("note",)

@@ -381,7 +381,7 @@ def use_states(s: TrafficStates, game: int, agent: int) -> int:
 
 
 def find_next(s: TrafficStates, state: int, node: int, edge: int) -> int:
-    """Return the first state that may follow a state on a node, or along an edge; -1: there is none, or is not asked.
+    """Return the first state that may follow a state on a node, or along an edge; -1: none may, or neither is given.
 
     Args:
         s: the states.

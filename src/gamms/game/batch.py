@@ -593,12 +593,14 @@ class Batch(Surface, Immutable, NotPickled):
             starts.next[numbers] = starts.now[numbers]
         else:
             self._prepare(starts.next[numbers], given)
-        known = self.seeds, self.maps, self._source_of.copy()
+        seeds = self.seeds
+        maps = self.maps
+        sources = self._source_of.copy()
         self._put_seeds(numbers, given, starts.streets[starts.next[numbers]], first)
         try:
             self._take_functions(numbers)
         except BaseException:
-            seeds, maps, self._source_of[:] = known
+            self._source_of[:] = sources
             self._put_public(seeds=seeds, maps=maps)
             raise
         self._engine.start(numbers, first)

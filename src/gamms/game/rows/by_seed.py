@@ -129,7 +129,9 @@ class GamesBySeed:
 
     def _stand_for(self, known: dict[Any, Any], key: object, function: object) -> None:
         """Let a function stand for one that differs between games, and is called game by game."""
-        if self._examples.get(id(known.get(key))) is None:  # an agent may have no strategy in some games
+        before = id(known.get(key))
+        if self._examples.get(before) is None:  # an agent may have no strategy in some games
+            self._examples.pop(before, None)
             known[key] = _make_stand_in(function)
             self._examples[id(known[key])] = function
 

@@ -320,7 +320,8 @@ class RowOfGame(Row):
     def _begin_state(self) -> None:
         """Let the state of the context read the columns of all games."""
         values = self.values
-        self._has_core_data = self._is_data_held = False
+        self._has_core_data = False
+        self._is_data_held = False
         self._first_core_data = copy_deep(self._get_core_data())
         values.__class__ = RowState
         values.start = RowStart(self, self._means.at_rest)

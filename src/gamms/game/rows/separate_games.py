@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -60,6 +61,7 @@ class SeparateGames:
         self._ends: dict[int, ForkSource] = {}  # of games whose contexts show other games now
         self._unobserved: set[int] = set()  # whose places are not in the columns
         self._held = set[int]()  # games whose contexts callers have
+        self._observed = WeakSet[GameArrays]()  # the states of maps whose views call sensors in contexts
         self._beyond_arrays: dict[int, UnknownName] = {}  # with agents at or next to nodes that rules have added
         self._roster = roster
         self._engine = engine
@@ -291,8 +293,13 @@ class SeparateGames:
         """
         for number in self._unobserved.intersection(numbers):
             self._beyond_arrays.pop(number, None)
+            state = self._engine.get_game_state(number)
+            if state not in self._observed:
+                self._observed.add(state)
+                note_sensors(state, with_nodes=True)
+                state.shared.clear()
             try:
-                note_game(self._engine.get_game_state(number), self.get_game(number), number)
+                note_game(state, self.get_game(number), number)
             except UnknownName as error:
                 self._beyond_arrays[number] = error
             self._unobserved.discard(number)
@@ -315,8 +322,6 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
     Raises:
         UnknownName (KeyError): an agent is at or next to a node that is not in the columns.
     """
-    note_sensors(state, with_nodes=True)
-    state.shared.clear()
     ctx = game.ctx
     known = ctx.agent.agents
     names = state.roster.names
