@@ -4,9 +4,9 @@ from hashlib import blake2b
 
 import plain_game.draws
 from numpy.random import Generator, Philox
-from plain_game.draws import Draw, bits
+from plain_game.draws import Draw, bits, bits_of_pair
 
-__all__ = ["Draw", "bits", "fraction", "stream"]
+__all__ = ["Draw", "bits_of_pair", "fraction", "stream"]
 
 
 def fraction(*key):

@@ -2,7 +2,7 @@
 
 from math import dist, inf
 
-from keyed import bits, stream
+from keyed import bits_of_pair, stream
 from plain_roads import Roads
 
 TURNS = 400
@@ -96,7 +96,7 @@ def tags(roads, seed, turn, paths):
     for defender, path in paths.items():
         for attacker, other in paths.items():
             if defender.startswith("defenders") and attacker.startswith("attackers"):
-                lot = bits(seed, ("contacts",), repr((defender, attacker)), turn)
+                lot = bits_of_pair(seed, ("contacts",), defender, attacker, turn)
                 found += [(*when, lot, defender, attacker) for when in met(roads, path, other)]
     pairs, taken = [], set()
     for *_, defender, attacker in sorted(found):

@@ -3,7 +3,7 @@
 from math import dist, hypot
 
 import networkx as nx
-from keyed import Draw, bits, fraction
+from keyed import Draw, bits_of_pair, fraction
 
 SIDE, HEIGHT, SPEED, PATIENCE, TURNS = 20, 30.0, 12.0, 12, 150
 LANES = [(x, y) for i, y in enumerate((25, 75, 125, 175)) for x in ((0, 190) if i % 2 == 0 else (190, 0))]
@@ -86,7 +86,7 @@ def tags(seed, turn, before, after):
     for robot in (name for name in after if name.startswith("robot")):
         for person in (name for name in after if name.startswith("lost")):
             stays = before[robot] == after[robot] and before[person] == after[person]
-            lot = bits(seed, ("contacts",), repr((robot, person)), turn)
+            lot = bits_of_pair(seed, ("contacts",), robot, person, turn)
             if after[robot] == after[person]:
                 met.append((0.0 if stays else 1.0, lot, robot, person))
             elif after[robot] == before[person] and after[person] == before[robot]:

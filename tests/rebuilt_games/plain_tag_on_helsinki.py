@@ -3,7 +3,7 @@
 from math import inf
 from statistics import median
 
-from keyed import Draw, bits
+from keyed import Draw, bits_of_pair
 from plain_roads import Roads
 
 TEAMS, TURNS = ("red", "blue"), 60
@@ -72,7 +72,7 @@ def tags(seed, turn, paths, owner):
     for red, path in paths.items():
         for blue, other in paths.items():
             if team_of(red) == "red" and team_of(blue) == "blue" and set(path) & set(other):
-                lot = bits(seed, ("contacts",), repr((red, blue)), turn)
+                lot = bits_of_pair(seed, ("contacts",), red, blue, turn)
                 meetings += [(time, lot, on_edge, red, blue, *where) for time, on_edge, *where in met(path, other)]
     found, taken = [], set()
     for *_, red, blue, red_node, blue_node in sorted(meetings):
