@@ -57,6 +57,33 @@ def check(scenario, rules, seeds=(3, 1, 2, 8), order=None, strategies=None, **op
             return [games.result(number) for number in range(len(seeds))]
 
 
+def test_counts_have_the_agents_that_are_in_the_game_or_were():
+    def count(ctx):
+        ctx.game.emit("counted", counts={name: dict(counts) for name, counts in ctx.game.counts.items()})
+
+    def come_and_go(ctx):
+        red = ctx.agent.get_agent("red_0")
+        if ctx.game.turn in (3, 6):
+            ctx.agent.create_agent("red_7", start_node_id=0, team="red", strategy=red.strategy)
+        if ctx.game.turn in (4, 6 + ctx.seed % 2):
+            ctx.agent.delete_agent("red_7")
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(count, phase="before")
+        ctx.game.add(come_and_go)
+        ctx.game.add(count, name="count_after")
+        with ctx.game.batch(seeds=[1, 2], most_agents={"red": ["red_7", "red_8"]}) as games:
+            games.run()
+            for number in range(2):
+                with ctx.game.fork(0).ctx as alone:
+                    alone.game.reset(seed=games.seeds[number])
+                    assert plain(games.result(number)) == plain(alone.game.run())
+            first, *_, last = games.result(0).events
+    assert "red_7" not in first["counts"]
+    assert "red_7" in last["counts"]
+    assert "red_8" not in last["counts"]
+
+
 def test_an_agent_that_was_deleted_may_be_created_again():
     def replace(ctx):
         if ctx.game.turn == 2 + ctx.seed % 2:

@@ -300,8 +300,7 @@ class TurnEngine(GameTurn):
 
     def list_counts(self) -> None:
         """Add conflicts, and agents that have none yet, to the counts."""
-        if self.order_now is None and self.state.counts:  # the core has played all turns
-            self.get_order()
+        self.get_order()  # the core may have played all turns
         with delay_interrupts():
             for order in self.orders:
                 order.list_counts()
