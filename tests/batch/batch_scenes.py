@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-from gamms.game.rows.separate_games import SeparateGames
-from gamms.rules import resource
 from gamms.scenario import Scenario
 
 WALK = "gamms.strategies:random_walk"
@@ -21,36 +19,25 @@ def as_it_is(scenario):
     return scenario
 
 
+def part(ctx):
+    """Let a game leave its batch in its first turn: add a rule, which does nothing."""
+    if all(rule.name != "parted" for rule in ctx.game.rules):
+        ctx.game.add(do_nothing, name="parted")
+
+
+def do_nothing(ctx):
+    """Do nothing; a rule."""
+
+
+PARTS = "a plain function changes settings, rules or collectors"
+"""Why games with the rule `part` leave."""
+
+
 def beyond_core(scenario):
-    """Return a scenario with the same games, played in contexts of their own because of a rule like `UNUSED`."""
-    rules = scenario.to_dict().get("rules", [])
-    return scenario.replace(rules=[*rules, {"rule": "resource", "with": {"name": "unused", "start": 1}}])
-
-
-UNUSED = resource("unused", 1)
-"""A rule because of which tests let games continue in contexts of their own: see `SeparateUnused`."""
-BEYOND = "the rule 'resource'"
-"""Why games with this rule are not played in the core."""
-
-
-class SeparateUnused(SeparateGames):
-    """The games in contexts of their own, with all games that have the rule `UNUSED`."""
-
-    def __init__(self, engine, *args):
-        games = [one.game for one in engine._maps]
-        has_unused = any("unused" in repr(one.rule) for game in games for one in game.rules)
-        self._unused = range(len(engine.is_over)) if has_unused else ()
-        super().__init__(engine, *args)
-        self._add_unused()
-
-    def _add_unused(self):
-        for number in self._unused:
-            if number not in self:
-                self.add(number, BEYOND)
-
-    def forget(self, numbers):
-        super().forget(numbers)
-        self._add_unused()
+    """Return a scenario with the same games, which leave their batch in their first turn; see `part`."""
+    given = scenario.to_dict()
+    given["rules"] = [{"rule": f"{__name__}:part", "phase": "before"}, *given.get("rules", [])]
+    return Scenario(**given, folder=scenario.folder, allow=[*scenario.allow, __name__])
 
 
 WAYS = [as_it_is, beyond_core]

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from gamms.game import batch as games
 from gamms.game.block import travelers
 from gamms.game.movement import arrivals
 
@@ -18,16 +17,6 @@ def agents_arrive_few_times_in_a_turn():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrivals, "MOST_ARRIVALS", 20)
         patch.setattr(travelers, "MOST_ARRIVALS", 20)
-        yield
-
-
-@pytest.fixture(autouse=True, scope="session")
-def some_games_are_beyond_the_core():
-    """Let games with the rule `UNUSED` be played in contexts of their own."""
-    from batch_scenes import SeparateUnused
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(games, "SeparateGames", SeparateUnused)
         yield
 
 

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import BEYOND, WALK, assert_as_alone, assert_as_played, beyond_core, check_games, plain, scene
+from batch_scenes import WALK, assert_as_alone, assert_as_played, beyond_core, check_games, plain, scene
 
 import gamms
 from gamms import strategies
@@ -73,8 +73,9 @@ def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
 def test_it_plays_in_games_that_have_no_array_form():
     scenario = beyond_core(scene(**SEEING))
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:
-        assert find_first_called(games.game, games.roster) == BEYOND
+        assert find_first_called(games.game, games.roster) == "the rule 'part'"
         games.run()
+        assert not games.is_in_arrays
         assert plain(games.result(1)) == plain(scenario.play(seed=4, strategies={"red": hunt}))
 
 

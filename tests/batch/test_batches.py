@@ -9,14 +9,14 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from batch_scenes import (
-    BEYOND,
-    UNUSED,
+    PARTS,
     WAYS,
     as_it_is,
     assert_as_alone,
     assert_as_played,
     assert_as_shown,
     beyond_core,
+    part,
     plain,
     scene,
 )
@@ -334,10 +334,12 @@ def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_
     scenario = scene([TAG])
     with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
         fast.run()
-        ctx.game.add(UNUSED)
+        ctx.game.add(part, phase="before")
         ctx.game.add(time_limit(3))
         with ctx.game.batch(seeds=[1, 2]) as slow:
-            assert slow.detached == {0: BEYOND, 1: BEYOND}
+            assert slow.is_in_arrays
+            slow.step()
+            assert slow.detached == {0: PARTS, 1: PARTS}
             assert repr(slow) == "Batch(2 games, 0 over, 2 of them in contexts of their own)"
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["time limit", "time limit"]
@@ -699,7 +701,7 @@ def test_actions_that_are_given_after_an_interrupt_are_kept_for_the_turns_of_the
     with beyond_core(scene(max_turns=9)).batch(3, seed=1, record=True, strategies={"red": walk_and_press}) as games:
         with pytest.raises(KeyboardInterrupt):
             games.run()
-        assert games.turn.tolist() == [9, 0, 0]
+        assert games.turn.tolist() == [7, 1, 1], "games that have left are played one after the other"
         while not games.is_over.all():
             games.step({"blue": games.observe("blue").counts - 1})
         assert_as_shown(games)

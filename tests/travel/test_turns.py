@@ -337,11 +337,17 @@ def town(tmp_path_factory):
     return folder
 
 
-def drive_in(folder, strategy="gamms.strategies:random_walk", **more):
+def drive_in(folder, strategy="gamms.strategies:random_walk", speed=None, settings=None, **more):
     cars = {"count": 2, "mode": CAR, "strategy": strategy, "sensors": {"near": {"type": "NEIGHBOR"}}}
     walkers = {"count": 1, "mode": "on_foot", "strategy": "gamms.strategies:random_walk"}
+    by_metres = {} if speed is None else {"speed_unit": "metres"}
     return Scenario(
-        map={"file": "town.gamms"}, max_turns=12, teams={"cars": cars, "walkers": walkers}, folder=folder, **more
+        map={"file": "town.gamms"},
+        max_turns=12,
+        teams={"cars": cars if speed is None else {**cars, "speed": speed}, "walkers": walkers},
+        settings={**by_metres, **(settings or {})},
+        folder=folder,
+        **more,
     )
 
 
@@ -403,8 +409,9 @@ DRIVERS = {"anyhow": drive_anyhow, "edges": take_first_edges, "around": go_aroun
 TAG = {"rule": "tag", "with": {"taggers": "walkers", "tagged": "cars", "then": "respawn"}}
 
 
+@pytest.mark.parametrize("speed", [None, 17.0])
 @pytest.mark.parametrize("driver", DRIVERS)
-def test_a_game_in_a_batch_is_the_game_alone(town, driver):
+def test_a_game_in_a_batch_is_the_game_alone(town, driver, speed):
     strategies = {} if DRIVERS[driver] is None else {"strategies": {"cars": DRIVERS[driver]}}
     order = {"order": [["walkers"], ["cars"]]}
     functions = f"{__name__}:{{}}".format
@@ -415,7 +422,7 @@ def test_a_game_in_a_batch_is_the_game_alone(town, driver):
             {"rules": [{"rule": functions("leave"), "phase": "before"}]},
         )
     ):
-        scenario = drive_in(town, allow=[__name__], **more)
+        scenario = drive_in(town, speed=speed, allow=[__name__], **more)
         with scenario.batch(2, **strategies) as games:
             games.run()
             assert bool(games.detached) == (number == 2)
@@ -448,9 +455,12 @@ def test_a_batch_goes_on_with_the_edges_driven(town):
                     games.load({**before, "driven": others}, turn=4)
 
 
-def test_views_and_learners_have_the_legal_nodes_of_agents_that_obey_turns(town):
+@pytest.mark.parametrize("speed", [None, 17.0])
+def test_views_and_learners_have_the_legal_nodes_of_agents_that_obey_turns(town, speed):
     pytest.importorskip("gymnasium")
-    env = rl.vector_env(drive_in(town), team="cars", num_games=3, reward=lambda turn: turn.after.node * 0.0 + 1.0)
+    env = rl.vector_env(
+        drive_in(town, speed=speed), team="cars", num_games=3, reward=lambda turn: turn.after.node * 0.0 + 1.0
+    )
     _, infos = env.reset(seed=3)
     for turn in range(10):
         mask = infos["action_mask"]
@@ -459,8 +469,10 @@ def test_views_and_learners_have_the_legal_nodes_of_agents_that_obey_turns(town)
     env.close()
 
 
-def test_given_actions_are_legal_by_the_edges_driven(town):
-    with drive_in(town, strategy=None).batch(3) as games:
+@pytest.mark.parametrize("speed", [None, 17.0])
+def test_given_actions_are_legal_by_the_edges_driven(town, speed, tmp_path):
+    scenario = drive_in(town, strategy=None, speed=speed)
+    with scenario.batch(3, record=True) as games:
         rng = np.random.default_rng(1)
         with pytest.raises(BadValue, match="legal"):
             games.step({"cars": np.full((3, 2), 9)})
@@ -471,6 +483,11 @@ def test_given_actions_are_legal_by_the_edges_driven(town):
                 shown = {f"cars_{place}": tuple(row[row >= 0].tolist()) for place, row in enumerate(legal[number])}
                 assert shown == known
             games.step({"cars": rng.integers(0, (legal >= 0).sum(axis=-1))})
+        for number in range(3):  # with the given actions, and the games end as before
+            games.record(number, tmp_path / f"{number}.ggr")
+            with gamms.recorder.open(tmp_path / f"{number}.ggr") as recording, recording.resume(12) as ctx:
+                ends = [ctx.agent.get_agent(f"cars_{place}").current_node_id for place in range(2)]
+            assert ends == games.observe("cars")["curr_pos"][number].tolist()
 
 
 GOING = {
@@ -1124,7 +1141,7 @@ def test_a_game_by_metres_is_the_same_in_a_batch_from_a_snapshot_and_in_its_reco
     )
     with scenario.batch(3) as games:
         games.run()
-        assert len(games.detached) == 3
+        assert not games.detached
         for number, seed in enumerate(games.seeds):
             assert games.result(number) == scenario.play(seed=seed)
         with pytest.raises(BadValue, match="by metres it does not know turn restrictions"):

@@ -71,11 +71,11 @@ cpdef int walk(TurnPaths trips, i64 row, i64 count) except -1 nogil
 @cython.locals(state=i64, kept=i64)
 cdef Py_ssize_t find_state(TrafficStates s, i64 row, i64 node, i64 previous) except -1 nogil
 @cython.locals(at=i64, row=i64)
-cpdef int find_states(
+cpdef int find_places(
     TrafficStates s, const i64[::1] games, const i64[::1] agents, const i64[::1] node, const i64[::1] previous,
-    i64[::1] found, i64[::1] places
+    i64[::1] places
 ) except -1
-cpdef int use_states(TrafficStates s, i64 game, i64 agent) except -1 nogil
+cdef int use_states(TrafficStates s, i64 game, i64 agent) except -1 nogil
 @cython.locals(at=i64, place=i64, after=i64)
 cdef Py_ssize_t find_next(TrafficStates s, i64 state, i64 node, i64 edge) except -2 nogil
 @cython.locals(at=i64, place=i64)

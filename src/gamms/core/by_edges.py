@@ -345,16 +345,15 @@ def find_state(s: TrafficStates, row: int, node: int, previous: int) -> int:
     return kept
 
 
-def find_states(
+def find_places(
     s: TrafficStates,
     games: memoryview[int],
     agents: memoryview[int],
     node: memoryview[int],
     previous: memoryview[int],
-    found: memoryview[int],
     places: memoryview[int],
 ) -> int:
-    """Write the states of agents in games, and the places of these states.
+    """Write the places of the states of agents in games.
 
     Args:
         s: the states.
@@ -362,14 +361,12 @@ def find_states(
         agents: (entries,) the numbers of agents that obey turns.
         node: (entries,) their nodes.
         previous: (entries,) their previous nodes.
-        found: (entries,) receives the states.
-        places: (entries,) receives their places.
+        places: (entries,) receives the places.
     """
     for at in range(len(games)):
         use_states(s, games[at], agents[at])
         row = games[at] * len(s.begin_of_agent) + agents[at]
-        found[at] = find_state(s, row, node[at], previous[at])
-        places[at] = s.first + found[at]
+        places[at] = s.first + find_state(s, row, node[at], previous[at])
     return 0
 
 

@@ -337,6 +337,12 @@ def find_cheapest(roads: RoadEdges, source: int, target: int) -> int:
     return found
 
 
+def find_next_edge(roads: RoadEdges, node: int, then: int) -> int:
+    """Return the edge from a node that an entry of a route stands for, see `go`; -1: there is none."""
+    nodes = len(roads.ids)
+    return find_cheapest(roads, node, then) if then < nodes else then - nodes
+
+
 def find_reverse_edge(roads: RoadEdges, edge: int) -> int:
     """Return the edge for turning around: the first edge back with equal length; -1: none."""
     node = roads.targets[edge]
@@ -1110,8 +1116,9 @@ def set_pace(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: i
         left -= 1
     for number in range(count):
         if trips.route[number] != at and left > 0:
-            metres += roads.lengths[find_cheapest(roads, at, trips.route[number])]
-            at = trips.route[number]
+            edge = find_next_edge(roads, at, trips.route[number])
+            metres += roads.lengths[edge]
+            at = roads.targets[edge]
             left -= 1
     trips.pace[row] = (1.0 - trips.now[row]) / metres if metres > 0.0 else 0.0
     return 0
@@ -1124,11 +1131,12 @@ def go(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: int) ->
 
     Args:
         roads: the map.
-        trips: holds the route; an edge leads from each node to the next, and repeated nodes are skipped. It receives
-            the legs, and needs room for two legs more than the route has nodes.
+        trips: holds the route: rows of nodes, or of edges, to which the number of nodes is added. An edge leads from
+            each node to the next, and repeated nodes are skipped. It receives the legs, and needs room for two legs
+            more than the route has entries.
         row: the row of the agent.
         motion: for an agent on an edge: BACK or FORWARD.
-        count: the number of nodes of the route.
+        count: the number of entries of the route.
     """
     if trips.pace[row] < 0.0 and is_using_whole_turn(roads, trips, row):
         set_pace(roads, trips, row, motion, count)
@@ -1138,7 +1146,7 @@ def go(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: int) ->
         node = trips.route[number]
         if node == trips.node[row]:
             continue
-        if trips.left[row] <= 0 or not cover(roads, trips, row, find_cheapest(roads, trips.node[row], node), FORWARD):
+        if trips.left[row] <= 0 or not cover(roads, trips, row, find_next_edge(roads, trips.node[row], node), FORWARD):
             return False
     return trips.left[row] > 0
 

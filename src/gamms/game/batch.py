@@ -150,12 +150,9 @@ class Batch(Surface, Immutable, NotPickled):
         self._own = [self._make_functions(source) for source in sources]
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
         self._engine = self._make_engine()
-        self._separate = SeparateGames(
-            self._engine, self._roster, self._make_separate_game, self._play_separately, self._let_go
-        )
+        self._separate = SeparateGames(self._engine, self._roster, self._play_separately)
         self._actions = ActionLog(len(seeds), is_kept=as_bool(record, "record"))
         self._is_loaded = np.zeros(len(seeds), np.bool_)
-        self._spare: dict[int, PlayedGame] = {}  # by source, in a context of its own that no game needs now
         self._steps = 0
         self._ran_from: IntArray | None = None  # (games,) the turns played before the current run; None: none runs
         self._warns_of_no_end = False  # whether the current run may never end, which has not been said yet
@@ -164,12 +161,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._window: _SingleGame | None = None  # the game that began in a window, with the number of its source
         self._alone: _SingleGame | None = None  # the game that is playing now
         self._lock = RLock()  # of the thread that plays
-        self._set_apart(np.arange(len(self)))
-
-    def _set_apart(self, games: IntArray) -> None:
-        """Play games in contexts of their own from their start on that need what rows cannot carry."""
-        for game in games.tolist() if self._engine.plays_apart else ():
-            self._separate.add(game, "agents by metres obey turn restrictions, which the core does not know")
 
     def _make_engine(self) -> BatchEngine:
         """Return the engine that plays the games in the core.
@@ -223,8 +214,6 @@ class Batch(Surface, Immutable, NotPickled):
             source.game.ctx.terminate()
         for number in range(first, first + self._num_maps):
             self._deciders.pop(number, None)
-            if number in self._spare:
-                self._spare.pop(number).ctx.terminate()
             if self._window is not None and self._window.number == number:
                 self._close_window()
         self._sources[those] = sources
@@ -266,8 +255,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._hide()
         self._separate.close()
         self._engine.close()
-        for game in self._spare.values():
-            game.ctx.terminate()
         self._close_window()
         for source in self._sources:
             source.game.ctx.terminate()
@@ -385,7 +372,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _leave_now(self, which: BoolArray, why: str) -> None:
         """Play those games of a mask, (games,), that are not over in contexts of their own from now on."""
         for number in np.flatnonzero(which & self._engine.playing).tolist():
-            self._separate.add(number, why, None if self._is_at_start(number) else self._fork(number))
+            self._separate.add(number, why, self._fork(number))
 
     def _is_at_start(self, number: int) -> bool:
         """Return whether a game has not begun to play."""
@@ -628,7 +615,6 @@ class Batch(Surface, Immutable, NotPickled):
     def _note_begun(self, games: IntArray) -> None:
         """Note that games have begun: forget the actions that were given to them before."""
         self._separate.forget(games.tolist())
-        self._set_apart(games)
         self._actions.forget(games)
         self._is_loaded[games] = False
 
@@ -679,7 +665,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._is_loaded[:] = True
 
     def _get_arrays(self, what: str) -> GameArrays:
-        if self._engine.plays_apart:
+        if self._engine.get_map_games(0).plan.drives.any():
             raise BadValue(
                 f"{what} needs games that the core plays; by metres it does not know turn restrictions, and agents "
                 "obey them."
@@ -902,7 +888,7 @@ class Batch(Surface, Immutable, NotPickled):
         number = self._as_game(game)
         with self._lock_for_playing():
             if number in self._separate and self._sources[self._source_of[number]].show is None:
-                ctx = self._separate.show(number)
+                ctx = self._separate.get_game(number).ctx
             else:
                 if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
                     self._hide()
@@ -945,33 +931,6 @@ class Batch(Surface, Immutable, NotPickled):
         game: PlayedGame = deepcopy(self._separate.get_game(number).ctx).game
         game.internals.left_as = number
         return game
-
-    def _make_separate_game(self, number: int) -> PlayedGame:
-        """Return a game at its start, in a separate context."""
-        source = self._sources[self._source_of[number]]
-        seed = self.seeds[number]
-        spare = self._spare.pop(int(self._source_of[number]), None)
-        if spare is not None and not spare.ctx.is_terminated():
-            spare.reset(seed=seed)
-            return spare
-        game: PlayedGame
-        if source.build is not None:
-            game = source.build(seed).game
-            return game
-        own = self._own[self._source_of[number]]
-        own.remove()
-        game = source.game.fork(0)
-        own.install()
-        game.reset(seed=seed)
-        return game
-
-    def _let_go(self, number: int, game: PlayedGame) -> None:
-        """Keep the context of a game that has ended for the next game of its source."""
-        source = int(self._source_of[number])
-        known = self._spare.pop(source, game)
-        if known is not game:
-            known.ctx.terminate()
-        self._spare[source] = game
 
     def _follow(self, given: Mapping[Hashable, OutsideActions]) -> None:
         """Advance the separate context to the current turn of its game, with the actions of this turn."""

@@ -1,5 +1,6 @@
 """Plays all games of a batch in the core, phase by phase where functions are called between its phases."""
 
+from collections import ChainMap
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
@@ -134,6 +135,8 @@ class GamesOnOneMap:
         self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
         self.contexts = RowContexts(game, state, self.core, own, plan)
         state.find_game = self.contexts.show
+        if plan.drives.any():  # the core does not know what is legal for them
+            state.apart = ChainMap({}, {number: partial(self.contexts.show, number) for number in range(len(state))})
         state.change_roads = self.contexts.change_roads
         state.take_own_arrays = self.contexts.take_own_arrays
         self.calls = RowFunctions(self.contexts, state, self.core) if plan.calls_each else None
@@ -165,13 +168,14 @@ class GamesOnOneMap:
         movement = self.state.movement
         at_arrivals = is_deciding_at_arrivals(movement)
         verbs = {"towards"} if movement.acts_by_paths else set[str]()
-        for agent in self.state.roster.agents:
+        drives = self.state.roster.find_driving(settings["speed_unit"]).tolist()
+        for agent, is_driving in zip(self.state.roster.agents, drives, strict=True):
             decider = find_decider(agent, settings["plans"])
             form = get_strategy_spec(decider).array_form
             if form is None or not is_deciding_in_arrays(decider, settings):
                 continue
             is_named = any(not verbs.isdisjoint(names) for names in find_names([form]))
-            if asks_all or is_named or (at_arrivals and has_counted_looks(agent)):
+            if asks_all or is_named or is_driving or (at_arrivals and has_counted_looks(agent)):
                 call_each(decider)
 
     def fork(self, number: int) -> PlayedGame:
@@ -486,6 +490,11 @@ class GamesOnOneMap:
     def _call_each(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None) -> None:
         """Call deciding plain functions, and sensors that are called in each turn, game by game."""
         are_next = self.core.part_of == part
+        led = np.flatnonzero(self.plan.drives & are_next & is_given)
+        if self.calls is not None and len(led) and len(games):
+            view = ArrayView(self.state, games, led)
+            given = np.ix_(games, led)
+            self._block.given[given] = self.calls.lead(view, self._block.given[given])
         asked = np.flatnonzero(self.plan.is_asked & are_next & ~is_given)
         observing = np.flatnonzero(self.plan.is_observing & are_next & (is_given | ~self.plan.is_asked))
         if here is not None:
@@ -701,7 +710,6 @@ class BatchEngine(TurnDriver):
     Attributes:
         maps_in_use: the numbers of the maps that games are on.
         newest: the numbers of the maps on which games begin from now on: those that were put last.
-        plays_apart: whether games are played in contexts of their own, because agents by metres obey turn restrictions.
         starts: what the next starts of games have by their seeds.
         last_turns: (games,) the turn after which each game ends, by its setting; `NO_STOP`: it has no limit.
         only: the number of the only game that is played now, while the others wait; None: all are.
@@ -736,7 +744,6 @@ class BatchEngine(TurnDriver):
         self.newest = range(num_streets)
         settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, None, others=movements[1:])
-        self.plays_apart = rosters[0].obey_turns and movements[0].by_metres
         self._state.radio = _make_traffic(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
         self._deed_log = self._state.deed_log
@@ -870,7 +877,7 @@ class BatchEngine(TurnDriver):
     @property
     def plays_by_phases(self) -> bool:
         """Whether functions are called, or messages are sent, between phases of a turn."""
-        has_functions = self.calls_each or len(self.functions) > 0 or self.plays_apart
+        has_functions = self.calls_each or len(self.functions) > 0
         return self._radio is not None or self._state.flights is not None or has_functions
 
     @property
@@ -1168,6 +1175,8 @@ class BatchEngine(TurnDriver):
         """Call rules and collectors in the games that have moved."""
         for one, games in self._select_maps(self._now.playing):
             before = one.state.roads.number[games]
+            if one.calls is not None:
+                one.calls.drive_on(games)
             for named in one.core.play_rules(games):
                 one.call(named, games)
             one.leave_closed_edges(games[one.state.roads.number[games] != before])

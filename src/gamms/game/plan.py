@@ -43,6 +43,7 @@ class RowPlan(NamedTuple):
         groups: the array functions that decide.
         is_asked: (agents,) whether the strategy or the team plan of each agent is called game by game.
         is_observing: (agents,) whether the sensors of each agent are called in each turn.
+        drives: (agents,) whether each agent obeys turns by metres: its context knows by which edges it has come.
         is_left_out: (agents,) whether the order of play, or the priorities in conflicts, leave out each agent's team.
         is_unlisted: (agents,) whether the order of play does.
         has_checks: whether rules may refuse moves and deeds.
@@ -63,6 +64,7 @@ class RowPlan(NamedTuple):
     groups: Sequence[StrategyGroup]
     is_asked: BoolArray
     is_observing: BoolArray
+    drives: BoolArray
     is_left_out: BoolArray
     is_unlisted: BoolArray
     has_checks: bool
@@ -96,7 +98,8 @@ class RowPlan(NamedTuple):
         is_unranked = find_unranked(settings["conflicts"], roster.names, roster.list_teams()) & ~roster.flies
         acts = is_acting_before_moves(game, roster)
         collectors = [*game.internals.parts.collectors.by_name.values()]
-        are_called = bool((is_asked | is_observing).any()) or any(map(is_plain_rule, rules))
+        drives = roster.find_driving(settings["speed_unit"])
+        are_called = bool((is_asked | is_observing | drives).any()) or any(map(is_plain_rule, rules))
         deciders = [
             find_decider(roster.agents[number], settings["plans"]) for number in np.flatnonzero(is_asked).tolist()
         ]
@@ -109,6 +112,7 @@ class RowPlan(NamedTuple):
             groups=groups,
             is_asked=is_asked,
             is_observing=is_observing,
+            drives=drives,
             is_left_out=is_unlisted | is_unranked,
             is_unlisted=is_unlisted,
             has_checks=len(game.internals.parts.rules.now.checks) > 0,
@@ -132,8 +136,8 @@ class RowPlan(NamedTuple):
 
     @property
     def asks_functions(self) -> bool:
-        """Whether functions decide for agents, or sensors of agents are called."""
-        return len(self.groups) > 0 or bool((self.is_asked | self.is_observing).any())
+        """Whether functions decide for agents, or sensors of agents are called, or contexts find their routes."""
+        return len(self.groups) > 0 or bool((self.is_asked | self.is_observing | self.drives).any())
 
     @property
     def leaves_out(self) -> bool:

@@ -926,7 +926,8 @@ class TurnEngine(GameTurn):
             if action.heading != ():
                 block.set(slot.row, "heading", action.heading)
             if slot.obeys_turns:
-                self.legality.drive_on(slot, turn.find_track(i).legs)
+                edges = [leg.edge for leg in turn.find_track(i).legs if leg.end == 1.0]
+                self.legality.drive_on(slot, edges, self.state.driven)
             if slot.flies:
                 slot.counts["moves"] += action.position not in (None, block.flights.get_position(slot.row))
                 if action.position is not None:

@@ -185,7 +185,6 @@ def _make_block(ctx: HostContext) -> GameArrays:
         state.movement.traffic.put_driven(roster.names, game.internals.state.driven)
     state.previous[0] = streets.rows([agent.prev_node_id for agent in roster.agents])
     if roster.obey_turns and state.movement.by_metres:
-        state.is_apart[0] = True
         state.apart[0] = lambda: game
     state.reading = partial(get_phase(ctx).suspend, changes_world=False)
     return state

@@ -191,11 +191,19 @@ class AgentTable(NamedTuple):
         masks = [copy_locked(one) for one in (is_first, is_public, flies)]
         return cls(names, teams, copy_locked(team_of), copy_locked(kernels.compute_name_keys(names)), ordered, *masks)
 
+    def _find_obeying(self) -> BoolArray:
+        """Return a mask of the agents that obey turn restrictions, (agents,)."""
+        modes = [get_mode(agent) for agent in self.agents]
+        return np.array([mode is not None and split_mode(mode)[1] for mode in modes], np.bool_)
+
     @property
     def obey_turns(self) -> bool:
         """Whether any agent obeys turn restrictions."""
-        modes = [get_mode(agent) for agent in self.agents]
-        return any(mode is not None and split_mode(mode)[1] for mode in modes)
+        return bool(self._find_obeying().any())
+
+    def find_driving(self, speed_unit: str) -> BoolArray:
+        """Return a mask of the agents that obey turn restrictions by metres, (agents,), given the unit of speeds."""
+        return self._find_obeying() & (speed_unit != "edges")
 
     def get_teams_by_name(self) -> dict[str, Hashable]:
         """Return agent -> its team."""

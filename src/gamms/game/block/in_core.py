@@ -723,12 +723,14 @@ def find_core_forms(game: PlayedGame, roster: AgentTable) -> list[int | None]:
     some_fly = bool(roster.flies.any())
     single: dict[int, int | None] = {}  # by the id of the decider
     forms: list[int | None] = []
-    for agent, is_first, flies in zip(roster.agents, roster.is_first.tolist(), roster.flies.tolist(), strict=True):
+    drives = roster.find_driving(settings["speed_unit"])
+    is_possible = (roster.is_first & ~roster.flies & ~drives).tolist()
+    for agent, is_first, may_be in zip(roster.agents, roster.is_first.tolist(), is_possible, strict=True):
         decider = find_decider(agent, plans)
         form = None
         if decider is None and is_first:
             form = moves.STAY
-        elif is_first and not flies:
+        elif may_be:
             if id(decider) not in single:
                 steps: Any = get_strategy_spec(decider).core_steps or ()
                 single[id(decider)] = _SINGLE_STEPS.get(steps)

@@ -1,6 +1,6 @@
 """The state of the games of a batch: its columns, scores, events, errors, and the memory of rules and strategies."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from functools import partial
@@ -633,7 +633,8 @@ class GameArrays(BatchColumns):
         tell: called with each failure, to inform the agent.
         doings: reads what agents are doing; None: no deed lasts. Any: its class imports this module.
         deeds: the deeds that agents may do besides moving.
-        apart: number of a game that is played in a context of its own -> a function that returns it.
+        apart: number of a game -> a function that returns it, if only its context knows which nodes are legal, and
+            where agents are.
         noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
         sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
         sighted_nodes: (game, agent) -> sensor in `noted_nodes` -> the rows of the visible nodes.
@@ -692,7 +693,7 @@ class GameArrays(BatchColumns):
         self.shared: dict[Hashable, Any] = {}
         self.searches: dict[Hashable, sight.AgentSearch] = {}
         self.asked: dict[Hashable, Any] = {}
-        self.apart: dict[int, Callable[[], PlayedGame]] = {}
+        self.apart: MutableMapping[int, Callable[[], PlayedGame]] = {}
         self.noted: dict[int, list[str]] = {}
         self.noted_nodes: dict[int, list[str]] = {}
         self.now = dict[Hashable, Any]()

@@ -1,12 +1,13 @@
 """Paths of agents that do not move along one edge per turn, for functions that are called between phases."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import cached_property
 from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.core import moves
 from gamms.core import travel as core
 from gamms.game.decisions import Decisions
@@ -69,8 +70,8 @@ class Routes:
     Args:
         by: the movement of the agents.
         shape: the numbers of games and agents.
-        room: the number of nodes of a route for which memory is reserved.
-        longest: the maximum number of nodes of a route.
+        room: the number of entries of a route for which memory is reserved; see `core.travel.go`.
+        longest: the maximum number of entries of a route.
 
     Attributes:
         core: the routes in the form of the core.
@@ -86,7 +87,8 @@ class Routes:
         self._counts, self._motions = np.zeros((2, rows), np.int64)
         self.core = moves.ChosenRoutes(room, self._nodes.data, self._counts.data, self._motions.data)
         self._chosen: list[tuple[int, int, int]] = []  # row, how many nodes, motion
-        self._ids: list[int] = []  # of the nodes, one way after the other
+        self._ids: list[int] = []  # of the nodes or edges, one way after the other
+        self._edges: list[int] = []  # the places of edges in it
 
     def choose(self, game: int, agent: int, decisions: Decisions, i: int) -> bool:
         """Set the action of an agent in this turn; return whether there is room for its path.
@@ -99,9 +101,12 @@ class Routes:
         """
         count = STAYS
         motion = int(Motion.FORWARD)
-        nodes: Iterable[int] = ()
+        nodes: Sequence[int] = ()
         if decisions.paths is not None and decisions.paths.maps[i] is not None:
-            count, motion, nodes = decisions.paths.make_route(i)
+            obeys = decisions.slots[i].obeys_turns  # not always over the cheapest of parallel edges
+            count, motion, nodes = decisions.paths.make_route(i, of_edges=obeys)
+            if obeys:
+                self._edges += range(len(self._ids), len(self._ids) + len(nodes))
         elif decisions.ends[i] != decisions.starts[i]:
             nodes = (decisions.ends[i],)
         before = len(self._ids)
@@ -109,6 +114,7 @@ class Routes:
         count = (len(self._ids) - before) or count
         if count > self._longest:
             del self._ids[before:]
+            self._edges = [place for place in self._edges if place < before]
             return False
         self._chosen.append((game * self._agents + agent, count, motion))
         return True
@@ -121,13 +127,20 @@ class Routes:
         lengths = np.maximum(counts, 0)
         first = np.cumsum(lengths) - lengths
         places = np.repeat(rows * self._room - first, lengths) + np.arange(len(self._ids))
-        self._nodes[places] = self._by.streets.rows(self._ids)
+        is_edge = np.zeros(len(self._ids), np.bool_)
+        is_edge[self._edges] = True
+        ids = np.array(self._ids, np.int64)
+        columns = self._by.columns
+        self._nodes[places[~is_edge]] = self._by.streets.rows(ids[~is_edge])
+        edges = kernels.find_rows(columns.edge_ids, ids[is_edge], columns.edge_order)
+        self._nodes[places[is_edge]] = len(columns.node_ids) + edges
         self.forget()
 
     def forget(self) -> None:
         """Drop the chosen actions."""
         self._chosen.clear()
         self._ids.clear()
+        self._edges.clear()
 
 
 class Courses:
@@ -187,6 +200,15 @@ class Courses:
         nodes = nodes[np.append(True, nodes[1:] != nodes[:-1])]  # it may wait on the first node
         edge = None if len(nodes) == 1 else int(columns.edge_ids[trips.edges[row, 0]])
         return tuple(columns.node_ids[nodes].tolist()), edge
+
+    def list_driven(self, game: int, agent: int) -> list[int]:
+        """Return the ids of the edges that an agent has driven to their ends in its last turn by metres."""
+        trips = self.trips
+        row = game * self._shape[1] + agent
+        legs = trips.legs[row]
+        edges: IntArray = trips.edges[row, :legs][trips.ends[row, :legs] == 1.0]
+        ids: list[int] = self._by.columns.edge_ids[edges].tolist()
+        return ids
 
     def stand(self, game: int, agent: int, node: int) -> None:
         """Let an agent stay on a node for the whole turn."""

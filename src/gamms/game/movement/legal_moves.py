@@ -441,8 +441,7 @@ class Movement:
             found.append(columns.edge_ids[leaving[goes]])
         if self.traffic is not None and obeys.any():
             chosen = np.flatnonzero(obeys)
-            _, states = self._find_states(here[chosen], games[chosen], agents[chosen])
-            number, edges = self.traffic.list_edges(states)
+            number, edges = self._list_edges_onward(here[chosen], games[chosen], agents[chosen])
             at.append(chosen[number])
             found.append(columns.edge_ids[edges])
         ids = as_table(np.concatenate(at), np.concatenate(found), len(here))
@@ -653,22 +652,23 @@ class Movement:
         legal = self._legal_nodes
         return self._find_at(legal, node, edge, self.share[which], motion, self.paces[agents], self.time[games])
 
-    def _find_states(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the states of agents that obey turns on these nodes, and their places; all arguments are flat."""
+    def _list_edges_onward(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the edges that agents may take next that obey turns: indices of the agents, and rows; all flat.
+
+        Edges to the same node follow each other, the cheapest first.
+        """
         assert self.traffic is not None  # noqa: S101 - they obey turns
         which = games, agents
-        return self.traffic.find_states(which, node, self.previous[which])
+        return self.traffic.list_edges(which, node, self.previous[which])
 
     def _find_with_turns(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
         """Return what `_find_on_map` does for agents that obey turns."""
-        traffic = self.traffic
-        assert traffic is not None  # noqa: S101 - they obey turns
-        states, _ = self._find_states(node, games, agents)
-        traffic.use_map(int(games[0]), int(agents[0]))
-        which = games, agents
-        motion = np.zeros(len(node), np.int64)
-        columns = states, self.edge[which], self.share[which], motion, self.paces[agents], self.time[games]
-        return self._find_at(traffic.legal, *columns)
+        number, edges = self._list_edges_onward(node, games, agents)
+        ends = self.columns.targets[edges]
+        is_new = np.append(True, (number[1:] != number[:-1]) | (ends[1:] != ends[:-1]))[: len(ends)]
+        number = np.append(np.arange(len(node)), number[is_new])
+        rows = np.append(node, ends[is_new])
+        return np.bincount(number), rows[np.argsort(number, kind="stable")]
 
     def _find_at(
         self,

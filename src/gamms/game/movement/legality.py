@@ -15,14 +15,12 @@ from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import check_wanted_deeds
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import (
-    MovesWithTurns,
     PathFinder,
     ResolvedAction,
     Travel,
     TravelWithTurns,
     find_usable_graph,
     make_paths_of_one,
-    weigh_edges,
 )
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -32,7 +30,7 @@ from gamms.ir.progress import Progress
 from gamms.text import shown
 from gamms.typing.actions import as_node, get_heading, resolve_flight
 from gamms.typing.context import HostContext
-from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Leg, Track
+from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Track
 
 _ACTION_KEYS = ("node_id", "edge", "do", "orientation")  # of an action of an agent on the ground
 _FLIGHT_KEYS = ("direction", "distance", "quat", "do")  # and of one that flies
@@ -187,11 +185,11 @@ class Legality:
         self._mode = mode
         self._turns: tuple[object, kernels.ForbiddenPaths] | None = None  # with the columns of the graph
         self._of_modes: dict[str, Legality] = {}
+        self._like: Legality | None = None
         is_free = mode is None or not split_mode(mode)[1]
         self.travel = Travel(ctx, settings, mode) if mode is None or is_free else TravelWithTurns(ctx, settings, mode)
         self._streets: StreetGraph | None = None  # of the last revision of the graph
         self._walking: MultiEdgeMoves | None = None
-        self._turning: tuple[MovesWithTurns, str | None] | None = None  # with the weight
         self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
 
     def get_for_agent(self, mover: AgentSlot) -> "Legality":
@@ -206,7 +204,14 @@ class Legality:
         if mode not in self._of_modes:
             self._of_modes[mode] = Legality(self._ctx, self._settings, self._state, mode)
             self._of_modes[mode].travel.now = self.travel.now
+            if self._like is not None:
+                self._of_modes[mode].travel.like = self._like.get_for_mode(mode).travel
         return self._of_modes[mode]
+
+    def share_maps(self, like: "Legality") -> None:
+        """Use the maps of a game as long as this game, in which no agent was asked yet, has the same; see `Travel`."""
+        self._like = like
+        self.travel.like = like.travel
 
     def keep_map(self, *, keeps: bool) -> None:
         """Decide on the present map until the map is not kept any more, whatever functions change in the graph."""
@@ -352,12 +357,10 @@ class Legality:
             else:
                 del known[mover.name]
 
-    def drive_on(self, mover: AgentSlot, legs: Sequence[Leg]) -> None:
-        """Note the edges that an agent that obeys turn restrictions has driven to their ends on its legs."""
-        driven = self._state.driven
+    def drive_on(self, mover: AgentSlot, edges: Sequence[int], driven: dict[str, tuple[int, ...]]) -> None:
+        """Note the edges, by id, that an agent that obeys turn restrictions has driven to their ends in a turn."""
         forbidden = self.get_for_agent(mover)._forbidden
         before = known = driven.get(mover.name, ())
-        edges = [leg.edge for leg in legs if leg.end == 1.0]
         for edge in edges:
             known = forbidden.step(known, edge) or (edge,)
         if edges and not mover.travels:
@@ -378,13 +381,9 @@ class Legality:
 
     def _list_onward_edges(self, mover: AgentSlot, here: int) -> list[int]:
         """Return the ids of the edges that an agent on a node may take next, in ascending order."""
-        edges = self.travel.roads.list_edges(here)
-        driven = self.find_driven(mover.name) if mover.obeys_turns else ()
-        if not driven:
-            return edges
-        attribute, _ = split_mode(str(self._mode))
-        legal = {*self._ctx.graph.routes.edges_onward(here, driven, turns=attribute)}
-        return [edge for edge in edges if edge in legal]
+        if not mover.obeys_turns:
+            return self.travel.roads.list_edges(here)
+        return sorted(edge for edge, _ in self._list_moves(mover, here))
 
     def _explain_forbidden_edge(self, mover: AgentSlot, here: int) -> str:
         """Return why an edge that the mode may use is not legal for an agent that obeys turn restrictions."""
@@ -400,7 +399,7 @@ class Legality:
         path = [node for node, before in zip(path, [here, *path], strict=False) if node != before]
         if not path:
             return ResolvedAction(here, (here,))
-        onward = self.turning.list_moves(here, self.find_driven(mover.name))
+        onward = self._list_moves(mover, here)
         found = [one for one in onward if one[1] == path[0]]
         if found and len(path) == 1:
             return _make_step(here, found[0])
@@ -429,6 +428,12 @@ class Legality:
         else:
             travel.find_path_towards(mover.row, place, here, mover.speed, wanted)
         return ResolvedAction(travel.end(), (here,))
+
+    def _list_moves(self, mover: AgentSlot, here: int) -> list[tuple[int, int]]:
+        """Return the ids of each edge that an agent that obeys turns may take next, and of its end."""
+        travel = self._tell_driven(mover)
+        assert isinstance(travel, TravelWithTurns)  # noqa: S101 - its mode says that it obeys
+        return travel.list_moves(here)
 
     def _tell_driven(self, mover: AgentSlot) -> Travel:
         """Return the paths of agents by metres; if turns count, for an agent that has come by the edges that it has."""
@@ -461,7 +466,7 @@ class Legality:
         if self._settings.legal == "any":
             return self._list_all_nodes(here)
         if mover.obeys_turns:
-            ends = [end for _, end in own.turning.list_moves(here, own.find_driven(mover.name))]
+            ends = [end for _, end in own._list_moves(mover, here)]
             return tuple(dict.fromkeys([here, *ends]))
         return own.walking.list_reachable(here, mover.speed, self._ctx.agent.block.get_progress(mover.row))
 
@@ -490,16 +495,6 @@ class Legality:
         if self._walking is None or self._walking.streets is not streets:
             self._walking = MultiEdgeMoves(streets)
         return self._walking
-
-    @property
-    def turning(self) -> MovesWithTurns:
-        """The legal moves by edges with turn restrictions."""
-        columns = self._ctx.graph.columns()
-        weight = self._settings.weight
-        if self._turning is None or self._turning[0].columns is not columns or self._turning[1] != weight:
-            costs = weigh_edges(self._ctx, weight, self._mode)
-            self._turning = MovesWithTurns(columns, str(self._mode), costs), weight
-        return self._turning[0]
 
     def list_reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
         """Return the legal nodes of several agents: offsets (agents + 1,) and ids."""

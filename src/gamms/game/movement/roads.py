@@ -13,12 +13,12 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from gamms import kernels
-from gamms.core.by_edges import LegalWithTurns, TrafficStates, find_states, use_states
+from gamms.core.by_edges import TrafficStates, find_places
 from gamms.core.contacts import NearNodes
 from gamms.errors import BadValue
 from gamms.game.conflicts import flatten
 from gamms.game.movement.streets import StreetGraph
-from gamms.game.movement.travel import EdgesAt, FollowingStates, ReachableNodes, TrafficTable, bind_states
+from gamms.game.movement.travel import EdgesAt, FollowingStates, TrafficTable, bind_states
 from gamms.ir.graph import (
     ClosedEdges,
     FloatArray,
@@ -307,28 +307,17 @@ class TrafficOnMaps:
         self.take_maps(self._states)
         return self._states
 
-    @cached_property
-    def legal(self) -> LegalWithTurns:
-        """The search for the legal nodes of one agent on the map in use, for views."""
-        return LegalWithTurns(self._states, ReachableNodes(self._roads.streets.num_nodes).core)
-
-    def use_map(self, game: int, agent: int) -> None:
-        """Use the present map of a game, and the mode of an agent, for `legal`."""
-        use_states(self.states, game, agent)
-
-    def find_states(
+    def list_edges(
         self, which: tuple[IntArray, IntArray], node: IntArray, previous: IntArray
     ) -> tuple[IntArray, IntArray]:
-        """Return the states of agents that obey turns, and their places; all arguments are flat, see the core."""
-        found, places = np.zeros((2, len(node)), np.int64)
-        columns = [kernels.as_buffer(one) for one in (*which, node, previous)]
-        find_states(*[self.states, *columns, found.data, places.data])
-        return found, places
+        """Return the edges that agents may take next that obey turns: indices of the agents, and rows.
 
-    def list_edges(self, places: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the edges that may follow states, given by their places: indices of these states, and rows."""
-        self.take_maps(self.states)
-        assert self._maps is not None  # noqa: S101 - they are taken
+        All arguments are flat, see `core.by_edges.find_places`. Edges to the same node follow each other.
+        """
+        places = np.zeros(len(node), np.int64)
+        columns = [kernels.as_buffer(one) for one in (*which, node, previous)]
+        find_places(*[self.states, *columns, places.data])
+        assert self._maps is not None  # noqa: S101 - `states` has taken them
         offsets, after = (np.asarray(one) for one in self._maps[1][:2])
         edges = np.concatenate([one.edges for one in self._tables])
         number, place = kernels.expand_ranges(offsets[places], offsets[places + 1])

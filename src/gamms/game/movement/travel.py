@@ -347,13 +347,13 @@ class GamePaths(core.PathsBySlot):
             legs.append(Leg(source, target, id, begins[place], ends[place], since[place], until[place], back))
         return legs
 
-    def make_route(self, i: int) -> tuple[int, int, list[int]]:
-        """Return the path of an agent as `core.ChosenRoutes` takes it: a count, a motion and the ids of nodes.
+    def make_route(self, i: int, *, of_edges: bool = False) -> tuple[int, int, list[int]]:
+        """Return the path of an agent as `core.ChosenRoutes` takes it: a count, a motion and ids.
 
-        The count is for an agent that passes no more nodes.
+        The count is for an agent that passes no more nodes. The ids are those of the nodes, or of the edges to them.
         """
         legs = self.list_legs(i)
-        targets = [leg.target for leg in legs] if legs else self._list_nodes_beyond(i)
+        targets = [leg.edge if of_edges else leg.target for leg in legs] if legs else self._list_nodes_beyond(i)
         if not targets or not core.is_on_edge_at_start(self.core, i):
             return STAYS, Motion.FORWARD, targets
         motion = self._columns.motion[i]
@@ -579,7 +579,7 @@ class RoadMap(PathFinder, RoadIds):
         mode: the edge attribute that says which edges agents may use; None: all.
 
     Attributes:
-        seconds, turn_seconds: see the arguments.
+        seconds, turn_seconds, mode: see the arguments.
     """
 
     def __init__(
@@ -594,12 +594,19 @@ class RoadMap(PathFinder, RoadIds):
         edges_at = None if mode is None else find_edges_at(columns, mode)
         self.seconds = seconds
         self.turn_seconds = turn_seconds
+        self.mode = mode
         PathFinder.__init__(self, columns, costs, edges_at)
         roads = make_map(columns, self._costs, seconds, turn_seconds, edges_at and edges_at[0])
         RoadIds.__init__(self, columns, self.ids, roads, graph.revision)
         edge_ids = columns.edge_ids.tolist()
         self.edge_rows = RowsOfIds("edge", edge_ids)
         self.lines = EdgeLines(graph, edge_ids)
+
+    @cached_property
+    def turns(self) -> "TurnMap":
+        """The states of traffic that obeys turn restrictions, for agents of the mode."""
+        assert self.mode is not None  # noqa: S101 - it says that agents obey turns
+        return TurnMap(self, self._columns, self._costs, self.mode)
 
     def get_row_of_edge(self, edge: int) -> int | None:
         """Return the row of an edge by its id; None: it does not exist."""
@@ -705,6 +712,8 @@ class Travel(TravelSearch):
 
     Attributes:
         keeps_map: whether later changes of the graph do not count yet, because agents are on their way in a turn.
+        like: the travel of agents of the mode in a game whose map is used as long as this game has the same; None: of
+            no game. Only one of both is asked at a time, because they share working memory.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, mode: str | None = None) -> None:
@@ -715,6 +724,7 @@ class Travel(TravelSearch):
         self._roads: RoadMap | None = None
         self._key: tuple[Any, ...] = ()
         self.keeps_map = False
+        self.like: Travel | None = None
         self._most = 0
 
     @property
@@ -726,17 +736,28 @@ class Travel(TravelSearch):
         revision = self._key[0] if self.keeps_map and self._key else graph.revision
         key = revision, settings.weight, settings.speed_unit, settings.turn_seconds
         if self._roads is None or key != self._key or key[0] is None:
-            turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
-            has_speeds = settings.weight == "travel_time" and settings.speed_unit == "metres_per_second"
-            costs = weigh_edges(self._ctx, settings.weight, self._mode)
-            seconds = costs if has_speeds else None
-            roads = RoadMap(graph, self._ctx.graph.columns(), costs, seconds, turn_seconds, self._mode)
+            roads = None if self.like is None else self.like._get_roads(key)
+            roads = roads or self._make_roads(graph)
             self._roads = roads
             self.found_on = roads
             self._key = key
             roads.search(self)
             self._make_room(len(roads.ids) + _MORE_LEGS)
         return self._roads
+
+    def _get_roads(self, key: tuple[Any, ...]) -> RoadMap | None:
+        """Return the edges of the current revision of the graph if they have this key; else None."""
+        roads = self.roads
+        return roads if self._key == key else None
+
+    def _make_roads(self, graph: IGraph) -> RoadMap:
+        """Return the edges of the current revision of the graph."""
+        settings = self._settings
+        turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
+        has_speeds = settings.weight == "travel_time" and settings.speed_unit == "metres_per_second"
+        costs = weigh_edges(self._ctx, settings.weight, self._mode)
+        seconds = costs if has_speeds else None
+        return RoadMap(graph, self._ctx.graph.columns(), costs, seconds, turn_seconds, self._mode)
 
     def prepare(self, agents: int) -> None:
         """Prepare to find paths of agents below this row on the present map, until it changes."""
@@ -839,11 +860,6 @@ class FollowingStates(NamedTuple):
     after: IntArray  # states
     kept: IntArray  # (states,)
 
-    def list_after(self, state: int) -> list[int]:
-        """Return the states that may follow a state."""
-        found: list[int] = self.after[self.offsets[state] : self.offsets[state + 1]].tolist()
-        return found
-
 
 class TrafficTable:
     """The states of traffic that obeys turn restrictions by edges, on a graph and on maps with some of its edges.
@@ -934,38 +950,6 @@ def bind_states(
     views: list[Any] = [np.concatenate(several).data for several in columns]
     of_agents = [kernels.as_buffer(one.reshape(-1)) for one in (begin_of_agent, driven, driving)]
     return by_edges.TrafficStates(*views, *of_agents)
-
-
-class MovesWithTurns:
-    """Finds the moves along one edge of agents that obey turn restrictions, on one revision of a graph.
-
-    Args:
-        columns: the columns of the graph.
-        mode: the mode of travel.
-        costs: (edges,) the costs by which agents choose among parallel edges.
-    """
-
-    def __init__(self, columns: GraphColumns, mode: str, costs: FloatArray) -> None:
-        self.columns = columns
-        self._table = TrafficTable(columns, mode)
-        self._following = self._table.find_following(np.flatnonzero(find_usable_edges(columns, mode)), costs)
-        self._row_of = RowsOfIds("node", columns.node_ids.tolist())
-        self._edge_rows = RowsOfIds("edge", columns.edge_ids.tolist())
-
-    def list_moves(self, here: int, driven: Sequence[int]) -> list[tuple[int, int]]:
-        """Return the ids of each edge that an agent may take next, and of its end.
-
-        Edges to the same node follow each other, the cheapest first.
-
-        Args:
-            here: the id of its node.
-            driven: the ids of the edges by which it has come there.
-        """
-        table = self._table
-        rows = [self._edge_rows[edge] for edge in driven]
-        after = self._following.list_after(table.find_state(rows) if rows else table.begin + self._row_of[here])
-        edges = self.columns.edge_ids[table.edges[after]].tolist()
-        return [*zip(edges, self.columns.node_ids[table.nodes[after]].tolist(), strict=True)]
 
 
 def find_legal_edges(
@@ -1088,17 +1072,11 @@ class TravelWithTurns(Travel):
     def __init__(self, ctx: HostContext, settings: Settings, mode: str) -> None:
         super().__init__(ctx, settings, mode)
         self.driven: tuple[int, ...] = ()
-        self._turns: tuple[RoadMap, TurnMap] | None = None
 
     @property
     def turns(self) -> TurnMap:
         """The states of traffic on the current revision of the graph."""
-        roads = self.roads
-        if self._turns is None or self._turns[0] is not roads:
-            costs = weigh_edges(self._ctx, self._settings.weight, self._mode)
-            assert self._mode is not None  # noqa: S101 - it says that agents obey turns
-            self._turns = roads, TurnMap(roads, self._ctx.graph.columns(), costs, self._mode)
-        return self._turns[1]
+        return self.roads.turns
 
     def _find_start(self, here: int, place: Progress | None) -> tuple[int, int, int]:
         roads = self.roads
@@ -1120,6 +1098,22 @@ class TravelWithTurns(Travel):
         ids = self.roads.ids
         rows = turns.nodes[turns.reach.nodes[:count]].tolist()
         return tuple(dict.fromkeys([ids[row] for row in rows]))
+
+    def list_moves(self, here: int) -> list[tuple[int, int]]:
+        """Return the ids of each edge that the agent may take next from its node, and of its end.
+
+        Edges to the same node follow each other, the cheapest first.
+        """
+        turns = self.turns
+        state, _, _ = self._find_start(here, None)
+        begin, _, _ = turns.start(self.roads.find_row(here), (), None)
+        first: dict[int, int] = {}  # the first edge to each node, also if it is not legal now
+        for edge, end, _ in turns.list_following(begin):
+            first.setdefault(end, edge)
+        costs = turns.routes.costs
+        onward = sorted((first[end], costs[edge], edge) for edge, end, _ in turns.list_following(state))
+        ends = [self.roads.edge_ids[edge] for *_, edge in onward]
+        return [(id, target) for _, target, id in ends if target != here]
 
     def follow_route(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
         """Find the path along a route of nodes, over the cheapest edges whose turns are legal.

@@ -222,13 +222,6 @@ class GamesBySeed:
         )
         return rule._replace(rule=declared(stand_in, plain))
 
-    def remove(self) -> None:
-        """Set the functions of the context to those of its first seed, not prepared."""
-        if not self.is_needed:
-            return
-        self._decide_by({**self._first, **self._preparing})
-        self._game.internals.restore_rules(self._unprepared_rules)
-
     def _decide_by(self, functions: Mapping[Owner, Any]) -> None:
         plans = dict(self._game.plans)
         for (kind, name), function in functions.items():

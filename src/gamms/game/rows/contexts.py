@@ -109,6 +109,7 @@ class RowContexts:
         source = self._source
         source.renew_map()
         ctx, _ = source.make_fork(self._state.seeds[number], shared=self._shared)
+        ctx.game.internals.parts.turns.legality.share_maps(self.game.internals.parts.turns.legality)
         self._begin(number, ctx.game)
         row = RowOfGame(ctx.game, number, self._means)
         row.has_first_functions = _list_functions(ctx.game) == _list_functions(self.game)

@@ -285,6 +285,42 @@ class RowFunctions:
         has_routes = state.flights is not None or self._core.courses is not None
         return has_routes or len(state.deeds.declared) > 0 or state.radio is not None
 
+    def drive_on(self, games: IntArray) -> None:
+        """Note the edges that agents have driven in these games that obey turns by metres, after the moves."""
+        for number in games.tolist() if self._plan.drives.any() else ():
+            row = self._contexts.rows.get(number)
+            if row is not None:
+                row.drive_on()
+
+    def lead(self, view: ArrayView, actions: IntArray) -> IntArray:
+        """Let agents that obey turns by metres go to legal nodes; return their actions: they follow routes.
+
+        Args:
+            view: the agents.
+            actions: (games, agents) the numbers of the nodes.
+        """
+        legal = np.take_along_axis(view["legal"], actions[..., None], axis=-1)[..., 0]
+        asked = view.agents.tobytes()
+
+        def go(row: RowOfGame, place: int) -> None:
+            part = row.find_asked(asked, b"")
+            targets = dict(zip(view.agents.tolist(), legal[place].tolist(), strict=True))
+            row.turns.travel.prepare(len(part.order.block))
+            decisions: Decisions = row.turns.answers
+            decisions.begin(part.order.slots, part.order.get_nodes(), None, None)
+            for i, name in part.members:
+                decisions.take(i, {"action": targets[row.number_of[name]]})
+            self.take_decisions(row, decisions, part)
+
+        self._call.begin(None, None, is_moving=True)
+        try:
+            self._play(view.games, lambda row, place: row.call(go, (row, place)))
+        finally:
+            self._call.end()
+        assert self._core.courses is not None  # noqa: S101 - the games are by metres
+        self._core.courses.routes.write()
+        return np.full_like(actions, -1)
+
     def find_asked(self, row: RowOfGame) -> AskedPart | None:
         """Return the agents that are asked in a game; None: there are none."""
         asked = self._find_asked(row)

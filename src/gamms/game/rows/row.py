@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from gamms.core.copies import copy_deep
+from gamms.core.copies import copy_deep, refill
 from gamms.core.rows import Call, Row, RowColumns
 from gamms.deciding import UNKNOWN_LOOK, UnknownLook, get_phase
 from gamms.errors import BadValue
@@ -24,7 +24,7 @@ from gamms.game.movement.roads import RoadMap
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.plan import RowPlan
-from gamms.game.rows.state import RowStart, RowState, get_data, get_memories, get_moves
+from gamms.game.rows.state import RowStart, RowState, get_data, get_driven, get_memories, get_moves
 from gamms.game.settings import BegunPhase, RuleTable, as_called
 from gamms.game.slots import COUNTED
 from gamms.game.snapshots import ForkSource, GameStart, Snapshot, copy_moves, copy_rules
@@ -233,6 +233,8 @@ class RowOfGame(Row):
     turns: TurnEngine
     values: GameState
     _state: GameArrays
+    _has_core_data: bool  # whether `ctx.game.data` has the data of rules in the core now
+    _is_data_held: bool  # whether functions keep the dict, which then has these data in each call
 
     def __init__(self, game: PlayedGame, number: int, means: RowMeans) -> None:
         parts = game.internals.parts
@@ -261,11 +263,13 @@ class RowOfGame(Row):
         self._first_means = parts.settings.settings_now(), parts.rules.now
         self._first_collectors = {*parts.collectors.by_name}
         self._first_fields = values.start, values.deed_log
-        self._keeps_more = self.look is None or state.doings is not None or bool(self._first_collectors)
+        self._drivers = [(agent, state.roster.names[agent]) for agent in np.flatnonzero(means.plan.drives).tolist()]
+        self._parts_noted = 0  # of turns; see `drive_on`
+        self._keeps_more = (
+            self.look is None or state.doings is not None or bool(self._drivers or self._first_collectors)
+        )
         self._first_core_data: dict[str, Any] = {}  # data of rules in the core
         self._core_data: dict[str, Any] = {}  # the same as they are shown
-        self._has_core_data = False  # whether `ctx.game.data` has the data of rules in the core now
-        self._is_data_held = False  # whether functions keep the dict, which then has these data in each call
         self._own_arrays: dict[Hashable, Arrays] = {}  # that only functions called in this game keep
         self._core_memories: dict[str, dict[Any, Any]] = {}  # what the core remembers for agents, as above
         self._why_later = ""  # why the game leaves after the function that is called
@@ -284,6 +288,7 @@ class RowOfGame(Row):
     def _begin_game(self) -> None:
         """Begin to show the game, which is at its start in the context."""
         self._note_map(None)
+        self._parts_noted = self._count_parts()
         self._begin_state()
         self._show_members()
         self.turns.note_departed()
@@ -898,12 +903,38 @@ class RowOfGame(Row):
 
     def _make_driven(self) -> dict[str, tuple[int, ...]]:
         traffic = self._state.movement.traffic
+        if self._drivers:
+            self.drive_on()
+            return get_driven(self.values)
         if traffic is None:
             return {}
         number = self.number
         names = self._state.roster.names
         found = {names[agent]: traffic.list_driven(number, agent) for agent in np.flatnonzero(traffic.obeys).tolist()}
         return {name: edges for name, edges in found.items() if edges}
+
+    def drive_on(self) -> None:
+        """Note the edges that agents have driven to their ends, which obey turns by metres, since they were noted."""
+        if not self._drivers:
+            return
+        core = self._core
+        number = self.number
+        before = self._parts_noted
+        self._parts_noted = self._count_parts()
+        if before == self._parts_noted or core.courses is None:
+            return
+        _, _, took_part = core.get_last_moves(np.array([number]))
+        order = self.order
+        for agent, name in self._drivers:
+            turn = self._state.turn[number] - (core.part_of[agent] >= core.count_played_parts(number))
+            is_new = turn * core.num_parts + core.part_of[agent] >= before
+            if is_new and took_part[0, agent] and name in order.index_of:
+                edges = core.courses.list_driven(number, agent)
+                self.turns.legality.drive_on(order.slots[order.index_of[name]], edges, get_driven(self.values))
+
+    def _count_parts(self) -> int:
+        """Return the number of parts of turns that were played."""
+        return int(self._state.turn[self.number]) * self._core.num_parts + self._core.count_played_parts(self.number)
 
     def _make_scores(self) -> Scores:
         self._scores_before = self._state.scores.get_scores(self.number)
@@ -1276,14 +1307,19 @@ class RowOfGame(Row):
         sensed = [last[0] for last in self.lasts] if self.look is None else ()
         doing = copy_doing(get_data(values)) if self._state.doings is not None else None
         rng = self.ctx.rng_state() if has_drawn else None
-        known = sensed, collected, looks, {**departed}, rng, {**self.undone}, copy_deep(shared), doing
+        driven = {**get_driven(values)}, self._parts_noted
+        known = sensed, collected, looks, {**departed}, rng, {**self.undone}, copy_deep(shared), doing, driven
         return self.members, self._moved, *known
 
     def take_back(self, before: tuple[Any, ...]) -> None:
         """Set what `copy_turn_values` has returned; what functions have written themselves stays."""
         members, self._moved, *known = before
-        sensed, collected, looks, departed, rng, undone, shared, doing = known or ((), None, {}, {}, None, {}, {}, None)
+        nothing: Any = (), None, {}, {}, None, {}, {}, None, ({}, 0)
+        sensed, collected, looks, departed, rng, undone, shared, doing, driven = known or nothing
         values = self.values
+        if self._drivers:
+            refill(get_driven(values), driven[0])
+            self._parts_noted = driven[1]
         values.delayed_looks = looks
         values.departed = departed
         values.team_memories = shared

@@ -1,4 +1,4 @@
-"""The games of a batch that have left it, or were never in it: the turn engine plays each in a context.
+"""The games of a batch that have left it: the turn engine plays each in a context.
 
 A function has done there what columns cannot hold, for example changed a setting: only the turn engine plays them.
 """
@@ -22,23 +22,19 @@ from gamms.game.movement.legal_moves import MovesInContexts
 from gamms.game.movement.roads import RoadMap
 from gamms.game.random_streams import seed_for_run
 from gamms.game.result import Result
-from gamms.game.snapshots import ForkSource
 from gamms.ir.game_state import describe_conflict
 from gamms.ir.graph import IntArray
 from gamms.text import shown
 from gamms.typing import AgentType
-from gamms.typing.context import HostContext
 
 
 class SeparateGames:
-    """The games of a batch that are played in contexts of their own, which are made when they are needed.
+    """The games of a batch that are played in contexts of their own.
 
     Args:
         engine: plays the other games.
         roster: the agents of all games.
-        begin: returns a game, by its number, at its start in a context of its own.
         playing: returns a context manager in which a game is played, by its number.
-        let_go: takes a game that has ended, by its number; no program holds its context, which may show another game.
 
     Attributes:
         reasons: why each of these games is played in a context of its own.
@@ -48,19 +44,13 @@ class SeparateGames:
         self,
         engine: BatchEngine,
         roster: AgentTable,
-        begin: Callable[[int], PlayedGame],
         playing: Callable[[int, PlayedGame], AbstractContextManager[None]],
-        let_go: Callable[..., None],
     ) -> None:
         self.reasons: dict[int, str] = {}
-        self._begin = begin
         self._playing = playing
-        self._let_go = let_go
         self._games: dict[int, PlayedGame] = {}
         self._results: dict[int, Result] = {}  # of games whose contexts have ended
-        self._ends: dict[int, ForkSource] = {}  # of games whose contexts show other games now
         self._unobserved: set[int] = set()  # whose places are not in the columns
-        self._held = set[int]()  # games whose contexts callers have
         self._observed = WeakSet[GameArrays]()  # the states of maps whose views call sensors in contexts
         self._beyond_arrays: dict[int, UnknownName] = {}  # with agents at or next to nodes that rules have added
         self._roster = roster
@@ -72,20 +62,19 @@ class SeparateGames:
     def __contains__(self, number: object) -> bool:
         return number in self.reasons
 
-    def add(self, number: int, why: str, game: PlayedGame | None = None, turns: int | None = None) -> None:
+    def add(self, number: int, why: str, game: PlayedGame, turns: int | None = None) -> None:
         """Play a game in a context of its own from now on.
 
         Args:
             number: its number.
             why: the reason.
-            game: the game in that context; None: it is at its start, and the context is made when it is needed.
+            game: the game in that context.
             turns: the number of turns before the turn that the game is in the middle of; None: it is between two turns.
         """
         self.reasons[number] = why
         self._unobserved.add(number)
-        if game is not None:
-            self._games[number] = game
-            game.internals.left_as = number
+        self._games[number] = game
+        game.internals.left_as = number
         state = self._engine.get_game_state(number)
         state.is_apart[number] = True
         state.apart[number] = partial(self.get_game, number)
@@ -98,10 +87,9 @@ class SeparateGames:
         """End the contexts of games, which are not played in them any more."""
         for number in self.reasons.keys() & numbers:
             self._end(number)
-            for known in (self.reasons, self._results, self._ends, self._beyond_arrays):
+            for known in (self.reasons, self._results, self._beyond_arrays):
                 known.pop(number, None)
             self._unobserved.discard(number)
-            self._held.discard(number)
             state = self._engine.get_game_state(number)
             state.apart.pop(number, None)
             state.is_apart[number] = False
@@ -113,24 +101,6 @@ class SeparateGames:
                 self.observe([number])
             self._results[number] = self.get_result(number)
             self._end(number)
-
-    def show(self, number: int) -> HostContext:
-        """Return the context of a game, which shows no other game until the game is reset."""
-        self._held.add(number)
-        shown_in: HostContext = self.get_game(number).ctx
-        return shown_in
-
-    def _give_context_back(self, number: int) -> None:
-        """Let the context of a game that is over show other games; keep the game as it was at its end."""
-        game = self._games[number]
-        end = game.internals.capture()
-        if end is None:  # it has objects of which no copy can be kept
-            return
-        with suppress(BadValue):  # an error of `observe`, which raises it again
-            self.observe([number])
-        self._results[number] = self.get_result(number)
-        self._ends[number] = end
-        self._let_go(number, self._games.pop(number))
 
     def _end(self, number: int) -> None:
         game = self._games.pop(number, None)
@@ -145,12 +115,6 @@ class SeparateGames:
 
     def get_game(self, number: int) -> PlayedGame:
         """Return a game in its context."""
-        if number not in self._games:
-            end = self._ends.pop(number, None)
-            seed = self._engine.get_game_state(number).seeds[number]
-            game = self._begin(number) if end is None else end.make_fork(seed)[0].game
-            self._games[number] = game
-            self._note(number)
         return self._games[number]
 
     # -- playing ------------------------------------------------------------------------------------------------
@@ -202,21 +166,17 @@ class SeparateGames:
             is_single: whether one game plays: it takes its turn back itself, unless the turn is counted.
         """
         known = {*self.reasons}
-        had_contexts = {*self._games}
         taken_back = [] if is_single else played
-        snapshots = {number: self._games[number].snapshot() for number in taken_back if number in self._games}
+        snapshots = {number: self._games[number].snapshot() for number in taken_back}
         turns = self._engine.count_turns()
         try:
             yield
         except BaseException:
             if is_single and (self._engine.count_turns() != turns).any():
                 raise
-            for number in [*self._games]:
-                if number in snapshots:
-                    self._games[number].restore(snapshots[number])
-                    self._note(number)
-                elif number not in had_contexts:
-                    self._end(number)
+            for number, snapshot in snapshots.items():
+                self._games[number].restore(snapshot)
+                self._note(number)
             self.forget(self.reasons.keys() - known)
             raise
 
@@ -240,9 +200,6 @@ class SeparateGames:
             finally:
                 game.internals.takes_all_back = False
                 game.internals.seeds_runs = True
-            is_kept = game.internals.left_as is not None or number in self._held
-            if self._engine.is_over[number] and not is_kept:
-                self._give_context_back(number)
             yield number
 
     @contextmanager

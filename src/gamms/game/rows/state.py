@@ -104,6 +104,7 @@ def _replace_data(state: GameState, data: dict[Any, Any]) -> None:
 _memories: Any = vars(GameState)["memories"]  # the slots
 _data: Any = vars(GameState)["data"]
 _moves: Any = vars(GameState)["moves"]
+_driven: Any = vars(GameState)["driven"]
 
 
 def get_memories(state: GameState) -> dict[str, dict[Any, Any]]:
@@ -115,6 +116,12 @@ def get_memories(state: GameState) -> dict[str, dict[Any, Any]]:
 def get_moves(state: GameState) -> Any:
     """Return the moves of the last turn before the batch; None: there are none."""
     return _moves.__get__(state)
+
+
+def get_driven(state: GameState) -> dict[str, tuple[int, ...]]:
+    """Return the edges that agents of a game of a batch have driven that obey turns by metres."""
+    found: dict[str, tuple[int, ...]] = _driven.__get__(state)
+    return found
 
 
 def get_data(state: GameState) -> dict[Any, Any]:
