@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
-from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, explain_call_errors
+from gamms.arguments import as_bool, as_choice, as_int, as_mapping, as_member, as_path, as_text, explain_call_errors
 from gamms.compat import Surface, suggest_part
 from gamms.deciding import DecidePhase, Guarded, add_copies, leave_last_turn, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
@@ -302,9 +302,10 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
             only_plain: whether forks can be made later, when the context has changed.
 
         Raises:
+            BadType: `only_plain` is not a boolean.
             NotPlain: `only_plain`, and the sensors do not permit it.
         """
-        return _CapturedContext(self, agents, self.sensor.storage.capture(only_plain=only_plain))
+        return _CapturedContext(self, agents, self.sensor.storage.capture(only_plain=as_bool(only_plain, "only_plain")))
 
     @refuse_to_judges
     def set_alive(self) -> None:

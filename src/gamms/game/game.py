@@ -179,10 +179,10 @@ class Game(Surface, RuleVerbs):
                 called, and the agents have no states.
 
         Raises:
-            BadType: the plan cannot be called with one argument.
+            BadType: the plan cannot be called with one argument, or `arrays` is not a boolean.
         """
         as_key(team, "A team")
-        if plan is not None and not arrays:
+        if not as_bool(arrays, "arrays") and plan is not None:
             plan = plan_in(self.ctx, plan)
         others = {one: known for one, known in self.plans.items() if one != team}
         self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
