@@ -74,8 +74,6 @@ cdef class LegalByMetres(LegalNodes):
 
 @cython.locals(found=i64, number=i64, edge=i64)
 cpdef Py_ssize_t find_cheapest(RoadEdges roads, i64 source, i64 target) except -2 nogil
-
-
 @cython.locals(nodes=i64)
 cdef Py_ssize_t find_next_edge(RoadEdges roads, i64 node, i64 then) except -2 nogil
 @cython.locals(node=i64, length=double, number=i64, other=i64)

@@ -135,7 +135,7 @@ class GamesOnOneMap:
         self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
         self.contexts = RowContexts(game, state, self.core, own, plan)
         state.find_game = self.contexts.show
-        if plan.drives.any():  # the core does not know what is legal for them
+        if plan.drives.any():  # only their contexts know which nodes are legal
             state.apart = ChainMap({}, {number: partial(self.contexts.show, number) for number in range(len(state))})
         state.change_roads = self.contexts.change_roads
         state.take_own_arrays = self.contexts.take_own_arrays
@@ -163,7 +163,8 @@ class GamesOnOneMap:
     def _call_arrays_by_game(self, settings: Mapping[str, Any], *, asks_all: bool) -> None:
         """Let array strategies be called game by game where all agents are, or where a verb that they call needs it.
 
-        That are looks that are counted in each game, and `view.towards` of agents with speeds or that obey turns.
+        These are looks that are counted in each game, and `view.towards` of agents with speeds. Agents that obey turns
+        by metres need it for all verbs.
         """
         movement = self.state.movement
         at_arrivals = is_deciding_at_arrivals(movement)
@@ -201,8 +202,10 @@ class GamesOnOneMap:
 
     def _get_data(self, number: int) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game."""
-        apart = self.state.apart.get(number)
-        return self.contexts.get_data(number, self._first_data) if apart is None else apart().internals.state.data
+        if not self.state.is_apart[number]:
+            return self.contexts.get_data(number, self._first_data)
+        data: Mapping[Any, Any] = self.state.apart[number]().internals.state.data
+        return data
 
     @property
     def asking(self) -> int | None:

@@ -107,7 +107,7 @@ class ArrayView(MapViewMixin, ShallowCopyMixin, Mapping[str, Any]):
         self.agents = copy_locked(agents)
         self.streets, self._movement, self._shared = state.make_map_data(games, agents)
         self.roster = state.roster
-        if state.apart and any(number in state.apart for number in games.tolist()):
+        if state.apart and not state.apart.keys().isdisjoint(games.tolist()):
             apart = MovesInContexts(state.apart, self.roster.names, self.streets, state.reading)
             self._movement = self._movement.add_contexts(apart)
         self.memory_of = state.memory_of

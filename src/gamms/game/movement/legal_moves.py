@@ -101,7 +101,7 @@ class Movement:
         leaves_nodes: whether agents may be off the nodes.
         all_roads: the open roads of each game.
         tables: the legal nodes of games along one edge on several maps; None: they are on one.
-        apart: the legal nodes and positions in games that are played in contexts of their own; None: in none.
+        apart: the legal nodes and positions in games of which only contexts know them; None: in none.
         traffic: the states of agents by edges that obey turn restrictions; None: there are none.
         previous: (games, agents) the column of this name.
         edge: (games, agents) the column `edge` or `begun` of the games; see `BatchColumns`.
@@ -231,7 +231,7 @@ class Movement:
         return own
 
     def add_contexts(self, apart: "MovesInContexts") -> Self:
-        """Return the movement in which games that are played in contexts of their own are as these have them."""
+        """Return the movement in which legal nodes and positions of some games are those of their contexts."""
         own = copy(self)
         own.apart = apart
         own.leaves_nodes = True
@@ -693,7 +693,7 @@ class Movement:
 
 
 class MovesInContexts:
-    """The legal nodes and positions of agents in games that are played in contexts of their own, as these have them.
+    """The legal nodes and positions of agents in games of which only contexts know them.
 
     Args:
         games: number of a game -> a function that returns it. Any: the class of games imports this module.

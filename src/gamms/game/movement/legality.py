@@ -209,7 +209,7 @@ class Legality:
         return self._of_modes[mode]
 
     def share_maps(self, like: "Legality") -> None:
-        """Use the maps of a game as long as this game, in which no agent was asked yet, has the same; see `Travel`."""
+        """Use the maps of another game as long as this one has the same; called before any agent is asked."""
         self._like = like
         self.travel.like = like.travel
 

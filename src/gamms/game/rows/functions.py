@@ -286,7 +286,7 @@ class RowFunctions:
         return has_routes or len(state.deeds.declared) > 0 or state.radio is not None
 
     def drive_on(self, games: IntArray) -> None:
-        """Note the edges that agents have driven in these games that obey turns by metres, after the moves."""
+        """Note the edges that agents that obey turns by metres have driven in these games, after their moves."""
         for number in games.tolist() if self._plan.drives.any() else ():
             row = self._contexts.rows.get(number)
             if row is not None:

@@ -143,7 +143,7 @@ class Members:
         agents, sensors: the agents and the sensors.
         block: the block of the agents.
         numbers: the number in the roster of each agent, by row.
-        have_come: these numbers, and those of agents that were deleted before, ascending.
+        have_come: these numbers, and those of agents that were deleted before.
         flying: the numbers in the roster of its flying agents.
         rows_in_air: the rows of its flying agents.
         first_headings: the default headings of agents, by row.
@@ -166,7 +166,7 @@ class Members:
         self.sensors = game.ctx.sensor.storage.share()
         self.block: AgentBlock = self.agents.block
         self.numbers: IntArray = np.array([means.number_of[name] for name in self.block.names], np.int64)
-        self.have_come: IntArray = np.union1d(self.numbers if before is None else before.have_come, self.numbers)
+        self.have_come: set[int] = {*self.numbers.tolist(), *(() if before is None else before.have_come)}
         row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
         self.flying = [number for number in means.state.flyers.tolist() if number in row_of]
         self.rows_in_air = [row_of[number] for number in self.flying]
@@ -914,9 +914,7 @@ class RowOfGame(Row):
         return {name: edges for name, edges in found.items() if edges}
 
     def drive_on(self) -> None:
-        """Note the edges that agents have driven to their ends, which obey turns by metres, since they were noted."""
-        if not self._drivers:
-            return
+        """Note the edges that agents that obey turns by metres have driven to their ends since the last call."""
         core = self._core
         number = self.number
         before = self._parts_noted
@@ -959,9 +957,9 @@ class RowOfGame(Row):
     def _make_counts(self) -> dict[str, dict[str, int]]:
         state = self._state
         before = {name: {**each} for name, each in self._means.start.counts.items()}
-        columns = {kind: state.counts[kind][self.number] for kind in COUNTED}
-        names = [(i, state.roster.names[i]) for i in self.members.have_come.tolist()]
-        return before | {name: {kind: int(column[i]) for kind, column in columns.items()} for i, name in names}
+        columns = {kind: state.counts[kind][self.number].tolist() for kind in COUNTED}
+        names = [(i, state.roster.names[i]) for i in sorted(self.members.have_come)]
+        return before | {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
 
     def _make_memories(self) -> dict[str, dict[Any, Any]]:
         found = get_memories(self.values)
