@@ -20,7 +20,7 @@ def as_it_is(scenario):
 
 
 def part(ctx):
-    """Let a game leave its batch in its first turn: add a rule, which does nothing."""
+    """Let a game follow another plan from its first turn on: add a rule, which does nothing."""
     if all(rule.name != "parted" for rule in ctx.game.rules):
         ctx.game.add(do_nothing, name="parted")
 
@@ -29,18 +29,14 @@ def do_nothing(ctx):
     """Do nothing; a rule."""
 
 
-PARTS = "a plain function changes settings, rules or collectors"
-"""Why games with the rule `part` leave."""
-
-
-def beyond_core(scenario):
-    """Return a scenario with the same games, which leave their batch in their first turn; see `part`."""
+def by_another_plan(scenario):
+    """Return a scenario with the same games, which follow another plan from their first turn on; see `part`."""
     given = scenario.to_dict()
     given["rules"] = [{"rule": f"{__name__}:part", "phase": "before"}, *given.get("rules", [])]
     return Scenario(**given, folder=scenario.folder, allow=[*scenario.allow, __name__])
 
 
-WAYS = [as_it_is, beyond_core]
+WAYS = [as_it_is, by_another_plan]
 
 
 def assert_as_shown(games):

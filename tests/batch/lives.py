@@ -1,6 +1,9 @@
 """Rules of scenarios in which agents are born, die, and find roads closed, others in games of other seeds."""
 
+from contextlib import suppress
+
 import gamms
+from gamms.errors import GammsError
 from gamms.rules import contacts
 from gamms.strategies import chase, goto, random_walk, stay
 
@@ -13,6 +16,11 @@ def greedy(state):
     if state["blocked"]:
         chosen[node] += len(state["blocked"]) % 3
     state["action"] = node
+
+
+def evade(state):
+    """Go to the last legal node, unless something was in the way; remember nothing."""
+    state["action"] = state["legal"][-1 - len(state["blocked"] or "") % len(state["legal"])]
 
 
 def make_strategy(ctx, kind):
@@ -91,3 +99,93 @@ def tell(ctx, **near):
     met = [[one.a, one.b, one.time] for one in contacts(ctx, "red", "blue", **near)]
     moves = [[name, move.start, move.end] for name, move in game.moves.items()]
     game.emit("told", seen=seen, met=met, moves=moves)
+
+
+def change(ctx, share, every):
+    """Change rules, strategies, sensors, collectors or settings, or change them back, by the seed modulo `every`."""
+    draw = ctx.stream("changes", ctx.game.turn, ctx.seed % every)
+    for act in CHANGES:
+        if draw.random() < share:
+            act(ctx, int(draw.integers(1000)))
+
+
+def count_living(ctx):
+    """Count the living agents; a rule and a collector."""
+    living = sum(agent.alive for agent in ctx.agent.create_iter())
+    ctx.game.scores["living"] += living
+    return living
+
+
+def _change_rules(ctx, lot):
+    known = {rule.name for rule in ctx.game.rules}
+    if "living" in known:
+        ctx.game.remove("living")
+    elif lot % 2:
+        ctx.game.add(count_living, name="living", phase=("before", "deeds", "after")[lot % 3])
+    if "late tag" in known and lot % 3:
+        ctx.game.remove("late tag")
+    elif "late tag" not in known and lot % 3 == 0:
+        ctx.game.add(gamms.rules.tag("red", "blue", then="respawn"), name="late tag")
+    spare = [rule for rule in ctx.game.rules if rule.spec.core_form is not None and rule.name != "late tag"]
+    if spare and lot % 5 == 0:
+        ctx.game.remove(spare[0].name)
+
+
+def _change_strategies(ctx, lot):
+    agents = sorted(ctx.agent.agents)
+    agent = ctx.agent.agents[agents[lot % len(agents)]]
+    agent.strategy = (random_walk, stay, evade, goto(ctx, 0))[lot % 4]
+
+
+def _change_sensors(ctx, lot):
+    agents = sorted(ctx.agent.agents)
+    agent = ctx.agent.agents[agents[lot % len(agents)]]
+    name = f"late_{agent.name}"
+    if name in agent.sensors:
+        agent.deregister_sensor(name)
+    elif name not in ctx.sensor.sensors:
+        sensor = ctx.sensor.create_sensor(name, sensor_type="AGENT_RANGE", sensor_range=15.0)
+        agent.register_sensor(name, sensor)
+    elif lot % 2:
+        ctx.sensor.get_sensor(name).range = 5.0 + lot % 20
+
+
+def _change_conflicts(ctx, lot):
+    ctx.game.conflicts = (None, gamms.rules.Conflicts(capacity=1), FIRST)[lot % 3]
+
+
+class FirstByName:
+    """A conflict resolver: of those that come to the same node, only the one that is first by name may move there."""
+
+    def resolve(self, moves, ctx):
+        """Return who may not move."""
+        first = {}
+        for move in sorted(moves.values(), key=lambda one: one.agent):
+            first.setdefault(move.end, move.agent)
+        return [name for name, move in moves.items() if first[move.end] != name]
+
+
+FIRST = FirstByName()
+
+
+def _change_collectors(ctx, lot):
+    if lot % 5 == 0:
+        with suppress(GammsError):  # it collects already
+            ctx.game.collect("late", count_living, every=1 + lot % 3)
+
+
+def _change_values(ctx, lot):
+    data = sorted(key for key in ctx.game.data if isinstance(key, str))
+    if lot % 7 == 0 and data:
+        del ctx.game.data[data[lot % len(data)]]
+    if lot % 7 == 1:
+        ctx.game.scores["odd"] = lot % 2 == 0
+    if lot % 7 == 2:
+        ctx.reseed(lot)
+    if lot % 7 == 3:
+        ctx.game.publish(flags={"lost": lot})
+    if lot % 7 == 4:
+        ctx.game.events.clear()
+
+
+CHANGES = (_change_rules, _change_strategies, _change_sensors, _change_conflicts, _change_collectors, _change_values)

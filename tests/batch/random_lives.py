@@ -1,4 +1,4 @@
-"""Random games that follow from a seed: agents come and go, roads close, functions raise; in a batch and alone."""
+"""Random games that follow from a seed: agents come and go, rules change, functions raise; in a batch and alone."""
 
 import random
 import re
@@ -95,6 +95,10 @@ def make_game(seed, size=None):
     if any(place != "strategy" for *_, place in planted):
         for phase in ("before", "deeds", "after"):
             ctx.game.add(_make_rule_with_faults(faults, phase), phase=phase)
+    changes = random.Random(-seed)  # another lot than that of the games without changes
+    if changes.random() < 0.7:
+        change = _call(lives.change, share=changes.choice([0.05, 0.2]), every=changes.choice([1, 2, 3, 50]))
+        ctx.game.add(change, phase=changes.choice(["before", "deeds", "after"]))
     all_names = [f"{name}_{turn}" for name in NAMES for turn in range(4)]
     reserved = {"red": lot.sample(all_names, 8)} if lot.random() < 0.4 else {}
     return RandomGame(ctx, seeds, reserved, faults, planted, lot.random() < 0.4)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WAYS, assert_as_shown, beyond_core, plain, scene
+from batch_scenes import WAYS, assert_as_shown, by_another_plan, plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
@@ -195,7 +195,7 @@ def test_agents_that_are_given_nothing_any_more_follow_their_strategies():
     scenario = scene(teams=teams)
     nothing = np.zeros((2, 2), np.int64)
     given = [{"red": nothing}, {"red": nothing}, {}, {"red": nothing, "blue": nothing}, {"blue": nothing}, {}, {}]
-    with scenario.batch(2, seed=1) as fast, beyond_core(scenario).batch(2, seed=1) as slow:
+    with scenario.batch(2, seed=1) as fast, by_another_plan(scenario).batch(2, seed=1) as slow:
         for actions in given:
             fast.step(actions)
             slow.step(actions)

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, assert_as_alone, assert_as_played, beyond_core, check_games, plain, scene
+from batch_scenes import WALK, assert_as_alone, assert_as_played, by_another_plan, check_games, plain, scene
 
 import gamms
 from gamms import strategies
@@ -70,12 +70,12 @@ def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
     same_as_one_by_one(scene(sensors=sensors, teams=teams), [1, 2], {"red": wary})
 
 
-def test_it_plays_in_games_that_have_no_array_form():
-    scenario = beyond_core(scene(**SEEING))
+def test_it_plays_in_games_to_which_a_rule_adds_a_rule():
+    scenario = by_another_plan(scene(**SEEING))
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:
         assert find_first_called(games.game, games.roster) == "the rule 'part'"
         games.run()
-        assert not games.is_in_arrays
+        assert games.is_in_arrays
         assert plain(games.result(1)) == plain(scenario.play(seed=4, strategies={"red": hunt}))
 
 

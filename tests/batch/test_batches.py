@@ -9,13 +9,12 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from batch_scenes import (
-    PARTS,
     WAYS,
     as_it_is,
     assert_as_alone,
     assert_as_played,
     assert_as_shown,
-    beyond_core,
+    by_another_plan,
     part,
     plain,
     scene,
@@ -179,7 +178,7 @@ def draw(ctx):
         games.step()
         games.reset([1])
         games.run()
-        assert games.detached == {1: "a plain function changes settings, rules or collectors"}
+        assert not games.detached
         assert sorted({*caplog.messages}) == sorted([*caplog.messages[3:], *caplog.messages[:1], caplog.messages[2]])
         assert_as_played(games, scenario)
 
@@ -330,7 +329,7 @@ def test_games_go_on_as_before_a_reset_that_code_of_the_game_refuses(tmp_path):
         assert [games.result(number) == scenario.play(seed=number + 1) for number in range(3)] == [True] * 3
 
 
-def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_same_results():
+def test_games_to_which_a_rule_adds_a_rule_are_played_on_with_the_same_results():
     scenario = scene([TAG])
     with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
         fast.run()
@@ -339,8 +338,8 @@ def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_
         with ctx.game.batch(seeds=[1, 2]) as slow:
             assert slow.is_in_arrays
             slow.step()
-            assert slow.detached == {0: PARTS, 1: PARTS}
-            assert repr(slow) == "Batch(2 games, 0 over, 2 of them in contexts of their own)"
+            assert not slow.detached
+            assert repr(slow) == "Batch(2 games, 0 over, played in the core)"
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["time limit", "time limit"]
             assert slow.turn.tolist() == [3, 3]
@@ -632,7 +631,7 @@ def test_seeds_of_a_reset_are_as_many_as_its_games():
 
 
 def test_games_that_are_played_one_by_one_have_no_columns():
-    with beyond_core(scene()).batch(2) as games, pytest.raises(BadValue, match="because of the rule"):
+    with by_another_plan(scene()).batch(2) as games, pytest.raises(BadValue, match="because of the rule"):
         games.columns()
 
 
@@ -668,8 +667,8 @@ def walk_and_press(state):
 PLAYED = {
     "in the core": (70, as_it_is),
     "few": (4, as_it_is),
-    "one by one": (4, beyond_core),
-    "alone": (1, beyond_core),
+    "one by one": (4, by_another_plan),
+    "alone": (1, by_another_plan),
 }
 
 
@@ -698,10 +697,10 @@ def test_games_in_which_a_strategy_raises_go_on_as_if_it_had_not(how, by_turns, 
 
 def test_actions_that_are_given_after_an_interrupt_are_kept_for_the_turns_of_their_games():
     ALARM.send(frozenset({30}))
-    with beyond_core(scene(max_turns=9)).batch(3, seed=1, record=True, strategies={"red": walk_and_press}) as games:
+    with by_another_plan(scene(max_turns=9)).batch(3, seed=1, record=True, strategies={"red": walk_and_press}) as games:
         with pytest.raises(KeyboardInterrupt):
             games.run()
-        assert games.turn.tolist() == [7, 1, 1], "games that have left are played one after the other"
+        assert games.turn.tolist() == [3, 3, 3]
         while not games.is_over.all():
             games.step({"blue": games.observe("blue").counts - 1})
         assert_as_shown(games)

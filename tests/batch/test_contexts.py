@@ -6,7 +6,7 @@ from queue import SimpleQueue
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, assert_as_alone, beyond_core, plain, scene
+from batch_scenes import WALK, assert_as_alone, by_another_plan, plain, scene
 
 from gamms import rl
 from gamms.errors import BadValue
@@ -260,7 +260,7 @@ def test_an_environment_has_a_context_of_its_game(make):
 
 @pytest.mark.parametrize(("of_scenario", "turns"), [(True, 1), (False, 1), (False, 0)])
 def test_a_game_that_is_over_is_shown_where_games_are_played_one_after_the_other(of_scenario, turns):
-    scenario = beyond_core(scene([TAG], max_turns=5))
+    scenario = by_another_plan(scene([TAG], max_turns=5))
     with scenario.build(seed=1) as ctx, ctx.game.fork(0).ctx as fork:
         make, alone = (scenario.batch, ctx) if of_scenario else (ctx.game.batch, fork)
         with make(3, seed=4) as games:

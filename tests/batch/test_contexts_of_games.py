@@ -179,7 +179,7 @@ def test_a_game_whose_rule_changes_the_seed_goes_on_with_the_new_one():
         ctx.game.add(draw)
         with ctx.game.batch(seeds=[0, 1, 2]) as games, ctx.game.fork(0).ctx as alone:
             games.run()
-            assert [*games.detached] == [1]
+            assert not games.detached
             assert_as_alone(games, alone)
 
 

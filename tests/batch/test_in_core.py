@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from batch_scenes import WALK, assert_as_alone, assert_as_played, beyond_core, plain, scene
+from batch_scenes import WALK, assert_as_alone, assert_as_played, by_another_plan, plain, scene
 
 import gamms
 from gamms import strategies
@@ -111,7 +111,7 @@ def test_threads_are_a_number_from_1(threads):
 
 
 def test_games_that_are_elsewhere_are_played_with_threads_too():
-    with beyond_core(GRID).batch(2) as games, GRID.batch(2) as others:
+    with by_another_plan(GRID).batch(2) as games, GRID.batch(2) as others:
         games.run(threads=2)
         others.run()
         assert plain(games.result(1)) == plain(others.result(1))

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, WAYS, assert_as_played, beyond_core, scene
+from batch_scenes import WALK, WAYS, assert_as_played, by_another_plan, scene
 
 import gamms
 import gamms.recorder
@@ -61,7 +61,7 @@ def test_the_map_of_a_game_follows_from_its_seed_alone():
     with scenario.batch(40, maps=MAPS) as many, scenario.batch(seeds=[17, 3, 39], maps=MAPS) as few:
         assert few.maps.tolist() == many.maps[[17, 3, 39]].tolist()
         assert (np.bincount(many.maps, minlength=4) > 3).all()
-    with beyond_core(scenario).batch(40, maps=MAPS) as slow:
+    with by_another_plan(scenario).batch(40, maps=MAPS) as slow:
         assert slow.maps.tolist() == many.maps.tolist()
 
 

@@ -364,8 +364,7 @@ class Batch(Surface, Immutable, NotPickled):
 
         These are games with actions from outside for agents whose states or sensors functions need.
         """
-        in_use = self._engine.maps_in_use if given else []
-        if any(self._engine.get_map_games(number).plan.asks_all for number in in_use):
+        if given and self._engine.asks_all:
             why = "agents have actions from outside, and functions may read what agents have sensed before"
             self._leave_now(self._engine.playing, why)
 
@@ -543,7 +542,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _warn_of_stuck_agents(self) -> None:
         """Log a warning with agents that cannot move from where they begin in some game."""
         for number in self._engine.maps_in_use:
-            state = self._engine.get_map_games(number).state
+            state = self._engine.maps[number].state
             games = np.flatnonzero((self._source_of == number) & (state.turn == self._first_turn))
             if not len(games):
                 continue
@@ -665,7 +664,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._is_loaded[:] = True
 
     def _get_arrays(self, what: str) -> GameArrays:
-        if self._engine.get_map_games(0).plan.drives.any():
+        if self._engine.maps[0].plan.drives.any():
             raise BadValue(
                 f"{what} needs games that the core plays; by metres it does not know turn restrictions, and agents "
                 "obey them."
@@ -678,7 +677,7 @@ class Batch(Surface, Immutable, NotPickled):
                 f"{what} is for games on one map, whose nodes its columns number; these are on {self._num_maps}: "
                 "make a batch for each map."
             )
-        return self._engine.get_map_games(0).state
+        return self._engine.maps[0].state
 
     # -- seeing -------------------------------------------------------------------------------------------------
 
@@ -927,7 +926,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _fork(self, number: int) -> PlayedGame:
         """Return a game as it is now, in a context of its own."""
         if number not in self._separate:
-            return self._engine.get_map_games(int(self._source_of[number])).fork(number)
+            return self._engine.maps[int(self._source_of[number])].fork(number)
         game: PlayedGame = deepcopy(self._separate.get_game(number).ctx).game
         game.internals.left_as = number
         return game

@@ -1,5 +1,6 @@
 """Plays all games of a batch in the core, phase by phase where functions are called between its phases."""
 
+import itertools
 from collections import ChainMap
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -7,7 +8,7 @@ from copy import copy
 from functools import partial
 from math import hypot
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -40,7 +41,7 @@ from gamms.game.block.columns import (
 from gamms.game.block.in_core import CoreColumns, CoreGames, get_memory, is_function, list_called_rules, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, make_movement
 from gamms.game.block.sensing import is_turning_with_agent, note_sensors
-from gamms.game.block.state import NO_STOP, GameArrays, LeavingGame
+from gamms.game.block.state import NO_STOP, GameArrays, LeavingGame, view_with_plan
 from gamms.game.conflicts import flatten
 from gamms.game.deeds import DeclaredDeeds, check_value
 from gamms.game.hidden_state import find_names
@@ -54,8 +55,9 @@ from gamms.game.random_streams import seed_for_run
 from gamms.game.result import Result, list_opponents
 from gamms.game.rows.by_seed import GamesBySeed
 from gamms.game.rows.contexts import RowContexts
-from gamms.game.rows.functions import RowFunctions
-from gamms.game.settings import NamedRule
+from gamms.game.rows.functions import ChangePlan, RowFunctions
+from gamms.game.rows.row import RowMeans, RowOfGame
+from gamms.game.settings import BegunPhase, NamedRule, RuleTable, group_rules, join_rules
 from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays
 from gamms.ir.columns import Failure, select_rows
 from gamms.ir.deeds import DeedLog, DeedsInArrays
@@ -74,6 +76,50 @@ _ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
 _LONG_S = 0.1  # turns that take longer can be interrupted
 _MOMENT_S = 0.2  # of several turns that are played at once
 _MOST_AT_ONCE = 10_000  # turns
+_FIRST_PLAN = 1 << 30  # the number of the first plan that functions make: larger than those of maps
+
+
+class RulesLeft:
+    """The rules that a game has yet to call in a phase of the turn in which it has begun to follow another plan.
+
+    Args:
+        number: the number of the game.
+        named: the rule that is called.
+        before: the rules when the phase began.
+        part: the part of the turn in which agents are about to move; None: they are not.
+
+    Attributes:
+        number, part: see above.
+        phase: the phase.
+    """
+
+    def __init__(self, number: int, named: NamedRule, before: RuleTable, part: int | None) -> None:
+        self.number = number
+        self.phase = named.phase
+        self.part = part
+        groups = before.of_phase[named.phase]
+        place = [joined.name for _, joined in groups].index(named.name)
+        self._groups = [group for group, _ in groups[place + 1 :]]
+        self._seen = before.rules
+
+    def take(self, now: RuleTable) -> None:
+        """Follow other rules: call those that were added, too, and none that were removed."""
+        self._groups = [[one for one in group if one in now.rules] for group in self._groups]
+        added = [one for one in now.rules if one not in self._seen]
+        self._seen = (*self._seen, *added)
+        self._groups += [group for group, _ in group_rules([one for one in added if one.phase == self.phase])]
+
+    def pop(self) -> NamedRule | None:
+        """Return the rule that is called next; None: there is none."""
+        self._groups = [group for group in self._groups if group]
+        return join_rules(self._groups.pop(0)) if self._groups else None
+
+    def begin(self, order: Sequence[Sequence[Any]] | None) -> BegunPhase:
+        """Return the phase in which the game goes on if it leaves the batch, with the order of play in the turn."""
+        left = [one for group in self._groups for one in group]
+        called = [one for one in self._seen if one not in left]
+        number = len(group_rules([one for one in called if one.phase == self.phase]))
+        return BegunPhase(self.phase, [*called, *left], number, order, self.part or 0)
 
 
 class GamesOnOneMap:
@@ -87,19 +133,22 @@ class GamesOnOneMap:
         block: the columns that the games on all maps share.
         number: the number of the map.
         own: the games that differ by their seeds.
-        starts: what games have by their seeds when they begin.
-        games: (games,) the games that begin on the map now.
+        change_plan: called with a game whose functions have changed what belongs to its plan.
 
     Attributes:
-        game, state: see above.
+        game, state, number: see above.
         plan: what the games share.
         core: plays the games in the core.
         contexts: the games in contexts of their own.
         calls: calls plain functions; None: there are none.
+        source: the games that follow the plan of the start, of which these are some; None: these are they.
 
     Raises:
         GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
     """
+
+    source: "GamesOnOneMap | None" = None
+    _means: RowMeans | None = None
 
     def __init__(
         self,
@@ -108,43 +157,104 @@ class GamesOnOneMap:
         block: CoreColumns,
         number: int,
         own: GamesBySeed,
-        starts: NextStarts,
-        games: IntArray,
+        change_plan: ChangePlan,
     ) -> None:
         self.game = game
         self._own = own
         self.state = state
+        self.number = number
+        self._block = block
+        self._change_plan = change_plan
+        self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
+
+    def begin_all(self, starts: NextStarts, games: IntArray) -> Self:
+        """Begin the first games on this map, and return this.
+
+        Args:
+            starts: what games have by their seeds when they begin.
+            games: (games,) the games that begin on the map now.
+        """
+        game = self.game
+        state = self.state
         state.take_game(game)
-        roster = state.roster
         settings = game.settings()
         if settings["team_memory"]:
             state.share_memories()
         self._declare_deeds(settings)
-        self._block = block
-        asks_all = are_all_asked(game, roster, own)
-        self._call_arrays_by_game(settings, asks_all=asks_all)
-        plan = RowPlan.from_game(game, roster, own, asks_all=asks_all)
-        self.plan = plan
-        self._begin_all(starts, games)
-        carried = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]
-        note_sensors(state, with_nodes=any(map(is_turning_with_agent, carried)))
+        asks_all = are_all_asked(game, state.roster, self._own)
+        self._make_plan(game, asks_all=asks_all)
+        self._begin_first(starts, games)
         state.facts.update(game.facts)
-        self._prepare(plan.rules)
-        is_apart = plan.calls_each or not (state.radio is None and state.flights is None)
-        asked = np.flatnonzero(plan.is_asked).tolist()
-        self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
-        self.contexts = RowContexts(game, state, self.core, own, plan)
+        self._prepare(game, None)
+        self.contexts = RowContexts(game, state, self.core, self._own, self.plan)
         state.find_game = self.contexts.show
-        if plan.drives.any():  # only their contexts know which nodes are legal
+        if self.plan.drives.any():  # only their contexts know which nodes are legal
             state.apart = ChainMap({}, {number: partial(self.contexts.show, number) for number in range(len(state))})
         state.change_roads = self.contexts.change_roads
         state.take_own_arrays = self.contexts.take_own_arrays
-        self.calls = RowFunctions(self.contexts, state, self.core) if plan.calls_each else None
-        self._is_strict = settings["on_illegal"] == "raise"
-        self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
-        self._called = as_code(find_decider(roster.agents[asked[0]], settings["plans"])) if asked else ""
+        self.calls = self._make_calls() if self.plan.calls_each else None
+        return self
 
-    def _begin_all(self, starts: NextStarts, games: IntArray) -> None:
+    def change(self, row: RowOfGame, number: int) -> "GamesOnOneMap":
+        """Return the games that follow the plan that a game needs now, whose functions have changed it."""
+        roster = self.state.roster.with_agents(row.list_carriers())
+        state = view_with_plan(self.state, roster, dict(row.game.facts) if self.differs else row.list_own_facts())
+        own = GamesBySeed(self.game, None, 0, {}, differs=False)
+        found = GamesOnOneMap(self.game, state, self._block, number, own, self._change_plan)
+        found.source = self
+        asks_all = self.plan.asks_all or row.asks_all or are_all_asked(row.game, roster, own)
+        found._make_plan(row.game, asks_all=asks_all)
+        found._initial = self._initial
+        found._beginning = self._beginning
+        found._prepare(row.game, self.core)
+        found.contexts = self.contexts
+        found._means = self.contexts.means._replace(state=state, core=found.core, plan=found.plan)
+        found.calls = found._make_calls()
+        return found
+
+    @property
+    def differs(self) -> bool:
+        """Whether the games differ by their seeds in more than columns."""
+        return self._own.is_needed
+
+    def _make_plan(self, game: PlayedGame, *, asks_all: bool) -> None:
+        """Make the plan of a game; `asks_all`: the strategies of all agents of the start are called game by game."""
+        settings = game.settings()
+        self._call_arrays_by_game(settings, asks_all=asks_all)
+        self.plan = RowPlan.from_game(game, self.state.roster, self._own, asks_all=asks_all)
+        self._is_strict = settings["on_illegal"] == "raise"
+        asked = np.flatnonzero(self.plan.is_asked).tolist()
+        self._called = as_code(find_decider(self.state.roster.agents[asked[0]], settings["plans"])) if asked else ""
+
+    def _prepare(self, game: PlayedGame, before: CoreGames | None) -> None:
+        """Prepare to play games like one in the core.
+
+        Args:
+            game: the game.
+            before: plays them by the plan with which they have begun; None: it is this one.
+        """
+        state = self.state
+        plan = self.plan
+        carried = [sensor for agent in state.roster.agents for sensor in get_sensors(agent).values()]
+        note_sensors(state, with_nodes=any(map(is_turning_with_agent, carried)))
+        for one in plan.rules:  # they write what agents know of them
+            if one.spec.prepare_arrays is not None:
+                one.spec.prepare_arrays(state)
+        is_apart = plan.calls_each or before is not None or not (state.radio is None and state.flights is None)
+        asked = np.flatnonzero(plan.is_asked).tolist()
+        self.core = CoreGames(game, state, self._block, self.number, is_apart=is_apart, asked=asked)
+        self.core.begin(before)
+
+    def _make_calls(self) -> RowFunctions:
+        """Return what calls plain functions."""
+        return RowFunctions(self.contexts, self.means, self._change_plan)
+
+    @property
+    def means(self) -> RowMeans:
+        """What the games share in contexts of their own."""
+        return self._means or self.contexts.means
+
+    def _begin_first(self, starts: NextStarts, games: IntArray) -> None:
         """Write the start of a game to a block of one game, and begin the first games on this map with its row."""
         state = self.state
         on_start = np.full((1, len(state.roster.names)), AT_START)
@@ -181,14 +291,7 @@ class GamesOnOneMap:
 
     def fork(self, number: int) -> PlayedGame:
         """Return a game as it is between two turns, in a context of its own."""
-        functions = self.calls or RowFunctions(self.contexts, self.state, self.core)
-        return functions.fork(number)
-
-    def _prepare(self, rules: Sequence[NamedRule]) -> None:
-        """Let rules write what agents know of them at the start."""
-        for one in rules:
-            if one.spec.prepare_arrays is not None:
-                one.spec.prepare_arrays(self.state)
+        return (self.calls or self._make_calls()).fork(number)
 
     def _declare_deeds(self, settings: Mapping[str, Any]) -> None:
         """Tell the state of the games which deeds there are, and what agents are doing."""
@@ -239,7 +342,8 @@ class GamesOnOneMap:
             return True
         may_raise = len(self.plan.groups) > 0 or self.state.radio is not None
         may_raise_later = (may_raise and self.core.num_parts > 1) or self.is_asking_at_arrivals(is_given=is_given)
-        calls = self.calls is not None and (not is_single or self.game.internals.parts.turns.needs_checkpoint)
+        acts_early = self.source is not None or self.game.internals.parts.turns.needs_checkpoint
+        calls = self.calls is not None and (not is_single or acts_early)
         return calls or may_raise_later or self.plan.leaves_out
 
     def is_asking_at_arrivals(self, *, is_given: bool) -> bool:
@@ -525,19 +629,10 @@ class GamesOnOneMap:
         if len(left[0]):
             self.state.now.clear()
 
-    def begin_arrivals(self, games: IntArray) -> None:
-        """Begin a part of the turn in some games, in which functions are called on arrival."""
-        self.core.begin_arrivals(games)
-
     def give_way_at_arrivals(self, games: IntArray) -> None:
         """Stop the arrived agents that lose conflicts decided by a function."""
         if self.calls is not None and self.plan.has_conflicts and len(games):
             self.calls.give_way_at_arrivals(games)
-
-    def note_losers(self, games: IntArray) -> None:
-        """Tell agents that conflicts have stopped them on arrival."""
-        if self.calls is not None:
-            self.calls.note_losers(games)
 
     def _group_by_roads(self, games: IntArray) -> Iterator[IntArray]:
         """Yield groups of games with the same open roads, for which an array function is called together."""
@@ -578,28 +673,33 @@ class GamesOnOneMap:
 
     def check(self, games: IntArray, part: int) -> None:
         """Call the rules that may refuse moves and deeds of a part of the turn."""
-        self.core.note_places(are_open=False)
+        self._note_places(are_open=False)
         if self.plan.has_checks and self.calls is not None and len(games):
             self.calls.check(games, part)
 
-    def do_deeds(self, games: IntArray, part: int) -> IntArray:
-        """Call the rules of the phase "deeds"; return the games in which roads were closed or opened."""
-        roads = self.state.roads
-        before = roads.number[games]
-        lived = self.state.alive[games]
-        for named in self.plan.list_rules("deeds"):
-            self.call(named, games, part)
-        fell = lived & ~self.state.alive[games]
+    def _note_places(self, *, are_open: bool) -> None:
+        """Store the positions of agents that are about to move; `are_open`: the edges stored last are still open."""
+        self._block.here = self.state.node.copy()
+        if self.core.courses is not None:
+            self.core.courses.note_places(self._block.here, are_open=are_open)
+
+    def end_deeds(self, games: IntArray, part: int, lived: BoolArray) -> None:
+        """Note who has fallen in the phase "deeds", and cancel the flights of agents that were placed elsewhere.
+
+        Args:
+            games: the games.
+            part: the part of the turn.
+            lived: (all games, agents) a mask of the agents that lived before the phase.
+        """
+        fell = lived[games] & ~self.state.alive[games]
         self.state.fell[games] = self.state.fell[games] | fell if part else fell
         if self.state.flights is not None:
             are_put = (self.state.node[games] != self._block.start[games]) & (self.core.part_of == part)
             self.state.flights.cancel(flatten(games, np.int64), get_memory(are_put), are_put.shape[1])
-        changed: IntArray = games[roads.number[games] != before]
-        return changed
 
     def cut_off(self, changed: IntArray, part: int) -> None:
         """Keep agents in place whose path was closed in these games."""
-        self.core.note_places(are_open=True)
+        self._note_places(are_open=True)
         if self.calls is not None and len(changed):
             self.calls.cut_off(changed, part)
 
@@ -609,7 +709,8 @@ class GamesOnOneMap:
             self.calls.give_way(games, part)
 
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
-        """Call a rule function for some games; see `RowFunctions.call`."""
+        """Call a rule function for those of some games that follow this plan; see `RowFunctions.call`."""
+        games = self._block.select_followers(self.number, games)
         if not len(games):
             return
         if named.spec.array_form is None:
@@ -619,6 +720,18 @@ class GamesOnOneMap:
         for some in self._group_by_roads(games):
             for few in self._group_by_beginning(some):
                 self._apply(named, few, part)
+
+    def call_left(self, named: NamedRule, left: RulesLeft) -> None:
+        """Call a rule in a game that has begun to follow this plan in a phase, or has followed it before."""
+        games = np.array([left.number])
+        game = self.contexts.rows[left.number].game
+        (called,) = list_called_rules(game, self.state.roster, [named])
+        if not is_function(called):
+            self.core.play_rule(called, games)
+        elif called.spec.array_form is None and self.calls is not None:
+            self.calls.call(called, games, left.part, left.begin)
+        else:
+            self.call(called, games, left.part)
 
     def _apply(self, named: NamedRule, games: IntArray, part: int | None) -> None:
         """Call an array rule for some games."""
@@ -655,13 +768,13 @@ class OutsideAgents(NamedTuple):
     Attributes:
         members: team -> the numbers of the agents that its actions are for.
         is_given: (agents,) a mask of these agents.
-        takes: for each map, a mask of the agents whose actions are in the block, (agents,); None: no agents.
+        takes: plan -> a mask of the agents whose actions are in the block, (agents,); None: no agents.
         asks_at_arrivals: whether functions, or actions from outside, decide for agents on arrival.
     """
 
     members: Mapping[Hashable, IntArray]
     is_given: BoolArray
-    takes: Sequence[BoolArray] | None
+    takes: Mapping[int, BoolArray] | None
     asks_at_arrivals: bool
 
 
@@ -697,8 +810,8 @@ class TurnOfGames:
 class BatchEngine(TurnDriver):
     """Plays the games of a batch in the core; see `core.turn` for the phases of a turn.
 
-    The plan is the same in all turns, until games play on other maps: a game in which a function would change it leaves
-    the batch.
+    A game in which a function changes what belongs to its plan follows another plan over the same columns from there
+    on; games with equal changes share it.
 
     Args:
         games: the game at its start on each map.
@@ -711,6 +824,7 @@ class BatchEngine(TurnDriver):
         num_streets: the number of different maps; map i has the streets of map i modulo this number.
 
     Attributes:
+        maps: the games on each map.
         maps_in_use: the numbers of the maps that games are on.
         newest: the numbers of the maps on which games begin from now on: those that were put last.
         starts: what the next starts of games have by their seeds.
@@ -742,7 +856,6 @@ class BatchEngine(TurnDriver):
             "send": ("apply", self._send),
         }
         self._map_of = map_of.copy()
-        self._on = self._find_games(len(games))
         self._num_streets = num_streets
         self.newest = range(num_streets)
         settings = games[0].settings()
@@ -763,12 +876,17 @@ class BatchEngine(TurnDriver):
         self._is_strict = settings["on_illegal"] == "raise"
         self._block = CoreColumns(states, self._map_of)
         self.starts = NextStarts(states, map_of, start)
-        self._maps = [
-            GamesOnOneMap(game, state, self._block, number, values, self.starts, of_map)
-            for number, (game, state, of_map, values) in enumerate(zip(games, states, self._on, own, strict=True))
-        ]
-        self._num_parts = self._maps[0].core.num_parts
-        self._leaves_out = self._maps[0].plan.leaves_out
+        self.maps: list[GamesOnOneMap] = []
+        self._plans: dict[Hashable, GamesOnOneMap] = {}  # that functions have made, by their keys
+        self._in_turn = set[int]()  # the numbers of those that games have followed in the current turn
+        self._next_plan = itertools.count(_FIRST_PLAN)
+        self._left: dict[int, RulesLeft] = {}  # by game
+        self._is_moving = False
+        self._acts = False
+        for number, (game, state, values) in enumerate(zip(games, states, own, strict=True)):
+            made = GamesOnOneMap(game, state, self._block, number, values, self._change_plan)
+            self.maps.append(made.begin_all(self.starts, np.flatnonzero(self._map_of == number)))
+        self._num_parts = self.maps[0].core.num_parts
         self._by_metres = any(movement.by_metres for movement in movements)
         self._of_all_maps: GameArrays | None = None  # see `_group_by_legal_moves`
         if num_streets > 1 and all(movement.is_plain for movement in movements):
@@ -788,15 +906,20 @@ class BatchEngine(TurnDriver):
             get_memory(self._block.over),
         )
 
-    def _find_games(self, maps: int) -> list[IntArray]:
-        """Return the numbers of the games that are on each of several maps."""
-        return [np.flatnonzero(self._map_of == number) for number in range(maps)]
+    def _find_games(self) -> None:
+        """Find the numbers of the games that follow each plan."""
+        self._all = [*self.maps, *self._plans.values()]
+        self._on = [np.flatnonzero(self._block.plan_of == one.number) for one in self._all]
+        self._block.others = [one.state for one in self._plans.values()]
 
     def _find_phases(self) -> None:
-        """Determine what happens between the phases of a turn, by the maps that games are on."""
-        self.maps_in_use = [number for number, games in enumerate(self._on) if len(games)]
-        self._in_use = [self._maps[number] for number in self.maps_in_use]
-        self._acts = any(one.plan.acts for one in self._in_use)
+        """Determine what happens between the phases of a turn, by the plans that games follow."""
+        self._find_games()
+        self.maps_in_use = [number for number in range(len(self.maps)) if (self._map_of == number).any()]
+        self._in_use = [one for one, games in zip(self._all, self._on, strict=True) if len(games)]
+        self._leaves_out = any(one.plan.leaves_out for one in self._in_use)
+        acted = self._is_moving and self._acts  # the rest of the turn is played as it began
+        self._acts = acted or any(one.plan.acts for one in self._in_use)
         self._asks_functions = any(one.plan.asks_functions for one in self._in_use)
         self._has_rules_before = any(one.plan.list_rules("before") for one in self._in_use)
         # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
@@ -829,16 +952,85 @@ class BatchEngine(TurnDriver):
         states = [self._state.view_on_map(*pair) for pair in zip(movements, rosters, strict=True)]
         none = np.zeros(0, np.int64)
         maps = [
-            GamesOnOneMap(game, state, self._block, first + place, values, self.starts, none)
+            GamesOnOneMap(game, state, self._block, first + place, values, self._change_plan)
             for place, (game, state, values) in enumerate(zip(games, states, own, strict=True))
         ]
-        for one in self._maps[first : first + len(maps)]:
+        for one in maps:
+            one.begin_all(self.starts, none)
+        for one in self.maps[first : first + len(maps)]:
             one.contexts.close()
-        self._maps[first : first + len(maps)] = maps
-        self._block.take_states([one.state for one in self._maps])
+        self.maps[first : first + len(maps)] = maps
+        self._block.take_states([one.state for one in self.maps])
         self.newest = range(first, first + len(maps))
-        self._on = self._find_games(len(self._maps))
+        self._forget_plans()
         self._find_phases()
+
+    # -- plans ----------------------------------------------------------------------------------------------------
+
+    def _change_plan(self, row: RowOfGame, called: tuple[NamedRule, int | None] | None) -> None:
+        """Let a game follow the plan that it needs now, because a function has changed what belongs to its plan.
+
+        Args:
+            row: the game.
+            called: the rule that has changed it, and the part of the turn, if agents are about to move; None: a
+                collector has.
+        """
+        number = row.number
+        rules = row.terms.rules
+        before = self._find_plan(number)
+        now = self._get_or_make_plan(before.source or before, row)
+        self._in_turn |= {before.number, now.number}
+        row.follow(now.means)
+        if now is before and number not in self._left:
+            return  # what has changed counts in the game alone
+        self._block.plan_of[number] = now.number
+        if called is not None and number not in self._left:
+            named, part = called
+            self._left[number] = RulesLeft(number, named, rules, part)
+        if number in self._left:
+            self._left[number].take(row.terms.rules)
+        self._find_phases()
+        self.phase.drop_plans()
+        self._now.agents = self._find_given(self._now.given)
+
+    def _find_plan(self, number: int) -> GamesOnOneMap:
+        """Return the games that follow the same plan as a game."""
+        plan = self._block.plan_of[number]
+        return next(one for one in self._all if one.number == plan)
+
+    def _get_or_make_plan(self, source: GamesOnOneMap, row: RowOfGame) -> GamesOnOneMap:
+        """Return the games that follow the plan that a game needs now, which has begun with the plan of `source`."""
+        terms = row.make_key()
+        if terms is None:
+            return source
+        key = source.number, terms, row.number if source.differs else None
+        if key not in self._plans:
+            self._forget_plans()
+            made = source.change(row, next(self._next_plan))
+            self._plans[key] = made
+            self._find_games()
+        return self._plans[key]
+
+    def _forget_plans(self) -> None:
+        """Forget the plans that functions have made, and that no game follows."""
+        kept = {*np.unique(self._block.plan_of).tolist()} | self._in_turn
+        self._plans = {key: one for key, one in self._plans.items() if one.number in kept and one.source in self.maps}
+
+    def _play_left(self) -> None:
+        """Call the rules of a phase that are left in games which have begun to follow other plans in it."""
+        while self._left:
+            number, left = next(iter(self._left.items()))
+            is_cut_short = left.phase == "before" and not self._state.is_going[number]
+            named = None if is_cut_short or number in self._state.leaving else left.pop()
+            if named is None:
+                del self._left[number]
+            else:
+                self._find_plan(number).call_left(named, left)
+
+    @property
+    def asks_all(self) -> bool:
+        """Whether the strategies of all agents are called game by game in some games."""
+        return any(one.plan.asks_all for one in self._in_use)
 
     @property
     def has_first_roads(self) -> bool:
@@ -848,7 +1040,7 @@ class BatchEngine(TurnDriver):
     @property
     def _at_rest(self) -> BoolArray | None:
         """A mask of the agents that certainly decide when a turn begins, (all games, agents); None: all."""
-        masks = [(one.at_rest, games) for one, games in zip(self._maps, self._on, strict=True)]
+        masks = [(one.at_rest, games) for one, games in zip(self._all, self._on, strict=True)]
         found, _ = masks[0]
         for mask, games in masks[1:]:
             if found is not None and mask is not None:
@@ -856,21 +1048,21 @@ class BatchEngine(TurnDriver):
         return found
 
     def _select_maps(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
-        """Yield each map with its games that a mask selects, (games,)."""
+        """Yield each plan with the games that follow it and that a mask selects, (games,)."""
         are_all = np.count_nonzero(which) == len(which)
-        for one, games in zip(self._maps, self._on, strict=True):
+        for one, games in zip(self._all, self._on, strict=True):
             yield one, games if are_all else games[which[games]]
 
     @property
     def current(self) -> int:
         """The number of the map whose strategies are called now; 0: none are called."""
-        called = (number for number, one in enumerate(self._maps) if one.asking is not None)
-        return next(called, 0)
+        called = next((one for one in self._all if one.asking is not None), self.maps[0])
+        return (called.source or called).number
 
     @property
     def loaded(self) -> int | None:
         """The number of the game whose strategies are called now; None: none are called."""
-        return self._maps[self.current].asking
+        return next((one.asking for one in self._all if one.asking is not None), None)
 
     @property
     def functions(self) -> list[Callable[..., object]]:
@@ -890,29 +1082,30 @@ class BatchEngine(TurnDriver):
 
     def close(self) -> None:
         """End the contexts of games in which functions were called."""
-        for one in self._maps:
+        for one in self.maps:
             one.contexts.close()
 
     def start(self, games: IntArray, first: int | IntArray) -> None:
         """Begin games with their next rows; `first`: the number of the map of each one that has the first streets."""
         maps = first + self.starts.streets[self.starts.next[games]]
         for number in np.unique(maps).tolist():
-            self._maps[number].begin(games[maps == number])
+            self.maps[number].begin(games[maps == number])
         self._note_begun(games, maps)
 
     def _note_begun(self, games: IntArray, maps: IntArray) -> None:
         """Set the values of games that have begun on these maps, besides columns."""
         self._map_of[games] = maps
-        if len(self._maps) > 1:
-            self._on = self._find_games(len(self._maps))
-            if self.maps_in_use != [number for number, on_map in enumerate(self._on) if len(on_map)]:
+        self._block.plan_of[games] = maps
+        if len(self._all) > 1:
+            self._find_games()
+            if self._in_use != [one for one, of_plan in zip(self._all, self._on, strict=True) if len(of_plan)]:
                 self._find_phases()
         self._state.is_apart[games] = False
         self.last_turns[games] = NO_STOP if self._last is None else self._last
         self._state.stop_at[games] = NO_STOP
         for number in np.unique(maps).tolist():
             those = games[maps == number]
-            self._maps[number].note_begun(those, self.starts.get_seeds(self.starts.now[those]))
+            self.maps[number].note_begun(those, self.starts.get_seeds(self.starts.now[those]))
 
     @property
     def is_over(self) -> BoolArray:
@@ -933,7 +1126,7 @@ class BatchEngine(TurnDriver):
     @contextmanager
     def play_only(self, game: int) -> Iterator[None]:
         """Play only this game within the block, and seed the global generators for it; see `seed_for_run`."""
-        on_map = self._maps[int(self._map_of[game])]
+        on_map = self.maps[int(self._map_of[game])]
         ctx = on_map.contexts.get(game).ctx
         self.only = game
         try:
@@ -950,6 +1143,9 @@ class BatchEngine(TurnDriver):
     def stop_after(self, turns: int | None) -> None:
         """Let a run that begins now stop each game after a number of turns; None: it has no limit."""
         self._state.stop_at[:] = NO_STOP if turns is None else self._state.turn + turns
+        for one, games in zip(self._all, self._on, strict=True) if self._plans else ():
+            last = one.plan.settings["max_turns"]  # a run that begins now ends there; the run before went on
+            self.last_turns[games[~self._state.is_apart[games]]] = NO_STOP if last is None else last
 
     def count_turns_left(self) -> int:
         """Return the largest number of turns that a game which is not over has left in a run."""
@@ -1010,7 +1206,11 @@ class BatchEngine(TurnDriver):
         return 1
 
     def _play_turns(
-        self, most: int, takes: Sequence[BoolArray] | None, threads: int, writer: LearnerWriter | None = None
+        self,
+        most: int,
+        takes: Mapping[int, BoolArray] | None,
+        threads: int,
+        writer: LearnerWriter | None = None,
     ) -> None:
         """Play some turns of the games that are not over, at most `most`; see `_play`."""
         begin_turns(self._turns, most)
@@ -1045,9 +1245,8 @@ class BatchEngine(TurnDriver):
         playing = self.playing
         leaving = self._state.leaving
         is_single = len(is_over) - np.count_nonzero(is_over) == 1
-        needing = [
-            one for one in self._in_use if one.is_checkpoint_needed(is_given=len(given) > 0, is_single=is_single)
-        ]
+        each = [one for one in self._in_use if one.is_checkpoint_needed(is_given=len(given) > 0, is_single=is_single)]
+        needing = [*dict.fromkeys(one.source or one for one in each)]
         try:
             with self._undo_on_error(needing, is_single=is_single):
                 self._begin_turn(playing, given, threads)
@@ -1089,18 +1288,23 @@ class BatchEngine(TurnDriver):
         try:
             yield
         except TurnInterrupted:
-            for undo in undoing_interrupted:
-                undo()
+            self._take_back(undoing_interrupted)
             raise
         except BaseException:
             is_counted = is_single and (self._state.turn != turns).any()
-            for undo in () if is_counted else undoing:
-                undo()
+            self._take_back(() if is_counted else undoing)
             raise
         finally:
             self._seconds = perf_counter() - began
             self._can_stop = False
             self._state.stop[0] = 0
+
+    def _take_back(self, undoing: Sequence[Callable[[], None]]) -> None:
+        """Take back a turn with these functions; games follow the plans of its begin again."""
+        for undo in undoing:
+            undo()
+        if self._plans:
+            self._find_phases()
 
     # -- the phases of a turn -----------------------------------------------------------------------------------
 
@@ -1120,6 +1324,8 @@ class BatchEngine(TurnDriver):
     def _begin_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         """Note which games play a turn, and which actions come from outside."""
         self._state.failures.clear()
+        self._left.clear()
+        self._in_turn.clear()
         self._block.edges.forget()
         for log in self._logs_of_turn:
             log.begin_turn()
@@ -1139,7 +1345,7 @@ class BatchEngine(TurnDriver):
             is_given[agents] = True
         takes = None
         if given or self._asks_functions:
-            takes = [one.find_block_agents(is_given) for one in self._maps]
+            takes = {one.number: one.find_block_agents(is_given) for one in self._all}
         asks_at_arrivals = any(one.is_asking_at_arrivals(is_given=len(given) > 0) for one in self._in_use)
         return OutsideAgents(members, is_given, takes, asks_at_arrivals)
 
@@ -1165,6 +1371,14 @@ class BatchEngine(TurnDriver):
         now.first = self._block.part.copy()
         now.begun = self._state.turn * self._num_parts
         self.part = 0
+        self._is_moving = True
+        return 0
+
+    def end_moves(self) -> int:
+        """Let plans that functions have changed in the moves count from now on."""
+        self._is_moving = False
+        if self._in_turn:
+            self._find_phases()
         return 0
 
     def lose_moves(self, error: BaseException) -> None:  # noqa: ARG002 - as in one game
@@ -1176,18 +1390,29 @@ class BatchEngine(TurnDriver):
 
     def run_after_moves(self) -> int:
         """Call rules and collectors in the games that have moved."""
-        for one, games in self._select_maps(self._now.playing):
-            before = one.state.roads.number[games]
+        playing = self._now.playing
+        before = self._number_roads()
+        for one, games in self._select_maps(playing):
             if one.calls is not None:
                 one.calls.drive_on(games)
             for named in one.core.play_rules(games):
                 one.call(named, games)
-            one.leave_closed_edges(games[one.state.roads.number[games] != before])
+        self._play_left()
+        changed = self._number_roads() != before
+        for one, games in self._select_maps(playing):
+            one.leave_closed_edges(games[changed[games]])
             if one.calls is not None:
-                one.calls.collect(games)
+                one.calls.collect(self._block.select_followers(one.number, games))
         if self._radio is not None:
             self._radio.end_turns(1)
         return 0
+
+    def _number_roads(self) -> IntArray:
+        """Return the number of the open roads of each game among those of its map, (games,)."""
+        found = np.zeros_like(self._map_of)
+        for one, games in zip(self._all, self._on, strict=True):
+            found[games] = one.state.roads.number[games]
+        return found
 
     def _play_core(self, playing: BoolArray, part: int, phase: int | None) -> None:
         """Play a phase of a part of the turn in the core; None: all phases; see `_play`."""
@@ -1217,15 +1442,23 @@ class BatchEngine(TurnDriver):
         playing = self._now.in_part
         for one, games in self._select_maps(playing) if self._acts else ():
             one.check(games, part)
-        self._deed_log.note(self._maps[0].state.deeds.lasting)
+        self._deed_log.note(self.maps[0].state.deeds.lasting)
         if not self._acts:
             return
         self._play_core(playing, part, _SETTLE)
-        changed = [one.do_deeds(games, part) for one, games in self._select_maps(playing)]
+        before = self._number_roads()
+        lived = self._state.alive.copy()
+        for one, games in self._select_maps(playing):
+            for named in one.plan.list_rules("deeds"):
+                one.call(named, games, part)
+        self._play_left()
+        for one, games in self._select_maps(playing):
+            one.end_deeds(games, part, lived)
         self._play_core(playing, part, _SETTLE)
-        for (one, _), of_map in zip(self._select_maps(playing), changed, strict=True):
-            one.cut_off(of_map, part)
-        if any(map(len, changed)):
+        changed = playing & (self._number_roads() != before)
+        for one, games in self._select_maps(changed):
+            one.cut_off(games, part)
+        if changed.any():
             self._play_core(playing, part, _SETTLE)
 
     def _give_way(self, part: int) -> None:
@@ -1308,7 +1541,7 @@ class BatchEngine(TurnDriver):
     def _take_moves_again(self, playing: BoolArray, part: int) -> None:
         """Check the given moves of a later part of the turn: rules may have closed roads, or moved agents."""
         now = self._now
-        is_next = self._maps[0].core.part_of == part
+        is_next = self.maps[0].core.part_of == part
         given = {team: one for team, one in now.given.items() if is_next[now.agents.members[team]].any()}
         self._take_moves(playing, given, np.broadcast_to(is_next, self._state.node.shape))
 
@@ -1335,7 +1568,7 @@ class BatchEngine(TurnDriver):
             IllegalAction: an action is illegal, and `on_illegal` is "raise".
         """
         if self._state.flights is not None and not is_later:
-            members = (self._maps[0].core.part_of == part) | (part == 0)
+            members = (self.maps[0].core.part_of == part) | (part == 0)
             self._state.flights.set_out(flatten(np.flatnonzero(playing), np.int64), get_memory(members))
         flaws = self._admit(part)
         turns = self._state.turn.copy()
@@ -1350,9 +1583,9 @@ class BatchEngine(TurnDriver):
             log.withdraw(failed)
         for one in illegal if is_later else ():
             where = np.array([one.game]), np.array([one.agent])
-            self._maps[self._map_of[one.game]].core.note_late_deeds(*where, are_wanted=False)
+            self._find_plan(one.game).core.note_late_deeds(*where, are_wanted=False)
         for flaw in [one for one in flaws if (one.game, one.agent) not in failed]:
-            self._maps[self._map_of[flaw.game]].state.refuse(flaw, int(turns[flaw.game]))
+            self.maps[self._map_of[flaw.game]].state.refuse(flaw, int(turns[flaw.game]))
 
     def _play_arrivals(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
         """Start the agents of a part of the turn, and ask them again on each arrival until the turn is over.
@@ -1363,7 +1596,7 @@ class BatchEngine(TurnDriver):
             play: plays a phase in the core.
         """
         for one, games in self._select_maps(playing):
-            one.begin_arrivals(games)
+            one.core.begin_arrivals(games)
         is_played = False
         try:
             play(_ARRIVE)
@@ -1373,8 +1606,6 @@ class BatchEngine(TurnDriver):
                 self._state.notice_interrupt()
                 now = self._find_arriving_games(now)
                 turned = len(self._state.turning)
-                for one in self._in_use:
-                    one.core.turned = turned
                 if number > 0:
                     self._block.edges.begin_arrival()
                 self._ask_at_arrivals(now, part)
@@ -1383,7 +1614,8 @@ class BatchEngine(TurnDriver):
                     one.give_way_at_arrivals(games)
                 play(_GO_ON)
                 for one, games in self._select_maps(now):
-                    one.note_losers(games)
+                    if one.calls is not None:
+                        one.calls.note_losers(games)
                 if number > 0:
                     self._state.turning[turned:] = filter(self._has_gone_on, self._state.turning[turned:])
                 play(_ARRIVE)
@@ -1393,13 +1625,13 @@ class BatchEngine(TurnDriver):
             is_played = True
         finally:
             self._block.edges.end_arrivals()
-            for one in self._maps:
+            for one in self._all:
                 one.core.end_arrivals(is_played=is_played)
 
     def _has_gone_on(self, turning: tuple[int, int, Any]) -> bool:
         """Return whether an agent that has chosen a heading on arrival was not stopped there."""
         game, agent, _ = turning
-        losers = self._maps[self._map_of[game]].core.find_losers(np.array([game]))
+        losers = self._find_plan(game).core.find_losers(np.array([game]))
         return not losers[0, agent] and (game, agent) not in self._block.waiting
 
     def _find_arriving_games(self, playing: BoolArray) -> BoolArray:
@@ -1440,13 +1672,14 @@ class BatchEngine(TurnDriver):
             one.check_given(games, given)
         for one, games in self._select_maps(playing):
             one.call_before(games)
+        self._play_left()
         return playing & ~self.is_over
 
     def _play(
         self,
         playing: BoolArray,
         until: IntArray,
-        takes: Sequence[BoolArray] | None,
+        takes: Mapping[int, BoolArray] | None,
         threads: int,
         phase: int | None = None,
     ) -> None:
@@ -1455,7 +1688,7 @@ class BatchEngine(TurnDriver):
         Args:
             playing: (games,) a mask of the games that are played.
             until: (games,) the number of parts of turns after which each game stops.
-            takes: for each map, a mask of the agents whose actions are in the block, (agents,); None: no agents.
+            takes: plan -> a mask of the agents whose actions are in the block, (agents,); None: no agents.
             threads: the number of threads.
             phase: the phase of a part of the turn, see `gamms.core.turn`; None: all phases.
         """
@@ -1465,15 +1698,15 @@ class BatchEngine(TurnDriver):
 
     def _run_core(
         self,
-        takes: Sequence[BoolArray] | None,
+        takes: Mapping[int, BoolArray] | None,
         threads: int,
         phase: int | None,
         writer: LearnerWriter | None = None,
     ) -> None:
         """Play the games that `CoreColumns.until` selects; see `_play` and `play`."""
         cores = [one.core for one in self._in_use]
-        for number, core in zip(self.maps_in_use, cores, strict=True):
-            core.prepare(None if takes is None else takes[number], threads)
+        for one in self._in_use:
+            one.core.prepare(None if takes is None else takes[one.number], threads)
 
         def play_part(thread: int, begin: int, end: int) -> None:
             if writer is not None:
@@ -1486,7 +1719,7 @@ class BatchEngine(TurnDriver):
         if writer is not None:
             columns = get_memory(self._block.given), get_memory(self._block.score)
             steps = writer.begin_step(self._turns, *columns, self._block.score.shape[1])
-            starts = [self._maps[number].starts for number in self.newest] if writer.begins else []
+            starts = [self.maps[number].starts for number in self.newest] if writer.begins else []
         play_in_threads(play_part, len(self._map_of), threads, waits=self._can_stop)
         if writer is not None:
             writer.end_step()
@@ -1499,22 +1732,19 @@ class BatchEngine(TurnDriver):
 
     def get_game_state(self, game: int) -> GameArrays:
         """Return the state of the games on the map of a game."""
-        return self._maps[int(self._map_of[game])].state
+        return self.maps[int(self._map_of[game])].state
 
     def group_by_map(self, games: IntArray) -> Iterator[tuple[GameArrays, IntArray]]:
         """Yield the state of each map, with the given games that are on it."""
-        for number, one in enumerate(self._maps):
+        for number, one in enumerate(self.maps):
             some = games[self._map_of[games] == number]
             if len(some):
                 yield one.state, some
 
     def make_view(self, agents: IntArray, number: int) -> ArrayView:
         """Return the observations of agents in the games on the map with this number."""
-        return ArrayView(self._maps[number].state, self._on[number], agents)
-
-    def get_map_games(self, number: int) -> GamesOnOneMap:
-        """Return the games on the map with this number."""
-        return self._maps[number]
+        games = np.flatnonzero(self._map_of == number) if self._plans else self._on[number]
+        return ArrayView(self.maps[number].state, games, agents)
 
     def describe_end(self, game: int) -> dict[str, Any] | None:
         """Return the reason, winner and truncation of a game's end; None: it goes on."""
@@ -1540,7 +1770,7 @@ class BatchEngine(TurnDriver):
 
     def get_result(self, game: int) -> Result:
         """Return the result of a game so far."""
-        on_map = self._maps[int(self._map_of[game])]
+        on_map = self.maps[int(self._map_of[game])]
         state = on_map.state
         template = on_map.game.result()
         nodes = state.streets.ids(state.node[game]).tolist()

@@ -33,7 +33,7 @@ from gamms.game.order import TurnOrder
 from gamms.game.plan import find_first_called
 from gamms.game.settings import NamedRule, as_called, refuse_unused
 from gamms.game.slots import COUNTED, Slots
-from gamms.game.strategy_specs import get_strategy_spec
+from gamms.game.strategy_specs import Same, get_strategy_spec
 from gamms.ir.agents import show_lives, show_positions, show_progress
 from gamms.ir.game_state import BlockedAgents, GameState, describe_conflict
 from gamms.ir.graph import IntArray, split_mode
@@ -132,28 +132,15 @@ def _make_key(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...
     agents = roster.agents
     block = game.ctx.agent.block
     own = {one.spec.key for one in game.rules}
-    facts = {name: _ComparedByIdentity(value) for name, value in game.facts.items() if name not in own}
+    facts = {name: Same(value) for name, value in game.facts.items() if name not in own}
     return (
         *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), block.speed.tobytes()),
         *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
         *(past, game.ctx.graph.graph, game.ctx.graph.storage.count_changes()),
-        [_ComparedByIdentity(value) for value in game.settings().values()],
+        [Same(value) for value in game.settings().values()],
         [tuple(get_sensors(agent).items()) for agent in agents],
         game.internals.parts.turns.phase.sensor_changes,
     )
-
-
-class _ComparedByIdentity:
-    """A value that is compared by identity."""
-
-    def __init__(self, value: object) -> None:
-        self._value = value
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether the other one holds the same object."""
-        return isinstance(other, _ComparedByIdentity) and other._value is self._value
-
-    __hash__ = None  # type: ignore[assignment] # keys are compared, not hashed
 
 
 class ShippedAgents(ShippedDecisions):
@@ -179,7 +166,7 @@ class ShippedAgents(ShippedDecisions):
         self._state = state
         block = CoreColumns([state], np.zeros(1, np.int64))
         block.until[:] = 1
-        self._core = CoreGames(game, state, block, is_apart=False, decides=True)
+        self._core = CoreGames(game, state, block, is_apart=False, decides=True).begin()
         self._core.prepare(None, 1)
         plans = game.settings()["plans"]
         deciders = [find_decider(agent, plans) for agent in roster.agents if agent.name in self._names]
@@ -433,7 +420,7 @@ class GameInCore:
         self._decides = np.array([one is not None for one in deciders], np.bool_)
         self._steps = [step for one in deciders for step in get_strategy_spec(one).core_steps or () if step.key]
         self._read(begin)
-        self._core = CoreGames(game, state, self._columns, is_apart=False, past_turns=past.room + 1)
+        self._core = CoreGames(game, state, self._columns, is_apart=False, past_turns=past.room + 1).begin()
         block = game.ctx.agent.block
         number = {name: i for i, name in enumerate(roster.names)}
         self._by_row = np.array([number[name] for name in block.names], np.int64)  # the number of the agent of each row

@@ -496,19 +496,19 @@ class NamedRule(NamedTuple):
 
 def as_called(rules: Iterable[NamedRule]) -> list[NamedRule]:
     """Return rules as they are called: those of one phase with the same `act_as_one` are joined into one rule."""
-    return [named for _, named in _group_rules(rules)]
+    return [named for _, named in group_rules(rules)]
 
 
-def _group_rules(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule]]:
+def group_rules(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule]]:
     """Return (rules, joined rule) for each group of rules that are called as one, in the order of their first rules."""
     groups: dict[Hashable, list[NamedRule]] = {}
     for one in rules:
         join = one.spec.act_as_one
         groups.setdefault(one.name if join is None else (one.phase, join), []).append(one)
-    return [(group, _join_rules(group)) for group in groups.values()]
+    return [(group, join_rules(group)) for group in groups.values()]
 
 
-def _join_rules(group: Sequence[NamedRule]) -> NamedRule:
+def join_rules(group: Sequence[NamedRule]) -> NamedRule:
     """Return the rule that does the work of a group of rules that act as one."""
     if len(group) == 1:
         return group[0]
@@ -533,7 +533,7 @@ class RuleTable:
 
     def __init__(self, rules: tuple[NamedRule, ...]) -> None:
         self.rules = rules
-        self.of_phase = {phase: _group_rules([one for one in rules if one.phase == phase]) for phase in PHASES}
+        self.of_phase = {phase: group_rules([one for one in rules if one.phase == phase]) for phase in PHASES}
         specs = [(one, one.spec) for one in rules]
         self._checks = [(one, spec.check) for one, spec in specs if spec.check is not None]
         self._own = frozenset(one.name for one in rules if getattr(one.rule, _SPEC, None) is None)
@@ -783,7 +783,7 @@ class RuleSet:
             if not added:
                 return was_called
             seen = (*seen, *added)
-            called = [self._make_player(*one) for one in _group_rules([one for one in added if one.phase == phase])]
+            called = [self._make_player(*one) for one in group_rules([one for one in added if one.phase == phase])]
 
     def _list_players(self, phase: str) -> "list[_RulePlayer]":
         """Return what plays the rules of a phase."""
@@ -795,7 +795,7 @@ class RuleSet:
 
     def _list_left(self, begun: BegunPhase, state: GameState) -> "list[_RulePlayer]":
         """Return what plays the rest of a phase; raise what the last rule has raised that was called, if anything."""
-        groups = _group_rules([one for one in begun.rules if one.phase == begun.phase])
+        groups = group_rules([one for one in begun.rules if one.phase == begun.phase])
         if begun.raised is not None:
             if isinstance(begun.raised, Exception):
                 _add_place(begun.raised, groups[begun.called - 1][1], begun.phase, state, self._ctx)
@@ -815,7 +815,7 @@ class RuleSet:
         left = [one for one in player.group if one in self.rules]
         if len(left) == len(player.group):
             return player
-        return self._make_player(left, _join_rules(left)) if left else None
+        return self._make_player(left, join_rules(left)) if left else None
 
     def check(self, state: GameState) -> bool:
         """Call the `check` of each rule, to refuse moves and deeds; return whether there are any."""

@@ -721,6 +721,8 @@ class GameInternals(ContextPart):
         named_idle: the teams, agents and modes that warnings have named.
         left_as: the number of the game in the batch from which it was made under way; None: it knows its start.
         shown_as: the number of the game in the batch that plays it, and shows it here; None: it is played here.
+        calls_rules: whether all rules are called as functions in a batch, because a function has changed what the core
+            had of them.
         takes_all_back: whether an error takes a turn back also after all have moved, as in a batch of games.
         seeds_runs: whether `run` seeds the global generators; not if the run of a batch does.
         unchecked_arrays: keys of the arrays of array functions that came from a recording; see `GameArrays.unchecked`.
@@ -743,6 +745,7 @@ class GameInternals(ContextPart):
         self.map_spec: Any = None
         self.kept: dict[str, Any] = {}
         self.named_idle = set[Hashable]()
+        self.calls_rules = False
         self.left_as: int | None = None
         self.shown_as: int | None = None
         self.takes_all_back = False

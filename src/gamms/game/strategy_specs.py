@@ -139,6 +139,25 @@ def call_each(decider: object) -> None:
     declare(decider, replace(get_strategy_spec(decider), is_called_each=True))
 
 
+class Same:
+    """A value in a key that is equal to itself alone.
+
+    Args:
+        value: the value.
+    """
+
+    def __init__(self, value: object) -> None:
+        self._value = value
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other one holds the same object."""
+        return isinstance(other, Same) and other._value is self._value
+
+    def __hash__(self) -> int:
+        """Return the hash of the object's identity."""
+        return id(self._value)
+
+
 def make_form_key(form: Any) -> Hashable:
     """Return a key that is equal for equal forms; partial functions are equal if function and arguments are."""
     key: Hashable
@@ -149,9 +168,9 @@ def make_form_key(form: Any) -> Hashable:
             tuple((k, make_form_key(v)) for k, v in sorted(form.keywords.items())),
         )
     else:
-        key = tuple(map(make_form_key, form)) if isinstance(form, tuple) else form
+        key = tuple(map(make_form_key, form)) if isinstance(form, tuple | list) else form
     try:
         hash(key)
     except TypeError:
-        return id(form)
+        return Same(form)
     return key

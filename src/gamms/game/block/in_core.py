@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -355,6 +355,7 @@ class BatchRules(RuleBuilder):
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return the memory of a rule in all games."""
         kept = self.state.keep(key, make)
+        self.state.of_core.add(key)
         if "carriers" in kept:
             self._agents_in.append(kept["carriers"])
         return kept
@@ -485,9 +486,12 @@ class CoreColumns:
 
     Attributes:
         map_of: (games,) the number of the map that each game is on; it may change.
+        plan_of: (games,) the number of the plan that each game follows: that of its map, or of another plan on it.
+        others: the states of games that follow other plans than those with which games begin on their maps.
         given: (games, agents) the given actions, as numbers of legal nodes; -1: the agent follows a route.
         edges: the edges that given actions name.
         start, went, takes_part: (games, agents) the nodes before and after the moves, and whether the agent took part.
+        here: (games, agents) the nodes of agents that are about to move.
         ends: (games, agents) the end nodes of the moves in the current part of a turn.
         wanted: (games, agents) the places that agents stopped by conflicts wanted to reach, as numbered in conflicts.
         held: (games, agents) whether the agent's decision is cancelled.
@@ -506,8 +510,11 @@ class CoreColumns:
         state = states[0]
         self._state = state
         self.map_of = map_of
+        self.plan_of = map_of.copy()
+        self.others: list[GameArrays] = []
         shape = state.node.shape
         self.given, self.start, self.ends, self.went, self.wanted = np.zeros((5, *shape), np.int64)
+        self.here = state.node
         self.edges = NamedEdges(shape)
         self.takes_part, self.held = np.zeros((2, *shape), np.uint8)
         self.until = np.zeros(shape[0], np.int64)
@@ -527,6 +534,11 @@ class CoreColumns:
         self._states = states
         self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
         self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
+
+    def select_followers(self, plan: int, games: IntArray) -> IntArray:
+        """Return those of some games that follow the plan with a number."""
+        found: IntArray = games[self.plan_of[games] == plan]
+        return found
 
     def begin(self) -> None:
         """Begin all games, whose agents have not moved."""
@@ -574,6 +586,7 @@ class CoreColumns:
         for state in self._states:
             if state.movement.depends_on_speeds:
                 state.movement.take_out(*np.nonzero(~state.alive))
+        for state in (*self._states, *self.others):
             state.now.clear()
 
     def _read(self, events: rules.Events) -> CoreEvents:
@@ -776,12 +789,21 @@ def _find_owners(game: PlayedGame, rule: NamedRule) -> list[Role]:
     return [role for fact in facts if isinstance(fact, Mapping) for role in find_roles(fact.values())]
 
 
-def list_called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
-    """Return the rules of a game as a batch calls them; some have no core form where agents fly, or may change."""
-    called = as_called(game.rules)
+def list_called_rules(
+    game: PlayedGame, roster: AgentTable, rules: Iterable[NamedRule] | None = None
+) -> list[NamedRule]:
+    """Return rules of a game as a batch calls them; some have no core form where agents fly, or may change.
+
+    Args:
+        game: the game.
+        roster: its agents.
+        rules: the rules; None: all of the game.
+    """
+    called = as_called(game.rules if rules is None else rules)
     some_fly = bool(roster.flies.any())
     are_exact = all(map(is_exact_float, game.scores.values()))  # else no rule in the core may add to scores
-    are_fixed = not any(one.spec.may_create_agents for one in called)  # and no rule sets attributes of agents
+    are_exact = are_exact and not game.internals.calls_rules
+    are_fixed = not any(one.spec.may_create_agents for one in game.rules)  # and no rule sets attributes of agents
     without = [
         one.spec.core_form is not None
         and (
@@ -842,7 +864,7 @@ class CoreGames:
         game: the game at its start.
         state: the state of all games, which turns change.
         block: the columns that the games on all maps share.
-        number: the number of the map.
+        number: the number of the plan, see `CoreColumns.plan_of`.
         is_apart: whether rules run after all games have moved, because functions are called between them.
         decides: whether these games just decide: no rules and no conflicts are made; see `deciders`.
         past_turns: in a single game, the number of turns after which the places of agents are kept; see `past`.
@@ -857,12 +879,10 @@ class CoreGames:
         edges: the edges that given actions name.
         deciders: the columns of the games, and the agents that decide in them.
         arrival: the number of arrivals in this part of the turn, if functions are called on arrival; else None.
-        turned: the number of headings that agents had chosen in it before the last arrivals.
         drawn: (games, agents) how often each agent has drawn in it.
     """
 
     arrival: int | None = None
-    turned = 0
     drawn: IntArray
 
     def __init__(
@@ -910,7 +930,6 @@ class CoreGames:
         self._mode_first = np.zeros(len(state.roster.names) if have_modes else 0, np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads, or with modes
         self._number = number
-        self._here = state.node  # see `note_places`
         self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `get_last_moves`, while agents arrive
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.find_parts(settings["order"])
@@ -918,11 +937,24 @@ class CoreGames:
         self._made: list[tuple[turn.Player, BatchRules]] = []  # of each thread
         self._movers: list[moves.OneEdgeMovers] = []  # one for each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
+        self._alone: dict[str, rules.Rule] = {}  # rules that no other follows, by name; see `play_rule`
         self._columns: TravelColumns | None = None  # in games that do not go along one edge a turn
         self._counts = make_int_buffer(state.node.size)  # that threads share
         self._has_come = np.zeros(state.node.shape, np.bool_)  # since the rules after the last moves began
         self.deciders: tuple[rules.GameColumns, moves.OneEdgeMovers]
+
+    def begin(self, before: "CoreGames | None" = None) -> Self:
+        """Make what plays the games, and return this.
+
+        Args:
+            before: plays them by the plan with which they have begun; None: it is this one.
+        """
+        if before is not None:
+            self._counts = before._counts
+            self._has_come = before._has_come
+        self._columns = self._make_columns(None if before is None else before._columns)
         self._made.append(self._make_player())
+        return self
 
     def get_last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the nodes before and after the last moves in some games, and a mask of the agents that took part."""
@@ -930,16 +962,10 @@ class CoreGames:
         start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
         return start[games], went[games], takes_part[games] > 0
 
-    def note_places(self, *, are_open: bool) -> None:
-        """Store the positions of agents that are about to move; `are_open`: the edges stored last are still open."""
-        self._here = self._state.node.copy()
-        if self.courses is not None:
-            self.courses.note_places(self._here, are_open=are_open)
-
     def get_next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the same as `get_last_moves` for agents that are about to move in a part of the turn."""
         block = self._block
-        here = self._here[games]
+        here = block.here[games]
         goes = (self.part_of == part) & (block.held[games] == 0)
         return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
 
@@ -961,7 +987,7 @@ class CoreGames:
         self._has_come[game, agent] = True
         state.start[game, agent] = row if isinstance(start, tuple) else state.streets.rows(start)
         if not (after_moves and block.takes_part[game, agent]):  # else the move of a deleted agent of its name stays
-            for column in (block.start, block.went, block.ends, self._here):
+            for column in (block.start, block.went, block.ends, block.here):
                 column[game, agent] = row
         if self.courses is not None and not after_moves:
             self.courses.stand(game, agent, row)
@@ -1066,7 +1092,7 @@ class CoreGames:
         block = self._block
         courses = () if self.courses is None else self.courses.list_columns()
         edges = self.edges.rows, self.edges.are_any
-        return block.start, block.went, block.takes_part, block.part, block.wanted, *edges, *courses
+        return block.start, block.went, block.takes_part, block.part, block.wanted, block.plan_of, *edges, *courses
 
     @property
     def courses(self) -> Courses | None:
@@ -1115,7 +1141,7 @@ class CoreGames:
                 movers.sort_kinds()
         self._made[0][1].refuse_unknown_agents()
         if self._by_steps is not None:
-            self._games = np.flatnonzero((self._block.until > 0) & (self._block.map_of == self._number))
+            self._games = self._block.select_followers(self._number, np.flatnonzero(self._block.until > 0))
             self._by_steps.take_memories(self._games)
 
     def _take_roads(self) -> None:
@@ -1183,20 +1209,30 @@ class CoreGames:
         """Apply the rules of some games that have moved; yield each rule function when it is due."""
         if not self.has_functions:
             return
-        numbers = flatten(games, np.int64)
         self._has_come[games] = False  # who came before the moves takes part in the turn
         for part in self._parts:
             if isinstance(part, NamedRule):
                 yield part
             else:
-                self.place_newcomers(games)
-                before = self._state.node.copy(), self._state.stops.copy()
-                self._block.give()
-                self._take_roads()
-                rules.play_games(part, numbers)
-                self._block.take_in()
-                if self._state.flights is not None:
-                    self._follow(games, *before)
+                self._play_chain(part, self._block.select_followers(self._number, games))
+
+    def play_rule(self, rule: NamedRule, games: IntArray) -> None:
+        """Apply a rule of the core to some games that have moved, without the rules that follow it."""
+        assert rule.spec.core_form is not None  # noqa: S101 - it is of the core
+        if rule.name not in self._alone:
+            self._alone[rule.name] = rules.link_rules([rule.spec.core_form(self._made[0][1])])
+        self._play_chain(self._alone[rule.name], games)
+
+    def _play_chain(self, first: rules.Rule, games: IntArray) -> None:
+        """Apply a rule of the core, and those that are linked to it, to some games that have moved."""
+        self.place_newcomers(games)
+        before = self._state.node.copy(), self._state.stops.copy()
+        self._block.give()
+        self._take_roads()
+        rules.play_games(first, flatten(games, np.int64))
+        self._block.take_in()
+        if self._state.flights is not None:
+            self._follow(games, *before)
 
     def place_newcomers(self, games: IntArray) -> None:
         """Mark living agents that took no part in the turn as placed: they are on their nodes at its end only."""
@@ -1220,8 +1256,7 @@ class CoreGames:
         state = self._state
         roster = self._state.roster
         block = self._block
-        columns = self._columns or self._make_columns()
-        self._columns = columns
+        columns = self._columns
         games = rules.GameColumns(
             len(roster.names),
             len(roster.teams),
@@ -1285,7 +1320,7 @@ class CoreGames:
         if self._tables is not None:
             self._give_roads(state.roads, self._tables)
         at_arrivals = None if travel is None else travel.arrivals
-        which = block.until.data, get_memory(block.map_of), self._number, state.stop.data
+        which = block.until.data, get_memory(block.plan_of), self._number, state.stop.data
         return turn.Player(games, movers, at_arrivals, first, *which, self.past.get_core_places(state)), making
 
     def _make_rules(self, making: RuleBuilder) -> list[Any]:
@@ -1303,8 +1338,8 @@ class CoreGames:
                 parts.append(rules.link_rules(made))
         return parts
 
-    def _make_columns(self) -> TravelColumns | None:
-        """Return the shared columns of games whose agents do not move along one edge per turn."""
+    def _make_columns(self, before: TravelColumns | None) -> TravelColumns | None:
+        """Return the shared columns of games whose agents do not move along one edge per turn; see `begin`."""
         if not self._state.movement.depends_on_speeds:
             return None
         return TravelColumns(
@@ -1313,6 +1348,7 @@ class CoreGames:
             go_by_steps=any(self._steps),
             keeps_courses=self._keeps_courses or self.num_parts > 1,
             has_conflicts=self._has_conflicts,
+            before=before,
         )
 
     def _make_contests(self) -> tuple[conflicts.Contests | None, conflicts.MoveRequests | None]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from copy import deepcopy
+from copy import copy, deepcopy
 from functools import partial
 from itertools import chain
 from operator import itemgetter
@@ -646,6 +646,7 @@ class GameArrays(BatchColumns):
         change_roads: closes or opens roads in games; see `RowContexts.change_roads`.
         roads: the open roads of each game.
         kept: the memory of rules and strategies: key -> name -> array (games, …).
+        makers: the function that makes the first arrays of some games, by key.
         first: the memory of turns before the batch, as `kept`, but arrays of one game.
         of_core: the keys of `kept` that belong to rules and strategies of the core.
         unchecked: the keys of `kept` whose arrays came from a recording and were not compared with `make` yet.
@@ -675,7 +676,6 @@ class GameArrays(BatchColumns):
         else:
             vars(self).update(columns.get_shared_values())
         self.roster = roster
-        self._seeds: IntArray | None = None  # as an array
         on_edges = (self.edge, self.share) if movement.by_metres else (self.begun, self.covered)
         movement.begin(*on_edges, self.motion, self.time, self.previous, self.driven)
         self.movement = movement
@@ -711,7 +711,7 @@ class GameArrays(BatchColumns):
         self.map_number = 0
         self.map_spec: Any = None
         self.width: int | None = None
-        self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
+        self.makers: dict[Hashable, Callable[[int], Arrays]] = {}
         if start is not None:
             self.reset(self.seeds, start)
 
@@ -757,10 +757,9 @@ class GameArrays(BatchColumns):
         self.put_roads(games, None)
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[games] = 0
-        for key, make in self._makers.items():
+        for key, make in self.makers.items():
             for name, rows in make(len(games)).items():
                 self.kept[key][name][games] = rows
-        self._seeds = None
         self.now.clear()
         for log in self._logs:
             log.forget(games)
@@ -775,6 +774,8 @@ class GameArrays(BatchColumns):
     def _draw(self, key: Drawn, seeds: Sequence[int], known: Mapping[Drawn, BitArray]) -> np.ndarray[Any, Any]:
         """Return rows for a key of `drawn`; `known` has those of the keys before it."""
         kind, purpose = key
+        if kind == "seeds":
+            return np.array(seeds)
         if kind == "purposes":
             return kernels.compute_purpose_keys(seeds, purpose)
         if kind == "agents":
@@ -1002,7 +1003,7 @@ class GameArrays(BatchColumns):
                 for name, array in own.items():
                     known[name][number] = array[0]
             self.kept[key] = known
-            self._makers[key] = make
+            self.makers[key] = make
         return known
 
     def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
@@ -1035,7 +1036,7 @@ class GameArrays(BatchColumns):
                     del one[key]
             for key in filter(self._is_taken_back, self.kept.keys() - kept):
                 del self.kept[key]
-                self._makers.pop(key, None)
+                self.makers.pop(key, None)
             self.over[:] = over
             self.headings[:] = headings
             for undo_log in undo_logs:
@@ -1086,9 +1087,8 @@ class GameArrays(BatchColumns):
 
     def get_seeds(self, games: IntArray) -> IntArray:
         """Return the seeds of games, (games,)."""
-        if self._seeds is None:
-            self._seeds = np.array(self.seeds)
-        return self._seeds[games]
+        found: IntArray = self._find_drawn(("seeds", None))[games]
+        return found
 
     def draw_pool_shares(self) -> FloatArray:
         """Return the numbers in [0, 1) by which members of pools are drawn for the teams of agents, (games, agents)."""
@@ -1099,3 +1099,13 @@ class GameArrays(BatchColumns):
         """Return the keys of agents' draws for a purpose, (games, agents); see `kernels.compute_first_key_rows`."""
         self.compute_purpose_keys(purpose)
         return self._find_drawn(("agents", purpose))
+
+
+def view_with_plan(state: GameArrays, roster: AgentTable, facts: Mapping[str, Any]) -> GameArrays:
+    """Return the state of the same games on the same map, with other strategies and sensors, and with further facts."""
+    seen = copy(state)
+    seen.roster = roster
+    seen.facts = {**state.facts, **facts}
+    for name in ("searches", "asked", "now", "noted", "noted_nodes", "sighted", "sighted_nodes"):
+        setattr(seen, name, {})
+    return seen

@@ -104,6 +104,7 @@ class TravelColumns:
         go_by_steps: whether some agents decide by strategy steps, whose targets may be far.
         keeps_courses: whether functions are called, which may ask for the paths of agents.
         has_conflicts: whether agents may stop each other.
+        before: the columns of games that followed another plan before; None: these begin.
 
     Attributes:
         arrivals: the columns of decisions on arrival; None: agents do not decide on arrival.
@@ -114,7 +115,14 @@ class TravelColumns:
     """
 
     def __init__(
-        self, state: GameArrays, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool, has_conflicts: bool
+        self,
+        state: GameArrays,
+        part_of: IntArray,
+        *,
+        go_by_steps: bool,
+        keeps_courses: bool,
+        has_conflicts: bool,
+        before: "TravelColumns | None" = None,
     ) -> None:
         by = state.movement
         self._by = by
@@ -127,8 +135,11 @@ class TravelColumns:
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         decides_at_arrivals = by.by_metres and by.terms.decides_at_arrivals
         self._refuse_too_long((1 + decides_at_arrivals + (by.by_metres and are_in_parts)) * keeps_courses)
-        self.arrivals = ArrivalColumns(self._shape) if decides_at_arrivals else None
-        self.courses = Courses(by, self._shape, self._most, part_of) if keeps_courses else None
+        self.arrivals = ArrivalColumns(self._shape) if decides_at_arrivals and before is None else None
+        self.courses = Courses(by, self._shape, self._most, part_of) if keeps_courses and before is None else None
+        if before is not None:
+            self.arrivals = before.arrivals
+            self.courses = before.courses
         self._under_way: TurnPaths | None = None  # the paths of a turn with calls on arrival
         self._are_arriving = False
         self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
@@ -147,6 +158,9 @@ class TravelColumns:
             starts, ends = np.zeros((2, *self._shape), np.int64)
             self.ends = starts, ends
             self.drawn = np.zeros(self._shape, np.int64)
+            if before is not None and before.ends is not None:
+                self.ends = before.ends
+                self.drawn = before.drawn
             self._longest_route = max(self._ways.most, self._most)
             self._longest = max(8, self._most if by.is_endless else 0)
             self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)

@@ -62,8 +62,8 @@ class RowContexts:
         return list_shared(self.game, self.plan.functions)
 
     @cached_property
-    def _means(self) -> RowMeans:
-        """What all these games share."""
+    def means(self) -> RowMeans:
+        """What all these games share that follow the plan of the start."""
         number_of = {name: number for number, name in enumerate(self._state.roster.names)}
         return RowMeans(
             state=self._state,
@@ -105,13 +105,13 @@ class RowContexts:
     def _make(self, number: int) -> "RowOfGame":
         """Return a game at its start in a context of its own."""
         if self._own.is_needed:
-            return RowOfGame(self._own.begun.pop(number), number, self._means)
+            return RowOfGame(self._own.begun.pop(number), number, self.means)
         source = self._source
         source.renew_map()
         ctx, _ = source.make_fork(self._state.seeds[number], shared=self._shared)
         ctx.game.internals.parts.turns.legality.share_maps(self.game.internals.parts.turns.legality)
         self._begin(number, ctx.game)
-        row = RowOfGame(ctx.game, number, self._means)
+        row = RowOfGame(ctx.game, number, self.means)
         row.has_first_functions = _list_functions(ctx.game) == _list_functions(self.game)
         return row
 

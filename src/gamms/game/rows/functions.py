@@ -10,13 +10,11 @@ from gamms.core.flight import TurnFlights
 from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.columns import PlayedGame
-from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import GameArrays
 from gamms.game.decisions import Decisions
 from gamms.game.messages import MessageTraffic, read_outboxes
 from gamms.game.movement.courses import Routes
 from gamms.game.rows.contexts import RowContexts
-from gamms.game.rows.row import AskedPart, RowOfGame
+from gamms.game.rows.row import AskedPart, RowMeans, RowOfGame
 from gamms.game.settings import BegunPhase, NamedRule, Plan, RuleTable
 from gamms.game.turn import CLOSED, describe_closed_edge
 from gamms.ir.columns import Failure
@@ -25,14 +23,18 @@ from gamms.ir.game_state import describe_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 
+_Order = Sequence[Sequence[Any]] | None
+ChangePlan = Callable[[RowOfGame, tuple[NamedRule, int | None] | None], object]
+
 
 class RowFunctions:
     """Calls plain functions in the games on one map of a batch, each in the context of its game.
 
     Args:
         contexts: the games.
-        state: the state of all games.
-        core: plays the games in the core.
+        means: what those share that follow a plan.
+        change_plan: called with a game whose functions have changed what belongs to its plan, and with the rule that
+            has and the part of the turn; None: no rule has.
 
     Attributes:
         wanted: (games * agents,) the ids of nodes to which asked agents move; None: they go along routes.
@@ -46,12 +48,14 @@ class RowFunctions:
     asks_anew: bool
     takes_all: bool
 
-    def __init__(self, contexts: RowContexts, state: GameArrays, core: CoreGames) -> None:
+    def __init__(self, contexts: RowContexts, means: RowMeans, change_plan: ChangePlan) -> None:
         self._contexts = contexts
-        self._state = state
-        state.tell = self.note_undone
-        self._core = core
-        self._plan = contexts.plan
+        self._state = means.state
+        means.state.tell = self.note_undone
+        self._core = means.core
+        self._plan = means.plan
+        self._change_plan = change_plan
+        self._called: tuple[NamedRule, int | None] | None = None  # the rule that is called, and the part of the turn
         self._first_turn = contexts.game.turn
         self._call = contexts.call
         self._deeds = PlainDeeds(0, [])  # that agents want to do now
@@ -90,6 +94,9 @@ class RowFunctions:
                 row.refusal = None
                 error.add_note(f"In game {number} of a batch, with the seed {state.seeds[number]}.")
                 raise
+            finally:
+                if row.has_other_plan:
+                    self._change_plan(row, self._called)
 
     def _let_leave(self, row: RowOfGame) -> None:
         """Stop playing a game here."""
@@ -177,17 +184,37 @@ class RowFunctions:
         self._state.counts["blocked"][row.number, agent] += 1
         row.cancel(agent)
 
-    def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
-        """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
+    def call(
+        self,
+        named: NamedRule,
+        games: IntArray,
+        part: int | None = None,
+        begin_rest: Callable[[_Order], BegunPhase] | None = None,
+    ) -> None:
+        """Call a rule in each of these games.
+
+        Args:
+            named: the rule.
+            games: the games.
+            part: the part of the turn in which agents are about to move; None: they are not.
+            begin_rest: returns the phase in which a game goes on that leaves, given the order of play; None: it has
+                called the rules before this one.
+        """
         name = named.name
 
         def begin(table: RuleTable) -> BegunPhase:
+            if begin_rest is not None:
+                return begin_rest(self._order)
             return BegunPhase.from_rule(named, table, self._order, part or 0)
 
         def play(row: RowOfGame, _: int) -> bool:
-            return row.call(row.rules[name], (row.ctx,))
+            return row.call(row.terms.functions.get(name, named.rule), (row.ctx,))
 
-        self._play_phase(play, games, f"the rule {name!r} (phase {named.phase!r})", part, begin)
+        self._called = named, part
+        try:
+            self._play_phase(play, games, f"the rule {name!r} (phase {named.phase!r})", part, begin)
+        finally:
+            self._called = None
 
     def collect(self, games: IntArray) -> None:
         """Call the collectors in the games in which they are due."""
@@ -445,7 +472,9 @@ class RowFunctions:
         self._note_undone(failure.game, failure.agent, failure.message)
 
     def _note_undone(self, game: int, agent: int, why: str) -> None:
-        if self._plan.is_asked[agent]:
+        known = self._contexts.rows.get(game)
+        plan = self._plan if known is None else known.terms.means.plan
+        if plan.is_asked[agent]:
             undone = self._contexts.get(game).undone
             name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why

@@ -25,9 +25,10 @@ from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.plan import RowPlan
 from gamms.game.rows.state import RowStart, RowState, get_data, get_driven, get_memories, get_moves
-from gamms.game.settings import BegunPhase, RuleTable, as_called
+from gamms.game.settings import BegunPhase, RuleSpec, RuleTable
 from gamms.game.slots import COUNTED
 from gamms.game.snapshots import ForkSource, GameStart, Snapshot, copy_moves, copy_rules
+from gamms.game.strategy_specs import Same, get_strategy_spec, make_form_key
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import AgentBlock, as_ids, get_speed, show_column, show_flights, show_lives, show_progress
 from gamms.ir.events import (
@@ -49,6 +50,7 @@ from gamms.typing.context import HostContext
 _OF_SLOT = 2  # references to an object in a slot, that of the argument included
 _NUMBERS = {column.name: CHANGE_EVENTS[column.name].code for column in NUMBERS}
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
+_OF_PLANS = {"conflicts", "max_turns", "plans"}  # settings that a function may change and stay in the batch
 _EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
 _TURNED = CHANGE_EVENTS["heading"].code
 _MOVED = -1  # the kind of a move, which is noted as two numbers
@@ -131,6 +133,52 @@ class RowMeans(NamedTuple):
     turns: TurnEngine
 
 
+class PlanTerms(NamedTuple):
+    """What a game follows a plan with: its own settings, rules, collectors, strategies and sensors.
+
+    Attributes:
+        means: what the games that follow the plan share.
+        settings: the settings.
+        rules: the rules.
+        collectors: name -> the collector.
+        equipment: name -> the strategy and the sensors of each agent of the start.
+        sensors: the settings of the sensors that these agents carry, by the `id` of the sensor.
+        functions: the function of each rule, by the name under which it is called.
+    """
+
+    means: RowMeans
+    settings: Mapping[str, Any]
+    rules: RuleTable
+    collectors: Mapping[str, Any]
+    equipment: Mapping[str, tuple[Any, Any]]
+    sensors: Mapping[int, dict[str, Any] | None]
+    functions: Mapping[str, Callable[..., object]]
+
+    def have_same_equipment(self, before: "PlanTerms") -> bool:
+        """Return whether the agents have the strategies and sensors of earlier terms."""
+        are_same = all(before.equipment.get(name) == own for name, own in self.equipment.items())
+        return are_same and all(before.sensors.get(one) == now for one, now in self.sensors.items())
+
+    def make_key(self, first: "PlanTerms") -> Hashable:
+        """Return what plans of games with the same start differ by: those with equal keys are one plan.
+
+        Args:
+            first: the terms of the game at its start.
+        """
+        own = [(name, owned) for name, owned in self.equipment.items() if first.equipment.get(name) != owned]
+        are_same = [sensors == first.equipment[name][1] for name, (_, sensors) in own]
+        have_same_sensors = all(are_same) and all(first.sensors.get(one) == now for one, now in self.sensors.items())
+        plans = [(team, _identify(plan.function), plan.arrays) for team, plan in self.settings["plans"].items()]
+        rules = [(one, one.spec) for one in self.rules.rules]
+        return (
+            (Same(self.settings["conflicts"]), self.settings["max_turns"], tuple(plans)),
+            tuple((one.name, one.phase, _identify(one.rule, spec.core_form, spec.array_form)) for one, spec in rules),
+            tuple((name, one.every, one.per, Same(one.fn)) for name, one in self.collectors.items()),
+            frozenset((name, _identify(strategy)) for name, (strategy, _) in own),
+            None if have_same_sensors else Same(self.equipment),
+        )
+
+
 class Members:
     """The agents of a game at a time, with their sensors.
 
@@ -177,7 +225,7 @@ class Members:
         self.departure: DeletedAgent = storage.last_departure
         self.terms = [_get_terms(self.block, row) for row in range(len(self.block))]
         self.lasts = _list_last_looks(self.agents.members, storage.get_turn_access)
-        self._find_kinds(means)
+        self.find_kinds(means)
 
     def renew_journal(self) -> Journal:
         """Give the block a new journal, and return it."""
@@ -185,12 +233,8 @@ class Members:
         self.block.journal = self.journal
         return self.journal
 
-    def get_equipment(self) -> dict[Any, tuple[Any, Any]]:
-        """Return the strategy and the sensors of each agent."""
-        return dict(zip(self.agents.members, self.agents.equipment, strict=True))
-
-    def _find_kinds(self, means: RowMeans) -> None:
-        """Find the kinds of sensors."""
+    def find_kinds(self, means: RowMeans) -> None:
+        """Find the kinds of sensors, for the agents that games with these means ask."""
         members = self.agents.members
         owned = [(sensor, agent.name) for agent in members for sensor in agent.sensors.values()]
         sensors = [sensor for sensor, _ in owned]
@@ -212,8 +256,9 @@ class Members:
 class RowOfGame(Row):
     """A game of a batch in a context of its own, and what functions change in it.
 
-    If a rule or a collector changes what the core cannot change, its game leaves: it goes on from there in another
-    context, see `take_along`. If a function reads what a batch does not keep, it is refused.
+    If a rule or a collector changes the plan of its game, such as rules or strategies, the game follows another plan
+    from there on, see `follow`. If it changes what columns cannot hold, its game leaves: it goes on from there in
+    another context, see `take_along`. If a function reads what a batch does not keep, it is refused.
 
     Args:
         game: the game at its start, in the context.
@@ -223,7 +268,9 @@ class RowOfGame(Row):
     Attributes:
         game, ctx: the game and its context.
         number_of: name -> the number of the agent in the roster.
-        rules: name -> the function of each rule.
+        terms: how the game follows its plan.
+        has_other_plan: whether a function has changed what belongs to the plan, see `follow`.
+        asks_all: whether all agents are asked from now on, because a function has drawn or looked for them.
         members: the agents of the game.
         has_first_functions: whether all its functions are those of the start: no copies, which may have changed.
         refusal: why the game can neither go on here nor leave; None: it can.
@@ -234,7 +281,6 @@ class RowOfGame(Row):
     values: GameState
     _state: GameArrays
     _has_core_data: bool  # whether `ctx.game.data` has the data of rules in the core now
-    _is_data_held: bool  # whether functions keep the dict, which then has these data in each call
 
     def __init__(self, game: PlayedGame, number: int, means: RowMeans) -> None:
         parts = game.internals.parts
@@ -243,6 +289,7 @@ class RowOfGame(Row):
         self._map = game.ctx.graph.storage
         phase = get_phase(game.ctx)
         turns = parts.turns
+        self.seed: int
         of_ctx = vars(game.ctx), state.seeds[number]
         changes = self._map.count_changes
         super().__init__(number, means.columns, means.call, phase, turns, values, *of_ctx, state, changes)
@@ -250,29 +297,24 @@ class RowOfGame(Row):
         self.ctx: Any = game.ctx
         turns.loop_owner = means.turns
         self.number_of = means.number_of
-        self.rules = {one.name: one.rule for of_phase in parts.rules.now.of_phase.values() for _, one in of_phase}
         self.refusal: BadValue | None = None
         self.has_first_functions = False
-        self._means = means
-        self._core = means.core
         self._parts = parts
         self._scores_before: dict[Any, Any] = {}
-        self._num_events = 0  # of the events and messages that were read
-        self._num_messages = 0
-        self.look = None if means.plan.asks_all else UnknownLook(self._note_refusal)
-        self._first_means = parts.settings.settings_now(), parts.rules.now
-        self._first_collectors = {*parts.collectors.by_name}
+        self._num_events = 0  # of the events that were read
+        self._unknown_look = UnknownLook(self._note_refusal)
+        self.look = None
+        self.undone = {}
+        self._is_data_held = False  # whether functions keep the dict, which then has the data of rules in each call
+        self.has_other_plan = False
+        self.asks_all = False
         self._first_fields = values.start, values.deed_log
         self._drivers = [(agent, state.roster.names[agent]) for agent in np.flatnonzero(means.plan.drives).tolist()]
         self._parts_noted = 0  # of turns; see `drive_on`
-        self._keeps_more = (
-            self.look is None or state.doings is not None or bool(self._drivers or self._first_collectors)
-        )
         self._first_core_data: dict[str, Any] = {}  # data of rules in the core
         self._core_data: dict[str, Any] = {}  # the same as they are shown
         self._own_arrays: dict[Hashable, Arrays] = {}  # that only functions called in this game keep
         self._core_memories: dict[str, dict[Any, Any]] = {}  # what the core remembers for agents, as above
-        self._why_later = ""  # why the game leaves after the function that is called
         self._at_start = parts.take()
         self._moved: tuple[tuple[int, int | None, bool], Members] | None = None
         self._asked: tuple[Any, AskedPart] | None = None
@@ -281,8 +323,10 @@ class RowOfGame(Row):
         self._first_map = self._map.snapshot()
         self._first_members: Members | None = Members(game, means)
         self.members = self._first_members
-        self._first = self.members.get_equipment()
-        self._fixed = self._list_fixed_values()
+        self._first_facts: dict[str, Any] = {}
+        self._first_terms = self._make_terms(means)
+        self.terms = self._first_terms
+        self._put_terms(self.terms)
         self._begin_game()
 
     def _begin_game(self) -> None:
@@ -293,6 +337,7 @@ class RowOfGame(Row):
         self._show_members()
         self.turns.note_departed()
         self.facts_shown = dict(self._facts)
+        self._first_facts = dict(self._facts)
         self.read.clear()
         self._note_epoch()
 
@@ -309,6 +354,8 @@ class RowOfGame(Row):
         values.start, values.deed_log = self._first_fields
         values.data = {}
         self.seed = seed
+        self.asks_all = False
+        self.game.internals.calls_rules = False
         self.ctx.reseed(seed)
         self._parts.restore(self._at_start, forget=True)
         begin(self.game)
@@ -318,10 +365,10 @@ class RowOfGame(Row):
         self._own_arrays = {}
         self._first_map = self._map.snapshot()
         if self.members is not self._first_members:
-            self.members = self._first_members = Members(self.game, self._means)
-            self._first = self.members.get_equipment()
+            self.members = self._first_members = Members(self.game, self._first_terms.means)
+            self._first_terms = self._make_terms(self._first_terms.means)
         self.members.renew_journal()
-        self._fixed = self._list_fixed_values()
+        self._put_terms(self._first_terms)
         self._begin_game()
 
     def _begin_state(self) -> None:
@@ -350,8 +397,16 @@ class RowOfGame(Row):
         return self.members.block
 
     @property
+    def _means(self) -> RowMeans:
+        return self.terms.means
+
+    @property
+    def _core(self) -> CoreGames:
+        return self.terms.means.core
+
+    @property
     def _plan(self) -> RowPlan:
-        return self._means.plan
+        return self.terms.means.plan
 
     @property
     def _phase_call(self) -> PhaseCall:
@@ -387,7 +442,7 @@ class RowOfGame(Row):
         """Refuse a verb that no function may call in a turn; the argument says which, in words."""
         self._raise(f"A plain function {what}: play and reset a game between two turns, not in a function of a turn.")
 
-    def go_alone(self, what: str) -> NoReturn:
+    def _go_alone(self, what: str) -> NoReturn:
         """Let the game go on in another context; the argument says why, in words.
 
         Raises:
@@ -410,10 +465,6 @@ class RowOfGame(Row):
             "the game alone, for example by scenario.play."
         )
 
-    def _leave_later(self, what: str) -> None:
-        """Let the game go on alone after the function that is called; the argument says why, in words."""
-        self._why_later = self._why_later or what
-
     def take_along(self, begin: Callable[[RuleTable], BegunPhase]) -> Any:
         """Return the game, which leaves, in another context; Any: it is a `Game`.
 
@@ -423,7 +474,7 @@ class RowOfGame(Row):
         Args:
             begin: returns the phase that is played, from the rules of the game.
         """
-        begun = begin(self._first_means[1])
+        begun = begin(self.terms.rules)
         self._refuse_kept_rows()
         is_within = begun.phase == "deeds"
         drawn = self._find_drawn()
@@ -465,21 +516,126 @@ class RowOfGame(Row):
     def put_back(self) -> None:
         """Put the context back as it was before the game has left, but for what functions have written."""
         self.why = ""
-        self._why_later = ""
         self.raised = None
         self.values.blocked = BlockedAgents()
         self._has_core_data = False
-        settings, rules = self._first_means
         self._drop_changes()
-        if self._parts.settings.settings_now() != settings:
-            self._parts.settings.configure(settings)
-        if self._parts.rules.now is not rules:
-            self._parts.rules.put(rules)
-        collectors = self._parts.collectors
-        collectors.by_name = {name: one for name, one in collectors.by_name.items() if name in self._first_collectors}
+        self._take_terms_back(self.terms)
         self.turns.begun = None
         self.forget_looks()
+        self._note_epoch()
+
+    def _take_terms_back(self, terms: PlanTerms) -> None:
+        """Follow a plan on these terms again, with the settings, rules and collectors of then."""
+        parts = self._parts
+        if parts.settings.settings_now() != terms.settings:
+            parts.settings.configure(terms.settings)
+        if parts.rules.now is not terms.rules:
+            parts.rules.put(terms.rules)
+        parts.collectors.by_name = {**terms.collectors}
+        self._put_terms(terms)
+
+    def _put_terms(self, terms: PlanTerms) -> None:
+        """Follow a plan on these terms."""
+        means = terms.means
+        self.terms = terms
+        self.has_other_plan = False
+        self._state = means.state
+        self.look = None if means.plan.asks_all else self._unknown_look
+        has_deeds = means.state.doings is not None
+        self._keeps_more = means.plan.asks_all or has_deeds or bool(self._drivers or terms.collectors)
         self._fixed = self._list_fixed_values()
+
+    def _make_terms(self, means: RowMeans) -> PlanTerms:
+        """Return the present terms with which the game can follow a plan."""
+        parts = self._parts
+        members = self.members
+        is_first = means.state.roster.is_first
+        each = zip(members.numbers.tolist(), members.agents.members, members.agents.equipment, strict=True)
+        equipment = {agent.name: own for number, agent, own in each if is_first[number]}
+        settings = zip(members.sensors.sensors, members.sensors.keywords, strict=True)
+        keywords = {id(sensor): own for sensor, own in settings}
+        carried = [sensor for _, sensors in equipment.values() for sensor in sensors.values()]
+        return PlanTerms(
+            means,
+            parts.settings.settings_now(),
+            parts.rules.now,
+            {**parts.collectors.by_name},
+            equipment,
+            {id(sensor): keywords.get(id(sensor)) for sensor in carried},
+            {one.name: one.rule for of_phase in parts.rules.now.of_phase.values() for _, one in of_phase},
+        )
+
+    def follow(self, means: RowMeans) -> None:
+        """Follow another plan from now on, with what functions have changed."""
+        if self._plan.core_keys and not self._has_core_data:
+            self._show_core_data()
+        self.read_field("memories")  # which puts what the core remembers to those that functions have written
+        blocked = {name: "; ".join(why) for name, why in self._list_failures().items()}
+        asked = {*self._list_asked()}
+        self._put_terms(self._make_terms(means))
+        self._take_means(blocked, asked)
+
+    def make_key(self) -> Hashable | None:
+        """Return what the plan that the game needs now differs by from others; None: it is that of the start."""
+        first = self._first_terms
+        steps = first.means.core.steps
+        find = self.ctx.graph.graph.get_node
+        memories = self.read_field("memories") if steps else {}
+        unreadable = [name for name, memory in memories.items() if not can_read(steps, memory, find)]
+        facts = [(name, Same(fact)) for name, fact in self.list_own_facts().items()]
+        are_exact = all(map(is_exact_float, self.read_field("scores").values()))
+        key = self._make_terms(self._means).make_key(first)
+        calls_rules = self.game.internals.calls_rules or not are_exact
+        if key == first.make_key(first) and not (calls_rules or self.asks_all or unreadable or facts):
+            return None
+        return key, calls_rules, self.asks_all, tuple(sorted(unreadable)), tuple(facts)
+
+    def list_own_facts(self) -> dict[str, Any]:
+        """Return the facts that functions have published since the game began, and that the plan depends on."""
+        first = self._first_facts
+        found = {name: fact for name, fact in self._facts.items() if first.get(name) is not fact}
+        specs = [one.spec for one in self.game.rules]
+        deciders = [*self.ctx.agent.storage.list_strategies(), *(one.function for one in self.game.plans.values())]
+        forms = [*(one.array_form for one in specs), *(get_strategy_spec(one).array_form for one in deciders)]
+        if any(form is not None for form in forms):  # array functions may read all
+            return found
+        read = {name for spec in specs for name in spec.reads_owners}
+        return {name: fact for name, fact in found.items() if name in read}
+
+    def list_carriers(self) -> dict[int, Any]:
+        """Return the agents of the start whose strategies or sensors were changed, by their numbers."""
+        first = self._first_terms
+        now = self._make_terms(self._means)
+        changed = {name for name, own in now.equipment.items() if first.equipment.get(name) != own}
+        if any(first.sensors.get(one) != own for one, own in now.sensors.items()):
+            changed = {*now.equipment}
+        return {self.number_of[name]: self.ctx.agent.agents[name] for name in changed}
+
+    def _take_means(self, blocked: Mapping[str, str], were_asked: set[str]) -> None:
+        """Take the memories, the data of rules, and the agents to the plan that the game follows now.
+
+        Args:
+            blocked: agent -> why it failed to act in its last turn.
+            were_asked: the agents whose strategies were called before.
+        """
+        data = get_data(self.values)
+        self._first_core_data |= copy_deep({key: data[key] for key in self._plan.core_keys & data.keys()})
+        self._has_core_data = True  # as functions have left it
+        game = GameRow.from_game(self._state, self.number)
+        self._begin_rules(game)
+        if KEPT in self._plan.core_keys:
+            self._take_arrays(data.get(KEPT, {}))
+        self._has_core_data = False
+        self.read["memories"] = get_memories(self.values)
+        self._put_arrays(begin_steps(self._core.steps, self.ctx, game))
+        self.read.clear()
+        for name in self._list_asked():
+            if name not in were_asked and name in blocked:
+                self.undone[name] = blocked[name]
+        self.members.find_kinds(self._means)
+        self._show_members()
+        self._asked = None
         self._note_epoch()
 
     def _drop_changes(self) -> None:
@@ -568,7 +724,8 @@ class RowOfGame(Row):
             return None
         starts, ends, _ = (column[0] for column in self._core.get_last_moves(games))
         starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
-        return self._make_moves_between(starts, ends, took_part, has_moved).fit_to_parts(begun.order)
+        moves = self._make_moves_between(starts, ends, took_part, has_moved)
+        return moves if self._core.courses is not None else moves.fit_to_parts(begun.order)
 
     def _fill_fields(self) -> None:
         """Put what only the core has into the fields of the game that leaves."""
@@ -588,10 +745,9 @@ class RowOfGame(Row):
         told = {*found, *self._list_asked()}  # asked agents are told in `undone`
         decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
         has_decided = self._core.part_of < decided
-        for error in state.errors.list_entries(number):
-            last = state.turn[number] - (not has_decided[self.number_of[error["agent"]]])
-            if error["turn"] == last and error["agent"] not in told:
-                found.add(error["agent"], error["message"])
+        for name, messages in self._list_failures().items():
+            for message in messages if name not in told else ():
+                found.add(name, message)
         is_known = state.blocked[number].copy()
         if state.turn[number] == self._means.start.turn:  # others were blocked before the game was in the batch
             is_known &= has_decided
@@ -602,6 +758,19 @@ class RowOfGame(Row):
             why = describe_conflict(self._core.get_wanted_place(number, agent))
             if why not in found.get(names[agent], ""):
                 found.add(names[agent], why)
+        return found
+
+    def _list_failures(self) -> dict[str, list[str]]:
+        """Return agent -> why it could not act in its last turn, other than conflicts."""
+        state = self._state
+        number = self.number
+        decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
+        has_decided = self._core.part_of < decided
+        found: dict[str, list[str]] = {}
+        for error in state.errors.list_entries(number):
+            last = state.turn[number] - (not has_decided[self.number_of[error["agent"]]])
+            if error["turn"] == last:
+                found.setdefault(error["agent"], []).append(error["message"])
         return found
 
     def _list_fixed_values(self) -> tuple[int, object, int]:
@@ -693,7 +862,7 @@ class RowOfGame(Row):
     def _show_counts(self) -> None:
         """Show how often sensors have looked before agents move: once, if their owners have decided."""
         part = self.part
-        if part is None or not self.members.counting:
+        if part is None or not self.members.counting or self._plan.asks_all:  # where all are asked, sensors count
             return
         _, _, took_part = self._core.get_next_moves(np.array([self.number]), part)
         have_looked = took_part[0] & (self._core.part_of <= part)
@@ -837,17 +1006,28 @@ class RowOfGame(Row):
         self._take_events()
         facts = dict(self._facts)
         game = GameRow.from_game(self._state, self.number)
-        for key, value in self._first_core_data.items():
-            data[key] = copy_deep(value)
+        for key in self._plan.core_keys & self._first_core_data.keys():
+            data[key] = copy_deep(self._first_core_data[key])
         arrays = {**self._own_arrays, **game.of_arrays}
         if arrays:
             data[KEPT] = arrays
         with self._phase.suspend(changes_world=False):
-            for rule in as_called(self.game.rules):
-                if rule.spec.show_arrays is not None:
-                    rule.spec.show_arrays(self.ctx, game, self.read["events"], None)
+            for spec in self._list_specs_in_core():
+                if spec.show_arrays is not None:
+                    spec.show_arrays(self.ctx, game, self.read["events"], None)
         self._facts.update({name: facts[name] for name in self._plan.core_keys & facts.keys()})  # they are the same
         self._core_data = copy_deep(self._get_core_data())
+
+    def _list_specs_in_core(self) -> list[RuleSpec]:
+        """Return the declarations of the rules that the core plays."""
+        specs = [one.spec for one in self._plan.rules]
+        return [one for one in specs if one.core_form is not None]
+
+    def _begin_rules(self, game: GameRow) -> None:
+        """Let rules in the core go on from their data in `ctx.game.data`."""
+        for spec in self._list_specs_in_core():
+            if spec.begin_arrays is not None:
+                self._put_arrays(spec.begin_arrays(self.ctx, game))
 
     def _get_core_data(self) -> dict[str, Any]:
         """Return the data of rules in the core in `ctx.game.data`."""
@@ -865,16 +1045,20 @@ class RowOfGame(Row):
             if self._phase_call.begun is None:  # it is refused, and the data stay
                 get_data(self.values).update(self._core_data)
                 self._has_core_data = False
-            self.go_alone("drops ctx.game.data of rules or functions in the core")
+            self._need_own_rules("drops ctx.game.data of rules or functions in the core")
+            lost = self._core_data.get(KEPT, {}).keys() - now.get(KEPT, {}).keys()
+            makers = {key: self._state.makers[key] for key in lost & self._state.kept.keys()}
+            self._put_arrays({key: make(1) for key, make in makers.items()})
+            return
         if not _are_equal(now, self._core_data):
-            game = GameRow.from_game(self._state, self.number)
-            for rule in as_called(self.game.rules):
-                if rule.spec.begin_arrays is not None:
-                    self._put_arrays(rule.spec.begin_arrays(self.ctx, game))
-            arrays = now.get(KEPT, {})
-            self._own_arrays = {key: arrays[key] for key in arrays.keys() - self._state.kept.keys()}
-            self._put_arrays({key: arrays[key] for key in arrays.keys() & self._state.kept.keys()})
+            self._begin_rules(GameRow.from_game(self._state, self.number))
+            self._take_arrays(now.get(KEPT, {}))
         self._has_core_data = False
+
+    def _take_arrays(self, arrays: Mapping[Hashable, Arrays]) -> None:
+        """Take the arrays that array functions keep in this game."""
+        self._own_arrays = {key: arrays[key] for key in arrays.keys() - self._state.kept.keys()}
+        self._put_arrays({key: arrays[key] for key in arrays.keys() & self._state.kept.keys()})
 
     def _has_lost_arrays(self, now: Mapping[str, Any]) -> bool:
         """Return whether a function has deleted arrays that array functions keep."""
@@ -947,9 +1131,7 @@ class RowOfGame(Row):
 
     def _make_messages(self) -> list[dict[str, Any]]:
         radio = self._state.radio
-        found = [] if radio is None else radio.list_entries(self.number)
-        self._num_messages = len(found)
-        return found
+        return [] if radio is None else radio.list_entries(self.number)
 
     def _make_errors(self) -> list[dict[str, Any]]:
         return self._state.errors.list_entries(self.number)
@@ -963,8 +1145,7 @@ class RowOfGame(Row):
 
     def _make_memories(self) -> dict[str, dict[Any, Any]]:
         found = get_memories(self.values)
-        has_decided = self._has_moved or self.part is not None or bool(self._core.arrival)
-        memories = self._core.get_memories(self.number) if has_decided else {}
+        memories = self._core.get_memories(self.number) if self._has_decided else {}
         self._core_memories = copy_deep(memories)
         for name, memory in memories.items():
             found.setdefault(name, {}).update(memory)
@@ -984,7 +1165,8 @@ class RowOfGame(Row):
             return
         find = self.ctx.graph.graph.get_node
         if not all(can_read(self._core.steps, memory, find) for memory in memories.values()):
-            self.go_alone("writes memories that strategies in the core cannot read")
+            self._need_plan("writes memories that strategies in the core cannot read")
+            return
         self._put_arrays(begin_steps(self._core.steps, self.ctx, GameRow.from_game(self._state, self.number)))
 
     def _make_moves(self) -> TurnMoves | None:
@@ -1011,6 +1193,11 @@ class RowOfGame(Row):
         """Whether agents have moved in the batch; else the last moves are those of the turn before."""
         number = self.number
         return self._state.turn[number] > self._means.start.turn or self._core.count_played_parts(number) > 0
+
+    @property
+    def _has_decided(self) -> bool:
+        """Whether agents have decided in the batch."""
+        return self._has_moved or self.part is not None or bool(self._core.arrival)
 
     @property
     def _moment(self) -> tuple[int, int | None, bool]:
@@ -1091,7 +1278,7 @@ class RowOfGame(Row):
     def take(self) -> None:
         """Write the changes into the columns; the game leaves if they are of values that columns do not hold.
 
-        See `has_changed`.
+        See `has_changed`; if the plan has changed, see `follow`.
         """
         journal = self.journal
         phase = self._phase
@@ -1104,9 +1291,12 @@ class RowOfGame(Row):
         if self.has_other_map:
             self._take_roads()  # before the agents, which may be on new nodes
         if is_other and self._list_fixed_values() != self._fixed:
-            self.go_alone("changes settings, rules or collectors")
+            self._note_terms()
         if self._own["_seed"] != self.seed:
-            self.go_alone("changes the seed")
+            self.seed = self.ctx.seed
+            self._state.seeds[self.number] = self.seed
+            for key, rows in self._state.draw_rows([self.seed]).items():
+                self._state.drawn[key][self.number] = rows[0]
         are_changed = are_changed or not kinds.isdisjoint(_EQUIPPING)
         block = self._take_agents(journal, kinds, are_changed=are_changed) if have_changed else self.block
         if self.read:
@@ -1118,8 +1308,25 @@ class RowOfGame(Row):
                 self._state.numbers[name][self.number, self.members.numbers] = getattr(block, name)
         if self._facts != self.facts_shown:
             self._take_facts()
-        if self._why_later:
-            self.go_alone(self._why_later)
+
+    def _need_own_rules(self, what: str) -> None:
+        """Let all rules be called as functions in this game, after a function has changed what the core has of them."""
+        self._need_plan(what)
+        self.game.internals.calls_rules = True
+
+    def _note_terms(self) -> None:
+        """Note that a function has changed settings, rules or collectors."""
+        now = self._parts.settings.settings_now()
+        known = self.terms.settings
+        if any(now[name] != known[name] for name in now.keys() - _OF_PLANS):
+            self._go_alone("changes settings")
+        self._need_plan("changes settings, rules or collectors")
+
+    def _need_plan(self, what: str) -> None:
+        """Let the game follow another plan after the function that is called; the argument says why, in words."""
+        if self._phase_call.begun is None:
+            self._go_alone(what)
+        self.has_other_plan = True
 
     def _take_members(self) -> AgentBlock:
         """Store the agents that a function has created or deleted; return their new block."""
@@ -1133,10 +1340,7 @@ class RowOfGame(Row):
         if self._moved is None or self._moved[0] != self._moment:
             self._moved = self._moment, before  # also for a game that leaves
         if not all(map(roster.can_hold, new)):
-            self.go_alone("creates agents for which most_agents= has reserved no rows")
-        owned = [(agent, (agent.strategy, agent.sensors)) for agent in agents.values()]
-        if any(self._first.get(agent, own) != own for agent, own in owned):
-            self.go_alone("changes strategies or sensors of agents")
+            self._go_alone("creates agents for which most_agents= has reserved no rows")
         for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
             self._core.leave(number, self.number_of[name], self.values.departed[name][1])
         for agent in new:
@@ -1150,6 +1354,9 @@ class RowOfGame(Row):
         before.renew_journal()
         self._show_members()
         self._fixed = self._list_fixed_values()
+        terms = self._make_terms(self._means)
+        if not terms.have_same_equipment(self.terms):
+            self._need_plan("changes strategies or sensors of agents")
         return self.members.block
 
     def _take_logs(self, read: dict[str, Any]) -> None:
@@ -1158,21 +1365,19 @@ class RowOfGame(Row):
             self._take_scores(read["scores"])
         if "events" in read and len(read["events"]) != self._num_events:
             self._take_events()
-        if "messages" in read and len(read["messages"]) != self._num_messages:
-            self.go_alone("changes ctx.game.messages")
 
     def _take_events(self) -> None:
         """Count the stops of agents by events that a function has added to the log of a game."""
         events = self.read_field("events")
         if len(events) < self._num_events:
-            self._leave_later("deletes events")
+            self._need_own_rules("deletes events")
         self._note_events(events[self._num_events :])
         self._num_events = len(events)
 
     def _take_roads(self) -> None:
         """Store the open roads of the game after a function call."""
         if not self.take_roads():
-            self.go_alone("changes more of the map than which roads are open")
+            self._go_alone("changes more of the map than which roads are open")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Count the stops of agents by events that a function has added to the log of a game."""
@@ -1189,7 +1394,7 @@ class RowOfGame(Row):
             return
         are_held = {key for key, points in known.items() if not is_exact_float(points)}  # the core adds to no scores
         if not all(key in are_held or is_exact_float(points) for key, points in scores.items()):
-            self.go_alone("sets scores that are no numbers")
+            self._need_plan("sets scores that are no numbers")
         self._state.scores.put(self.number, scores)
 
     def _take_agents(self, journal: Journal, kinds: set[int], *, are_changed: bool) -> AgentBlock:
@@ -1204,7 +1409,7 @@ class RowOfGame(Row):
             self.ctx.agent.storage.detach_agents()
         are_others = self.ctx.agent.block is not self.block
         if not kinds <= _CHANGING | (_EQUIPPING if are_others else set()):
-            self.go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
+            self._go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
         changed = self._take_members() if are_others else None
         self._take_changes(journal, kinds, changed)
         return changed or self.block
@@ -1259,14 +1464,14 @@ class RowOfGame(Row):
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         self.facts_shown = dict(now)
         if changed & self._plan.core_keys:
-            self.go_alone("publishes facts of rules in the core")
+            self._need_own_rules("publishes facts of rules in the core")
         if self._plan.has_array_functions:
-            self.go_alone("publishes facts, which array functions may read")
+            self._need_plan("publishes facts, which array functions may read")
 
     def note_looks(self, *, has_drawn: bool) -> None:
-        """Let the game go on alone if a function has changed what agents draw or see next in this turn."""
+        """Ask all agents in this game from now on if a function has changed what they draw or see next in this turn."""
         what = "draws by the streams of agents" if has_drawn else "asks sensors that err, or of classes of their own"
-        if has_drawn or not self.members.are_plain:
+        if (has_drawn or not self.members.are_plain) and not self._plan.asks_all:
             at_arrivals = self._parts.settings.decide == "arrival"
             is_arriving = self._core.arrival is not None
             is_moving = self.part is not None and (has_drawn or at_arrivals)
@@ -1275,7 +1480,9 @@ class RowOfGame(Row):
                     f"A plain function {what} while agents move, and the games of a batch have not kept how far they "
                     "are: draw from ctx.rng, or let a rule do it before or after the moves."
                 )
-            self._leave_later(what)
+            self.asks_all = True
+            self.look = None  # what it has sensed stays
+            self._need_plan(what)
 
     @property
     def has_other_map(self) -> bool:
@@ -1298,7 +1505,7 @@ class RowOfGame(Row):
         shared = values.team_memories
         has_drawn = self._own["_rng"] is not None
         if not (delayed or departed or shared or has_drawn or self.undone or self._keeps_more):
-            return self.members, self._moved  # NOTE: as in most games (w8_games.py rule)
+            return self.members, self._moved, self.terms, self.seed  # NOTE: as in most games (w8_games.py rule)
         collectors = self._parts.collectors
         collected = collectors.snapshot() if collectors.by_name else None
         looks = {which: {**of_turns} for which, of_turns in delayed.items()}
@@ -1307,11 +1514,11 @@ class RowOfGame(Row):
         rng = self.ctx.rng_state() if has_drawn else None
         driven = {**get_driven(values)}, self._parts_noted
         known = sensed, collected, looks, {**departed}, rng, {**self.undone}, copy_deep(shared), doing, driven
-        return self.members, self._moved, *known
+        return self.members, self._moved, self.terms, self.seed, *known
 
     def take_back(self, before: tuple[Any, ...]) -> None:
         """Set what `copy_turn_values` has returned; what functions have written themselves stays."""
-        members, self._moved, *known = before
+        members, self._moved, terms, self.seed, *known = before
         nothing: Any = (), None, {}, {}, None, {}, {}, None, ({}, 0)
         sensed, collected, looks, departed, rng, undone, shared, doing, driven = known or nothing
         values = self.values
@@ -1324,6 +1531,8 @@ class RowOfGame(Row):
         self.undone = undone
         self.members = members
         self._drop_changes()
+        self._take_terms_back(terms)
+        self._state.seeds[self.number] = self.seed
         for last, state in zip(self.lasts, sensed, strict=False):
             last[0] = state
         self.ctx.reseed(self.seed, rng)
@@ -1340,6 +1549,18 @@ class RowOfGame(Row):
             self.turns.order_now.slots.table.begin_again()
         for sensor, _ in self.members.counting:
             sensor.notice.reset()
+
+
+def _identify(function: object, *forms: object) -> Hashable:
+    """Return what a strategy, a plan or a rule is equal by: its form in the core or of arrays, or else itself.
+
+    Args:
+        function: the function.
+        forms: its forms, if they are known; None: it has none.
+    """
+    spec = get_strategy_spec(function)
+    known = [one for one in (*forms, spec.core_steps, spec.array_form) if one is not None]
+    return make_form_key(known[0]) if known else Same(function)
 
 
 def _are_equal(one: object, other: object) -> bool:
