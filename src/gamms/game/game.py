@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, explain_call_errors
 from gamms.compat import Surface
+from gamms.core.copies import copy_deep
 from gamms.deciding import ContextPart, get_phase, leave_last_turn, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
@@ -287,6 +288,7 @@ class Game(Surface, RuleVerbs):
         takes_all_back = self._internals.takes_all_back
         if not goes_on and (takes_all_back or self._turns.needs_checkpoint):
             take_back = self._snapshots.checkpoint()
+        of_rules = self._copy_data_of_rules() if takes_all_back else {}
         turn = state.turn
         try:
             phase.player = get_ident()
@@ -298,10 +300,18 @@ class Game(Surface, RuleVerbs):
             phase.player = None
             if take_back is not None and (takes_all_back or state.turn == turn):
                 take_back()
+                state.data.update(of_rules)
             raise
         finally:
             phase.player = None
         return state.over is None
+
+    def _copy_data_of_rules(self) -> dict[Any, Any]:
+        """Return copies of the data of shipped rules, which go back with a turn, other than those of functions."""
+        data = self._state.data
+        keys = [one.spec.key for one in self._ruleset.rules if one.spec.core_form is not None]
+        found: dict[Any, Any] = copy_deep({key: data[key] for key in keys if key is not None and key in data})
+        return found
 
     def _warn_of_unknown_teams(self) -> None:
         """Log a warning for each new plan whose team has no agents."""
