@@ -3,7 +3,7 @@
 from queue import SimpleQueue
 
 import pytest
-from batch_scenes import WALK, assert_as_alone, plain, scene
+from batch_scenes import WALK, assert_as_alone, assert_as_played, plain, scene
 
 import gamms
 from gamms import rules
@@ -259,3 +259,24 @@ def test_games_whose_facts_follow_from_their_seeds_have_plans_of_their_own(tmp_p
         assert not games.detached
         for number, seed in enumerate(games.seeds):
             assert plain(games.result(number)) == plain(made.play(seed=seed))
+
+
+def change_rules(ctx):
+    """Add a rule, and give an agent another strategy, in games with odd seeds."""
+    if ctx.game.turn == 2 and ctx.seed % 2:
+        ctx.game.add(rules.tag("blue", "red", then="respawn"), name="back")
+        ctx.agent.get_agent("red_0").strategy = walk_on
+    if ctx.game.turn == 5 and ctx.seed % 2:
+        ctx.game.remove("back")
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_games_on_several_maps_and_in_several_threads_follow_other_plans(threads):
+    maps = [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 3, "height": 6}}]
+    scenario = scene([TAG, f"{__name__}:change_rules"], allow=[__name__])
+    with scenario.batch(12, seed=1, maps=maps) as games:
+        games.run(4, threads=threads)
+        games.reset([1, 4])
+        games.run(threads=threads)
+        assert not games.detached
+        assert_as_played(games, scenario, maps=maps)
