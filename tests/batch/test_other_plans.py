@@ -280,3 +280,61 @@ def test_games_on_several_maps_and_in_several_threads_follow_other_plans(threads
         games.run(threads=threads)
         assert not games.detached
         assert_as_played(games, scenario, maps=maps)
+
+
+def test_an_agent_that_a_rule_has_drawn_for_draws_on_after_another_agent_gets_a_strategy():
+    def change(ctx):
+        if ctx.game.turn == 1 and ctx.seed % 2:
+            ctx.game.observation("red_0")["draw"].below(99)
+            ctx.agent.get_agent("blue_0").strategy = walk_on
+
+    with scene([TAG], max_turns=6).build(seed=1) as ctx:
+        ctx.game.add(change)
+        with ctx.game.batch(12) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert not games.detached
+            assert_as_alone(games, alone)
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_messages_that_a_rule_takes_out_of_the_log_are_not_heard(phase):
+    def talk(state):
+        if state["turn"] == 2:
+            state["outbox"].append({"channel": "radio", "to": None, "body": 1})
+        state["action"] = state["legal"][-1 if state["inbox"] else 0]
+
+    def clear(ctx):
+        if ctx.game.turn == 3 and ctx.seed:
+            ctx.game.messages.clear()
+
+    with scene([], max_turns=6, channels={"radio": {"range_m": 30.0}}).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = talk
+        ctx.game.add(clear, phase=phase)
+        with ctx.game.batch(3) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert not games.detached
+            assert_as_alone(games, alone)
+
+
+def test_shipped_rules_count_a_turn_once_if_a_game_of_another_plan_raises_in_it():
+    faults = {4}
+
+    def change(ctx):
+        if ctx.game.turn == 2 and ctx.seed == 1:
+            ctx.game.add(count)
+
+    def fail(ctx):
+        if ctx.game.turn in faults and ctx.seed == 1:
+            faults.clear()
+            raise ZeroDivisionError
+
+    with scene([], max_turns=8).build(seed=1) as ctx:
+        ctx.game.add(rules.resource("fuel", 3.5, per_edge=0.5))
+        ctx.game.add(change)
+        ctx.game.add(fail)
+        with ctx.game.batch(3) as games, ctx.game.fork(0).ctx as alone:
+            with pytest.raises(ZeroDivisionError):
+                games.run()
+            games.run()
+            assert_as_alone(games, alone)

@@ -1395,8 +1395,7 @@ class BatchEngine(TurnDriver):
         for one, games in self._select_maps(playing):
             if one.calls is not None:
                 one.calls.drive_on(games)
-            for named in one.core.play_rules(games):
-                one.call(named, games)
+        self._play_rules(playing)
         self._play_left()
         changed = self._number_roads() != before
         for one, games in self._select_maps(playing):
@@ -1406,6 +1405,22 @@ class BatchEngine(TurnDriver):
         if self._radio is not None:
             self._radio.end_turns(1)
         return 0
+
+    def _play_rules(self, playing: BoolArray) -> None:
+        """Call the rules of the phase "after" in these games, (games,), rank by rank, whatever plans they follow.
+
+        So functions of users, which may raise, are called in all games before shipped rules of later ranks.
+        """
+        each = [(one, games, one.core.play_rules(games)) for one, games in self._select_maps(playing)]
+        due = [next(rules, None) for _, _, rules in each]
+        while any(due):
+            rank = min(named.spec.rank for named in due if named is not None)
+            for place, (one, games, rules) in enumerate(each):
+                named = due[place]
+                while named is not None and (len(each) == 1 or named.spec.rank == rank):
+                    one.call(named, games)
+                    named = next(rules, None)
+                due[place] = named
 
     def _number_roads(self) -> IntArray:
         """Return the number of the open roads of each game among those of its map, (games,)."""

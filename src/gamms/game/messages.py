@@ -771,6 +771,12 @@ class MessageTraffic(GameLog[list[SentMessages]]):
             last = max(_find_last_arrival(entry) for _, entry in rows)
             self._under_way += ((last - turn - 1, _repeat_message(channel, games, rows)),)
 
+    def renew_under_way(self, game: int, entries: Sequence[dict[str, Any]], turn: int) -> None:
+        """Put those messages of a game under way that are logged and that some agents hear after `turn` turns."""
+        games = np.array([game])
+        self._under_way = (*((left, sent.forget(games)) for left, sent in self._under_way),)
+        self.put_under_way(games, entries, turn)
+
     def forget(self, games: IntArray) -> None:
         """Drop the messages of some games."""
         super().forget(games)

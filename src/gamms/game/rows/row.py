@@ -301,7 +301,7 @@ class RowOfGame(Row):
         self.has_first_functions = False
         self._parts = parts
         self._scores_before: dict[Any, Any] = {}
-        self._num_events = 0  # of the events that were read
+        self._num_events = self._num_messages = 0  # of those that were read
         self._unknown_look = UnknownLook(self._note_refusal)
         self.look = None
         self.undone = {}
@@ -1131,7 +1131,9 @@ class RowOfGame(Row):
 
     def _make_messages(self) -> list[dict[str, Any]]:
         radio = self._state.radio
-        return [] if radio is None else radio.list_entries(self.number)
+        found = [] if radio is None else radio.list_entries(self.number)
+        self._num_messages = len(found)
+        return found
 
     def _make_errors(self) -> list[dict[str, Any]]:
         return self._state.errors.list_entries(self.number)
@@ -1352,7 +1354,10 @@ class RowOfGame(Row):
         self.members = Members(self.game, self._means, before)
         self._first_members = None  # it would keep all agents that are deleted from now on
         before.renew_journal()
+        drawn = self.turns.snapshot()
         self._show_members()
+        if drawn:
+            self.turns.restore(drawn)
         self._fixed = self._list_fixed_values()
         terms = self._make_terms(self._means)
         if not terms.have_same_equipment(self.terms):
@@ -1365,6 +1370,8 @@ class RowOfGame(Row):
             self._take_scores(read["scores"])
         if "events" in read and len(read["events"]) != self._num_events:
             self._take_events()
+        if "messages" in read and len(read["messages"]) != self._num_messages:
+            self._take_messages(read["messages"])
 
     def _take_events(self) -> None:
         """Count the stops of agents by events that a function has added to the log of a game."""
@@ -1373,6 +1380,13 @@ class RowOfGame(Row):
             self._need_own_rules("deletes events")
         self._note_events(events[self._num_events :])
         self._num_events = len(events)
+
+    def _take_messages(self, messages: Sequence[dict[str, Any]]) -> None:
+        """Let the messages of the log be under way that a function has left in it."""
+        radio = self._state.radio
+        if radio is not None:
+            radio.renew_under_way(self.number, messages, self.values.turn)
+        self._num_messages = len(messages)
 
     def _take_roads(self) -> None:
         """Store the open roads of the game after a function call."""
