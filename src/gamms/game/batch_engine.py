@@ -197,7 +197,7 @@ class GamesOnOneMap:
 
     def change(self, row: RowOfGame, number: int) -> "GamesOnOneMap":
         """Return the games that follow the plan that a game needs now, whose functions have changed it."""
-        roster = self.state.roster.with_agents(row.list_carriers())
+        roster = self.state.roster.replace_agents(row.list_carriers())
         state = view_with_plan(self.state, roster, dict(row.game.facts) if self.differs else row.list_own_facts())
         own = GamesBySeed(self.game, None, 0, {}, differs=False)
         found = GamesOnOneMap(self.game, state, self._block, number, own, self._change_plan)
@@ -982,7 +982,7 @@ class BatchEngine(TurnDriver):
         self._in_turn |= {before.number, now.number}
         row.follow(now.means)
         if now is before and number not in self._left:
-            return  # what has changed counts in the game alone
+            return  # it goes on with this plan
         self._block.plan_of[number] = now.number
         if called is not None and number not in self._left:
             named, part = called

@@ -191,7 +191,7 @@ class AgentTable(NamedTuple):
         masks = [copy_locked(one) for one in (is_first, is_public, flies)]
         return cls(names, teams, copy_locked(team_of), copy_locked(kernels.compute_name_keys(names)), ordered, *masks)
 
-    def with_agents(self, agents: Mapping[int, IAgent]) -> "AgentTable":
+    def replace_agents(self, agents: Mapping[int, IAgent]) -> "AgentTable":
         """Return the same roster with other agents of the same names and teams, by their numbers."""
         return self._replace(agents=[agents.get(number, agent) for number, agent in enumerate(self.agents)])
 

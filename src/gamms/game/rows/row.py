@@ -134,7 +134,7 @@ class RowMeans(NamedTuple):
 
 
 class PlanTerms(NamedTuple):
-    """What a game follows a plan with: its own settings, rules, collectors, strategies and sensors.
+    """The settings, rules, collectors, strategies and sensors of a game that follows a plan.
 
     Attributes:
         means: what the games that follow the plan share.
@@ -154,10 +154,13 @@ class PlanTerms(NamedTuple):
     sensors: Mapping[int, dict[str, Any] | None]
     functions: Mapping[str, Callable[..., object]]
 
-    def have_same_equipment(self, before: "PlanTerms") -> bool:
-        """Return whether the agents have the strategies and sensors of earlier terms."""
-        are_same = all(before.equipment.get(name) == own for name, own in self.equipment.items())
-        return are_same and all(before.sensors.get(one) == now for one, now in self.sensors.items())
+    def list_changed(self, before: "PlanTerms") -> list[str]:
+        """Return the agents whose strategies or sensors are not those of earlier terms."""
+        return [name for name, own in self.equipment.items() if before.equipment.get(name) != own]
+
+    def have_changed_sensors(self, before: "PlanTerms") -> bool:
+        """Return whether sensors have other settings than in earlier terms, or did not exist then."""
+        return any(before.sensors.get(one) != now for one, now in self.sensors.items())
 
     def make_key(self, first: "PlanTerms") -> Hashable:
         """Return what plans of games with the same start differ by: those with equal keys are one plan.
@@ -165,17 +168,17 @@ class PlanTerms(NamedTuple):
         Args:
             first: the terms of the game at its start.
         """
-        own = [(name, owned) for name, owned in self.equipment.items() if first.equipment.get(name) != owned]
-        are_same = [sensors == first.equipment[name][1] for name, (_, sensors) in own]
-        have_same_sensors = all(are_same) and all(first.sensors.get(one) == now for one, now in self.sensors.items())
+        own = [(name, *self.equipment[name]) for name in self.list_changed(first)]
+        are_others = [sensors != first.equipment[name][1] for name, _, sensors in own]
+        have_other_sensors = any(are_others) or self.have_changed_sensors(first)
         plans = [(team, _identify(plan.function), plan.arrays) for team, plan in self.settings["plans"].items()]
         rules = [(one, one.spec) for one in self.rules.rules]
         return (
             (Same(self.settings["conflicts"]), self.settings["max_turns"], tuple(plans)),
             tuple((one.name, one.phase, _identify(one.rule, spec.core_form, spec.array_form)) for one, spec in rules),
             tuple((name, one.every, one.per, Same(one.fn)) for name, one in self.collectors.items()),
-            frozenset((name, _identify(strategy)) for name, (strategy, _) in own),
-            None if have_same_sensors else Same(self.equipment),
+            frozenset((name, _identify(strategy)) for name, strategy, _ in own),
+            Same(self.equipment) if have_other_sensors else None,
         )
 
 
@@ -607,9 +610,7 @@ class RowOfGame(Row):
         """Return the agents of the start whose strategies or sensors were changed, by their numbers."""
         first = self._first_terms
         now = self._make_terms(self._means)
-        changed = {name for name, own in now.equipment.items() if first.equipment.get(name) != own}
-        if any(first.sensors.get(one) != own for one, own in now.sensors.items()):
-            changed = {*now.equipment}
+        changed = now.equipment if now.have_changed_sensors(first) else now.list_changed(first)
         return {self.number_of[name]: self.ctx.agent.agents[name] for name in changed}
 
     def _take_means(self, blocked: Mapping[str, str], were_asked: set[str]) -> None:
@@ -1360,7 +1361,7 @@ class RowOfGame(Row):
             self.turns.restore(drawn)
         self._fixed = self._list_fixed_values()
         terms = self._make_terms(self._means)
-        if not terms.have_same_equipment(self.terms):
+        if terms.list_changed(self.terms) or terms.have_changed_sensors(self.terms):
             self._need_plan("changes strategies or sensors of agents")
         return self.members.block
 
@@ -1495,7 +1496,7 @@ class RowOfGame(Row):
                     "are: draw from ctx.rng, or let a rule do it before or after the moves."
                 )
             self.asks_all = True
-            self.look = None  # what it has sensed stays
+            self.look = None  # so that its last looks stay
             self._need_plan(what)
 
     @property
