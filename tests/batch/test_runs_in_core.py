@@ -384,6 +384,7 @@ def test_a_run_that_is_interrupted_stops_between_two_turns():
 
     with crowd(agents=2)() as ctx, crowd(agents=2)() as stepped:
         before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        ctx.game.run(2)  # loads what runs need
         timer = threading.Timer(0.02, press)
         try:
             with pytest.raises(KeyboardInterrupt):
