@@ -188,4 +188,22 @@ def _change_values(ctx, lot):
         ctx.game.events.clear()
 
 
-CHANGES = (_change_rules, _change_strategies, _change_sensors, _change_conflicts, _change_collectors, _change_values)
+def _change_columns(ctx, lot):
+    """Change what the columns of all games do not hold: speeds, teams, settings, and the map besides its roads."""
+    agents = sorted(ctx.agent.agents)
+    agent = ctx.agent.agents[agents[lot % len(agents)]]
+    if lot % 5 == 0 and agent.speed is not None:
+        agent.speed = 1.0 + lot % 3 if ctx.game.speed_unit == "edges" else 7.0 + lot % 9
+    if lot % 5 == 1 and ctx.game.order is None:  # else it may be another while agents move, which is refused
+        agent.team = ("red", "blue")[lot % 2]
+    if lot % 5 == 2:
+        ctx.game.on_illegal = ("stay", "raise")[lot % 2]
+    edges = [*ctx.graph.graph.get_edges()]
+    if lot % 5 == 3 and edges:
+        ctx.graph.graph.remove_edge(edges[lot % len(edges)])
+
+
+CHANGES = (
+    *(_change_rules, _change_strategies, _change_sensors, _change_conflicts, _change_collectors, _change_values),
+    _change_columns,
+)

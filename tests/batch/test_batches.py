@@ -339,7 +339,7 @@ def test_games_to_which_a_rule_adds_a_rule_are_played_on_with_the_same_results()
             assert slow.is_in_arrays
             slow.step()
             assert not slow.detached
-            assert repr(slow) == "Batch(2 games, 0 over, played in the core)"
+            assert repr(slow) == "Batch(2 games, 0 over)"
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["time limit", "time limit"]
             assert slow.turn.tolist() == [3, 3]

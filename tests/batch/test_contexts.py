@@ -298,7 +298,7 @@ def test_functions_of_a_batch_see_the_last_turn_of_the_run_as_alone():
         ctx.game.add(note, phase="before")
         with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
             games.run(3, warn=False)
-            assert [*games.detached] == [0]
+            assert not games.detached
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert alone.game.run(3).events == games.result(number).events

@@ -76,7 +76,7 @@ class Row:
 
     Attributes:
         number, turns, values, seed: see the arguments.
-        why: why the game leaves the batch; "": it does not.
+        why: why the game needs columns of its own; "": it does not.
         raised: what the function has raised that was called last; None: nothing.
         undone: agent -> the reasons other than conflicts why its last action failed.
         read: the fields of its state that were made when they were read.
@@ -224,7 +224,7 @@ class Row:
         return 0
 
     def call(self, function: Callable[..., object], args: tuple[object, ...]) -> bool:
-        """Call a function in this game, and take its changes; return whether the game leaves the batch."""
+        """Call a function in this game, and take its changes; return whether the game needs columns of its own."""
         if self._games.stop[0]:
             self._state.notice_interrupt()
         self.show()
@@ -254,7 +254,7 @@ class Row:
                     if has_looked:
                         self.forget_looks()
         except Exception:
-            if not self.why:
+            if not self.why:  # else it is raised where the game goes on
                 raise
         finally:
             self._end()

@@ -50,7 +50,7 @@ cpdef int play_aside(Player p, i64 begin, i64 end) except -1
 @cython.final
 cdef class TurnsOfGames:
     cdef const i64[::1] turn
-    cdef const u8[::1] going, apart
+    cdef const u8[::1] going
     cdef i64 last, parts
     cdef i64[::1] until
     cdef u8[::1] over
@@ -123,7 +123,6 @@ cdef class TurnDriver:
     @cython.locals(entries=list)
     cpdef int play_moves(self, TurnPlan plan) except -1
     @cython.locals(played=Py_ssize_t)
-    cpdef int play_on(self, TurnPlan plan, list entries) except -1
     @cython.locals(phase=object, entry=Entry, number=Py_ssize_t)
     cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
 

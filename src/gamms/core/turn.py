@@ -215,7 +215,6 @@ class TurnsOfGames:
 
     Attributes:
         going: (games,) 0: a rule has ended the game.
-        apart: (games,) 1: the game is played in a context of its own.
         turn: (games,) the number of turns played.
         last: the turn at which all games end; -1: there is none.
         parts: the number of parts of a turn.
@@ -226,7 +225,6 @@ class TurnsOfGames:
     def __init__(
         self,
         going: memoryview[int],
-        apart: memoryview[int],
         turn: memoryview[int],
         last: int,
         parts: int,
@@ -234,7 +232,6 @@ class TurnsOfGames:
         over: memoryview[int],
     ) -> None:
         self.going = going
-        self.apart = apart
         self.turn = turn
         self.last = last
         self.parts = parts
@@ -250,7 +247,7 @@ def begin_turns(t: TurnsOfGames, most: int) -> int:
         until = t.turn[game] + most
         if t.last >= 0:
             until = min(until, t.last)
-        if t.going[game] and not t.apart[game] and t.turn[game] < until:
+        if t.going[game] and t.turn[game] < until:
             t.until[game] = until * t.parts
     return 0
 
@@ -532,10 +529,6 @@ class TurnDriver:
     def play_moves(self, plan: TurnPlan) -> int:
         """Let all agents observe, decide and move, part by part."""
         entries = plan.entries if self.first == 0 else plan.list_entries_from(self.first)
-        return self.play_on(plan, entries)
-
-    def play_on(self, plan: TurnPlan, entries: list[Entry]) -> int:
-        """Play these phases of a plan; when a function has changed what the plan depends on, go on with a new one."""
         played = self.play_entries(entries, plan.epoch)
         while played < len(entries):  # a function has changed what the plan depends on
             last = entries[played - 1]

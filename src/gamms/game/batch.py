@@ -4,7 +4,6 @@ import os
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from copy import deepcopy
 from functools import partial
 from itertools import count
 from threading import RLock
@@ -40,13 +39,13 @@ from gamms.game.block.columns import (
     find_decider,
     make_roster,
 )
-from gamms.game.block.state import Columns, GameArrays, LeavingGame
+from gamms.game.block.state import Columns, GameArrays
 from gamms.game.hidden_state import is_drawing_globally, refuse_changes
 from gamms.game.plan import find_first_called
 from gamms.game.random_streams import get_global_state, seed_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
 from gamms.game.rows.by_seed import GamesBySeed, MakeFunctions
-from gamms.game.rows.separate_games import SeparateGames
+from gamms.game.rows.shown_games import ShownGames
 from gamms.game.strategy_specs import PoolSpec, list_pools, name_strategy
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -150,7 +149,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._own = [self._make_functions(source) for source in sources]
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
         self._engine = self._make_engine()
-        self._separate = SeparateGames(self._engine, self._roster, self._play_separately)
+        self._shown_games = ShownGames(self._engine)
         self._actions = ActionLog(len(seeds), is_kept=as_bool(record, "record"))
         self._is_loaded = np.zeros(len(seeds), np.bool_)
         self._steps = 0
@@ -236,12 +235,7 @@ class Batch(Surface, Immutable, NotPickled):
         return len(self.seeds)
 
     def __repr__(self) -> str:
-        places = "played in the core"
-        if self._separate:
-            places = f"{len(self._separate)} of them in contexts of their own"
-        if 0 < len(self._separate) < len(self):
-            places += ", the others in the core"
-        return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, {places})"
+        return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over)"
 
     def __enter__(self) -> Self:
         return self
@@ -253,7 +247,6 @@ class Batch(Surface, Immutable, NotPickled):
         """End the contexts of the batch."""
         self._put_public(is_closed=True)
         self._hide()
-        self._separate.close()
         self._engine.close()
         self._close_window()
         for source in self._sources:
@@ -333,7 +326,8 @@ class Batch(Surface, Immutable, NotPickled):
         with delay_interrupts(at_most_once=True, on_interrupt=self._interrupt):
             try:
                 with self._check_hidden_state():
-                    self._play_turn(given, threads, before)
+                    self._shown_games.observe(self._engine.own if given else ())
+                    self._engine.step(given, threads)
                 is_played = True
             except TurnInterrupted:
                 return False
@@ -341,37 +335,6 @@ class Batch(Surface, Immutable, NotPickled):
                 if is_played or (self._engine.count_turns() > before).any():  # a rule may raise after all agents moved
                     self._note(before, given)
         return True
-
-    def _play_turn(self, given: Mapping[Hashable, OutsideActions], threads: int, turns: IntArray) -> None:
-        """Play one turn of the games, which have played `turns`, (games,)."""
-        engine = self._engine
-        separate = self._separate
-        self._let_given_leave(given)
-        going = separate.going if separate and self._ran_from is None else []  # a run plays them later
-        separate.check(given if going else {})
-
-        def play_others(leaving: dict[int, LeavingGame]) -> None:
-            for number, one in leaving.items():
-                separate.add(number, one.why, one.game, int(turns[number]))
-            separate.step([*going, *leaving], given)
-
-        is_single = np.count_nonzero(~engine.is_over) == 1
-        with separate.undo_after_error(going, is_single=is_single):
-            engine.step(given, threads, play_others=play_others)
-
-    def _let_given_leave(self, given: Mapping[Hashable, OutsideActions]) -> None:
-        """Play games in contexts of their own from now on, before any plays, if functions need all decisions.
-
-        These are games with actions from outside for agents whose states or sensors functions need.
-        """
-        if given and self._engine.asks_all:
-            why = "agents have actions from outside, and functions may read what agents have sensed before"
-            self._leave_now(self._engine.playing, why)
-
-    def _leave_now(self, which: BoolArray, why: str) -> None:
-        """Play those games of a mask, (games,), that are not over in contexts of their own from now on."""
-        for number in np.flatnonzero(which & self._engine.playing).tolist():
-            self._separate.add(number, why, self._fork(number))
 
     def _is_at_start(self, number: int) -> bool:
         """Return whether a game has not begun to play."""
@@ -444,43 +407,27 @@ class Batch(Surface, Immutable, NotPickled):
             show = line if is_shown else None
             began = self._engine.count_turns()
             self._ran_from = began
-            self._separate.begin_run()
             self._engine.stop_after(turns)
             limits = [turns, game.settings()["max_turns"], *(rule.spec.last_turn for rule in game.rules)]
             self._warns_of_no_end = not any(isinstance(limit, int) for limit in limits)
             try:
-                self._run_in_core(num_threads, show, began)
+                self._run_games(num_threads, show)
             finally:
                 self._ran_from = None
-            with self._watch_hidden_state():
-                self._run_separately(show, began)
         self._follow({})
 
-    def _run_in_core(self, threads: int, show: Callable[[str], object] | None, began: IntArray) -> None:
-        """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works.
+    def _run_games(self, threads: int, show: Callable[[str], object] | None) -> None:
+        """Play games until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works.
 
-        Games in which functions draw from the global generators are played one after the other. `began`: (games,) the
-        number of turns that each had played when the run began.
+        Games in which functions draw from the global generators are played one after the other.
         """
         if self._engine.calls_each and is_drawing_globally(self._engine.functions):
             with self._watch_hidden_state():
                 for number in np.flatnonzero(self._engine.playing).tolist():
-                    self._run_alone(number, threads, show, began)
+                    with self._engine.play_only(number):
+                        self._run_together(threads, show, None)
         else:
             self._run_together(threads, show, get_global_state() if self._engine.calls_each else None)
-
-    def _run_alone(self, number: int, threads: int, show: Callable[[str], object] | None, began: IntArray) -> None:
-        """Play a game while the others wait, with the global generators that belong to its seed."""
-        with self._engine.play_only(number):
-            self._run_together(threads, show, None)
-            if number in self._separate.going:
-                self._run_separately(show, began, number)
-
-    def _run_separately(self, show: Callable[[str], object] | None, began: IntArray, only: int | None = None) -> None:
-        """Play the games in contexts of their own; see `SeparateGames.run`."""
-        for _ in self._separate.run(began, only):
-            if show is not None:
-                self._show_progress(show)
 
     def _run_together(self, threads: int, show: Callable[[str], object] | None, before: object) -> None:
         """Play games turn by turn; `before`: the state of the global generators, None: functions may draw from them."""
@@ -613,7 +560,7 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _note_begun(self, games: IntArray) -> None:
         """Note that games have begun: forget the actions that were given to them before."""
-        self._separate.forget(games.tolist())
+        self._shown_games.forget(games.tolist())
         self._actions.forget(games)
         self._is_loaded[games] = False
 
@@ -669,7 +616,7 @@ class Batch(Surface, Immutable, NotPickled):
                 f"{what} needs games that the core plays; by metres it does not know turn restrictions, and agents "
                 "obey them."
             )
-        if self._separate or self._engine.calls_each:
+        if self._engine.calls_each:
             why = str(find_first_called(self.game, self._roster)).removesuffix(".")
             raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")
         if self._num_maps > 1:
@@ -726,7 +673,7 @@ class Batch(Surface, Immutable, NotPickled):
         return self._make_source_view(agents, *(sources or [self._engine.newest[number]]))
 
     def _make_source_view(self, agents: IntArray, number: int) -> ArrayView:
-        self._separate.observe([game for game in self.detached if self._source_of[game] == number])
+        self._shown_games.observe([game for game in self._engine.own if self._source_of[game] == number])
         return self._engine.make_view(agents, number)
 
     @property
@@ -762,7 +709,10 @@ class Batch(Surface, Immutable, NotPickled):
     @property
     def scores(self) -> dict[Any, Any]:
         """The scores, key -> float64 (games,); a score that no game has set is 0."""
-        return defaultdict(partial(np.zeros, len(self)), self._engine.collect_scores())
+        return defaultdict(
+            partial(np.zeros, len(self)),
+            {key: points.copy() for key, points in self._engine.maps[0].state.scores.items()},
+        )
 
     @property
     def is_over(self) -> BoolArray:
@@ -787,12 +737,12 @@ class Batch(Surface, Immutable, NotPickled):
     def result(self, game: int) -> Result:
         """Return the result of a game so far; timings are 0 if the core plays it."""
         number = self._as_game(game)
-        return self._separate.get_result(number) if number in self._separate else self._engine.get_result(number)
+        return self._engine.get_result(number)
 
     @property
     def detached(self) -> dict[int, str]:
-        """The games that are played in contexts of their own, game -> reason; see docs/batches.md."""
-        return dict(sorted(self._separate.reasons.items()))
+        """Always empty: whatever functions do, games stay in their batch."""
+        return {}
 
     def table(self) -> dict[str, Any]:
         """Return columns with one row for each game: seed, turns, reason, winner, truncated, and `score.<key>`.
@@ -809,9 +759,7 @@ class Batch(Surface, Immutable, NotPickled):
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
         for team in find_pools(self):
             columns[f"opponent.{team}"] = find_opponent_names(self, team, np.arange(len(self)))
-        return columns | {
-            f"score.{key}": numbers for key, numbers in sorted(self._engine.collect_scores().items(), key=str)
-        }
+        return columns | {f"score.{key}": points for key, points in sorted(self.scores.items(), key=str)}
 
     @explain_call_errors
     def record(self, game: int, path: str | os.PathLike[str]) -> None:
@@ -846,7 +794,7 @@ class Batch(Surface, Immutable, NotPickled):
             given: the number of turns played before -> the actions from outside, team by team.
         """
         turns = int(self._engine.count_turns()[number])
-        game.internals.state.last_turn = self._engine.get_game_state(number).run_until(number)
+        game.internals.state.last_turn = self._engine.maps[0].state.run_until(number)
         is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
         acting = OutsideActor(game, self._roster)
         try:
@@ -878,21 +826,17 @@ class Batch(Surface, Immutable, NotPickled):
 
         It begins as a copy of the game as it is now, and plays each later turn as the batch does, which takes as long
         as a turn of the game alone; its own `step` and `run` are refused. It is terminated when another game is shown,
-        and when the game is reset; with `vis_engine=`, it has a window. A game that has left the batch is shown in the
-        context where it is played.
+        and when the game is reset; with `vis_engine=`, it has a window.
 
         Raises:
             BadValue: another thread plays the batch.
         """
         number = self._as_game(game)
         with self._lock_for_playing():
-            if number in self._separate and self._sources[self._source_of[number]].show is None:
-                ctx = self._separate.get_game(number).ctx
-            else:
-                if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
-                    self._hide()
-                    self._shown = _SingleGame(number, self._show(number))
-                ctx = self._shown.game.ctx
+            if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
+                self._hide()
+                self._shown = _SingleGame(number, self._show(number))
+            ctx = self._shown.game.ctx
             ctx.game.internals.shown_as = number
             return ctx
 
@@ -902,7 +846,7 @@ class Batch(Surface, Immutable, NotPickled):
         if source.show is not None and self._is_at_start(number):
             return self._begin_in_window(source.show, number)
         self._close_window()
-        game = self._fork(number)
+        game = self._engine.fork(number)
         if source.open_window is not None:
             source.open_window(game.ctx)
         return game
@@ -923,14 +867,6 @@ class Batch(Surface, Immutable, NotPickled):
             self._window.game.ctx.terminate()
             self._window = None
 
-    def _fork(self, number: int) -> PlayedGame:
-        """Return a game as it is now, in a context of its own."""
-        if number not in self._separate:
-            return self._engine.maps[int(self._source_of[number])].fork(number)
-        game: PlayedGame = deepcopy(self._separate.get_game(number).ctx).game
-        game.internals.left_as = number
-        return game
-
     def _follow(self, given: Mapping[Hashable, OutsideActions]) -> None:
         """Advance the separate context to the current turn of its game, with the actions of this turn."""
         shown = self._shown
@@ -945,8 +881,8 @@ class Batch(Surface, Immutable, NotPickled):
 
     @property
     def is_in_arrays(self) -> bool:
-        """Whether the core plays all games: none is played in a context of its own."""
-        return not self._separate
+        """Whether the core plays all games, except for functions."""
+        return not self._engine.own
 
     @property
     def loaded(self) -> int | None:
@@ -1155,7 +1091,7 @@ def step_with(
 
 def can_play_in_one_call(games: Batch, given: Mapping[Hashable, OutsideActions]) -> bool:
     """Return whether the core plays a whole turn with these actions in one call."""
-    return not games._separate and games._engine.can_play_moves(given)
+    return games._engine.can_play_moves(given)
 
 
 def can_restart_in_one_call(games: Batch) -> bool:

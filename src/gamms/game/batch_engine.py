@@ -5,6 +5,7 @@ from collections import ChainMap
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
+from dataclasses import replace
 from functools import partial
 from math import hypot
 from time import perf_counter
@@ -19,7 +20,7 @@ from gamms.core.moves import NO_EDGE, STOP
 from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.core.turn import TurnDriver, TurnPlan, TurnsOfGames, begin_turns, play_step
 from gamms.deciding import DecidePhase
-from gamms.errors import GammsError, UnknownName
+from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.turn import ArrayTurn
 from gamms.game.array_functions.view import (
@@ -36,12 +37,13 @@ from gamms.game.block.columns import (
     find_decider,
     get_or_make,
     get_sensors,
+    make_roster,
     play_in_threads,
 )
 from gamms.game.block.in_core import CoreColumns, CoreGames, get_memory, is_function, list_called_rules, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, make_movement
 from gamms.game.block.sensing import is_turning_with_agent, note_sensors
-from gamms.game.block.state import NO_STOP, GameArrays, LeavingGame, view_with_plan
+from gamms.game.block.state import NO_STOP, GameArrays, view_with_plan
 from gamms.game.conflicts import flatten
 from gamms.game.deeds import DeclaredDeeds, check_value
 from gamms.game.hidden_state import find_names
@@ -55,9 +57,9 @@ from gamms.game.random_streams import seed_for_run
 from gamms.game.result import Result, list_opponents
 from gamms.game.rows.by_seed import GamesBySeed
 from gamms.game.rows.contexts import RowContexts
-from gamms.game.rows.functions import ChangePlan, RowFunctions
+from gamms.game.rows.functions import CalledRule, RowDriver, RowFunctions
 from gamms.game.rows.row import RowMeans, RowOfGame
-from gamms.game.settings import BegunPhase, NamedRule, RuleTable, group_rules, join_rules
+from gamms.game.settings import NamedRule, RuleTable, group_rules, join_rules
 from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays
 from gamms.ir.columns import Failure, select_rows
 from gamms.ir.deeds import DeedLog, DeedsInArrays
@@ -76,50 +78,65 @@ _ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
 _LONG_S = 0.1  # turns that take longer can be interrupted
 _MOMENT_S = 0.2  # of several turns that are played at once
 _MOST_AT_ONCE = 10_000  # turns
+_OWN = -1  # the number of the plan of games that have columns of their own
 _FIRST_PLAN = 1 << 30  # the number of the first plan that functions make: larger than those of maps
 
 
 class RulesLeft:
-    """The rules that a game has yet to call in a phase of the turn in which it has begun to follow another plan.
+    """The rules that a game has yet to call in a phase of the turn in which its functions have changed what it follows.
 
     Args:
         number: the number of the game.
-        named: the rule that is called.
-        before: the rules when the phase began.
+        phase: the phase.
+        groups: the rules, in groups that are called as one.
+        seen: all rules that the game has had in the phase.
         part: the part of the turn in which agents are about to move; None: they are not.
 
     Attributes:
-        number, part: see above.
-        phase: the phase.
+        number, phase, part: see above.
     """
 
-    def __init__(self, number: int, named: NamedRule, before: RuleTable, part: int | None) -> None:
+    def __init__(
+        self,
+        number: int,
+        phase: str,
+        groups: Sequence[Sequence[NamedRule]],
+        seen: Sequence[NamedRule],
+        part: int | None,
+    ) -> None:
         self.number = number
-        self.phase = named.phase
+        self.phase = phase
         self.part = part
+        self._groups = [*groups]
+        self._seen = [*seen]
+
+    @classmethod
+    def from_rule(cls, number: int, called: CalledRule, before: RuleTable) -> "RulesLeft":
+        """Return the rules after one that is called, of those with which the phase has begun."""
+        named, part = called
         groups = before.of_phase[named.phase]
         place = [joined.name for _, joined in groups].index(named.name)
-        self._groups = [group for group, _ in groups[place + 1 :]]
-        self._seen = before.rules
+        return cls(number, named.phase, [group for group, _ in groups[place + 1 :]], before.rules, part)
+
+    def move(self, number: int, here: RuleTable, there: RuleTable) -> "RulesLeft":
+        """Return the same rules for the fork of a game, given the rules that the game and the fork have now."""
+
+        def find(rules: Sequence[NamedRule]) -> list[NamedRule]:
+            return [there.rules[here.rules.index(one)] for one in rules if one in here.rules]
+
+        return RulesLeft(number, self.phase, [find(group) for group in self._groups], find(self._seen), self.part)
 
     def take(self, now: RuleTable) -> None:
         """Follow other rules: call those that were added, too, and none that were removed."""
         self._groups = [[one for one in group if one in now.rules] for group in self._groups]
         added = [one for one in now.rules if one not in self._seen]
-        self._seen = (*self._seen, *added)
+        self._seen += added
         self._groups += [group for group, _ in group_rules([one for one in added if one.phase == self.phase])]
 
     def pop(self) -> NamedRule | None:
         """Return the rule that is called next; None: there is none."""
         self._groups = [group for group in self._groups if group]
         return join_rules(self._groups.pop(0)) if self._groups else None
-
-    def begin(self, order: Sequence[Sequence[Any]] | None) -> BegunPhase:
-        """Return the phase in which the game goes on if it leaves the batch, with the order of play in the turn."""
-        left = [one for group in self._groups for one in group]
-        called = [one for one in self._seen if one not in left]
-        number = len(group_rules([one for one in called if one.phase == self.phase]))
-        return BegunPhase(self.phase, [*called, *left], number, order, self.part or 0)
 
 
 class GamesOnOneMap:
@@ -133,7 +150,7 @@ class GamesOnOneMap:
         block: the columns that the games on all maps share.
         number: the number of the map.
         own: the games that differ by their seeds.
-        change_plan: called with a game whose functions have changed what belongs to its plan.
+        driver: plays all games.
 
     Attributes:
         game, state, number: see above.
@@ -157,14 +174,14 @@ class GamesOnOneMap:
         block: CoreColumns,
         number: int,
         own: GamesBySeed,
-        change_plan: ChangePlan,
+        driver: RowDriver,
     ) -> None:
         self.game = game
         self._own = own
         self.state = state
         self.number = number
         self._block = block
-        self._change_plan = change_plan
+        self._driver = driver
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
 
     def begin_all(self, starts: NextStarts, games: IntArray) -> Self:
@@ -200,9 +217,9 @@ class GamesOnOneMap:
         roster = self.state.roster.replace_agents(row.list_carriers())
         state = view_with_plan(self.state, roster, dict(row.game.facts) if self.differs else row.list_own_facts())
         own = GamesBySeed(self.game, None, 0, {}, differs=False)
-        found = GamesOnOneMap(self.game, state, self._block, number, own, self._change_plan)
+        found = GamesOnOneMap(self.game, state, self._block, number, own, self._driver)
         found.source = self
-        asks_all = self.plan.asks_all or row.asks_all or are_all_asked(row.game, roster, own)
+        asks_all = self.plan.asks_all or are_all_asked(row.game, roster, own)
         found._make_plan(row.game, asks_all=asks_all)
         found._initial = self._initial
         found._beginning = self._beginning
@@ -247,7 +264,7 @@ class GamesOnOneMap:
 
     def _make_calls(self) -> RowFunctions:
         """Return what calls plain functions."""
-        return RowFunctions(self.contexts, self.means, self._change_plan)
+        return RowFunctions(self.contexts, self.means, self._driver)
 
     @property
     def means(self) -> RowMeans:
@@ -305,10 +322,7 @@ class GamesOnOneMap:
 
     def _get_data(self, number: int) -> Mapping[Any, Any]:
         """Return `ctx.game.data` of a game."""
-        if not self.state.is_apart[number]:
-            return self.contexts.get_data(number, self._first_data)
-        data: Mapping[Any, Any] = self.state.apart[number]().internals.state.data
-        return data
+        return self.contexts.get_data(number, self._first_data)
 
     @property
     def asking(self) -> int | None:
@@ -466,8 +480,6 @@ class GamesOnOneMap:
         if not self.core.arrival:
             self._fly_as_given(games, is_given & (self.core.part_of == part))
         self._call_each(games, part, is_given, here)
-        if self.state.leaving:
-            games = games[~np.isin(games, [*self.state.leaving])]
         for group in self.plan.groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]
@@ -491,7 +503,8 @@ class GamesOnOneMap:
             actions = self._call_strategy(view, group)
             self._take_acts(view)
         except Exception as error:
-            error.add_note(f"In the strategy {group.name} of a batch, {describe_turns(view.turn, view.games)}.")
+            turns = describe_turns(view.turn, view.games, self.state.first_game)
+            error.add_note(f"In the strategy {group.name} of a batch, {turns}.")
             raise
         return actions
 
@@ -604,16 +617,18 @@ class GamesOnOneMap:
             self._block.given[given] = self.calls.lead(view, self._block.given[given])
         asked = np.flatnonzero(self.plan.is_asked & are_next & ~is_given)
         observing = np.flatnonzero(self.plan.is_observing & are_next & (is_given | ~self.plan.is_asked))
+        told = np.flatnonzero(is_given & are_next) if self.plan.asks_all else asked[:0]
         if here is not None:
-            games = games[here[games][:, np.append(asked, observing)].any(axis=1)]
-        if self.calls is None or not len(games) or not len(asked) + len(observing):
+            games = games[here[games][:, np.concatenate((asked, observing, told))].any(axis=1)]
+        if self.calls is None or not len(games) or not len(asked) + len(observing) + len(told):
             return
         view = ArrayView(self.state, games, asked)
         try:
-            self._block.given[np.ix_(games, asked)] = self.calls.decide(view, observing, here, part)
+            self._block.given[np.ix_(games, asked)] = self.calls.decide(view, observing, told, here, part)
         except Exception as error:
             if len(asked) and not getattr(error, "__notes__", ()):  # which name the function that has raised
-                error.add_note(f"In the strategy {self._called} of a batch, {describe_turns(view.turn, view.games)}.")
+                turns = describe_turns(view.turn, view.games, self.state.first_game)
+                error.add_note(f"In the strategy {self._called} of a batch, {turns}.")
             raise
 
     def leave_closed_edges(self, games: IntArray, part: int | None = None) -> None:
@@ -684,7 +699,7 @@ class GamesOnOneMap:
             self.core.courses.note_places(self._block.here, are_open=are_open)
 
     def end_deeds(self, games: IntArray, part: int, lived: BoolArray) -> None:
-        """Note who has fallen in the phase "deeds", and cancel the flights of agents that were placed elsewhere.
+        """Note who has fallen in the phase "deeds", and let agents stay that were created or placed elsewhere in it.
 
         Args:
             games: the games.
@@ -693,6 +708,7 @@ class GamesOnOneMap:
         """
         fell = lived[games] & ~self.state.alive[games]
         self.state.fell[games] = self.state.fell[games] | fell if part else fell
+        self.core.put_replacing(games)
         if self.state.flights is not None:
             are_put = (self.state.node[games] != self._block.start[games]) & (self.core.part_of == part)
             self.state.flights.cancel(flatten(games, np.int64), get_memory(are_put), are_put.shape[1])
@@ -724,12 +740,12 @@ class GamesOnOneMap:
     def call_left(self, named: NamedRule, left: RulesLeft) -> None:
         """Call a rule in a game that has begun to follow this plan in a phase, or has followed it before."""
         games = np.array([left.number])
-        game = self.contexts.rows[left.number].game
+        game = self.contexts.get(left.number).game
         (called,) = list_called_rules(game, self.state.roster, [named])
         if not is_function(called):
             self.core.play_rule(called, games)
         elif called.spec.array_form is None and self.calls is not None:
-            self.calls.call(called, games, left.part, left.begin)
+            self.calls.call(called, games, left.part)
         else:
             self.call(called, games, left.part)
 
@@ -742,7 +758,7 @@ class GamesOnOneMap:
         if last is not None and self.state.turn[games[0]] == self._initial.turn:
             turn.starts, turn.ends, turn.took_part, turn.paths = select_rows(last, np.zeros_like(games))
         else:
-            moves = self.core.get_last_moves(games) if part is None else self.core.get_next_moves(games, part)
+            moves = self.core.get_moves(games, part)
             turn.starts, turn.ends, turn.took_part = moves
             if part is None:
                 turn.paths = self.core.get_paths(games)
@@ -755,7 +771,7 @@ class GamesOnOneMap:
         except Exception as error:
             error.add_note(
                 f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, "
-                f"{describe_turns(turn.turn, turn.games)}."
+                f"{describe_turns(turn.turn, turn.games, self.state.first_game)}."
             )
             raise
         finally:
@@ -792,11 +808,14 @@ class TurnOfGames:
         first: (games,) the first part of the turn that was not played before.
         begun: (games,) the number of parts of turns that were played before this turn.
         in_part: (games,) a mask of the games that play the current part.
+        roads: (games,) the number of the open roads of each game before rules of a phase were called.
+        lived: (games, agents) who lived before the phase "deeds".
     """
 
     first: IntArray
     begun: IntArray
     in_part: BoolArray
+    lived: BoolArray
 
     def __init__(
         self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], agents: OutsideAgents, threads: int
@@ -805,6 +824,7 @@ class TurnOfGames:
         self.given = given
         self.agents = agents
         self.threads = threads
+        self.roads = np.full(len(playing), -1)
 
 
 class BatchEngine(TurnDriver):
@@ -825,6 +845,8 @@ class BatchEngine(TurnDriver):
 
     Attributes:
         maps: the games on each map.
+        own: what plays the games whose functions have changed more than the columns of all games hold, by number: each
+            in columns of its own, in the same phases.
         maps_in_use: the numbers of the maps that games are on.
         newest: the numbers of the maps on which games begin from now on: those that were put last.
         starts: what the next starts of games have by their seeds.
@@ -881,10 +903,11 @@ class BatchEngine(TurnDriver):
         self._in_turn = set[int]()  # the numbers of those that games have followed in the current turn
         self._next_plan = itertools.count(_FIRST_PLAN)
         self._left: dict[int, RulesLeft] = {}  # by game
+        self.own: dict[int, BatchEngine] = {}
         self._is_moving = False
         self._acts = False
         for number, (game, state, values) in enumerate(zip(games, states, own, strict=True)):
-            made = GamesOnOneMap(game, state, self._block, number, values, self._change_plan)
+            made = GamesOnOneMap(game, state, self._block, number, values, self)
             self.maps.append(made.begin_all(self.starts, np.flatnonzero(self._map_of == number)))
         self._num_parts = self.maps[0].core.num_parts
         self._by_metres = any(movement.by_metres for movement in movements)
@@ -898,7 +921,6 @@ class BatchEngine(TurnDriver):
         state = self._state
         self._turns = TurnsOfGames(
             get_memory(state.is_going),
-            get_memory(state.is_apart),
             get_memory(state.turn),
             -1 if self._last is None else self._last,
             self._num_parts,
@@ -924,7 +946,7 @@ class BatchEngine(TurnDriver):
         self._has_rules_before = any(one.plan.list_rules("before") for one in self._in_use)
         # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
         acts = self._acts or self._has_deeds
-        self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
+        self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres or self.own)
         self._plays_turns = self._plays_parts_at_once and not (self._has_rules_before or self._leaves_out)
         self._given_agents.clear()
         self.plan_now = None
@@ -952,7 +974,7 @@ class BatchEngine(TurnDriver):
         states = [self._state.view_on_map(*pair) for pair in zip(movements, rosters, strict=True)]
         none = np.zeros(0, np.int64)
         maps = [
-            GamesOnOneMap(game, state, self._block, first + place, values, self._change_plan)
+            GamesOnOneMap(game, state, self._block, first + place, values, self)
             for place, (game, state, values) in enumerate(zip(games, states, own, strict=True))
         ]
         for one in maps:
@@ -967,7 +989,14 @@ class BatchEngine(TurnDriver):
 
     # -- plans ----------------------------------------------------------------------------------------------------
 
-    def _change_plan(self, row: RowOfGame, called: tuple[NamedRule, int | None] | None) -> None:
+    def go_on(self, row: RowOfGame, called: CalledRule | None) -> None:
+        """Let a game go on whose functions have changed what it shares with others; see `RowDriver`."""
+        if row.why:
+            self._move_out(row, called)
+        else:
+            self._change_plan(row, called)
+
+    def _change_plan(self, row: RowOfGame, called: CalledRule | None) -> None:
         """Let a game follow the plan that it needs now, because a function has changed what belongs to its plan.
 
         Args:
@@ -985,8 +1014,7 @@ class BatchEngine(TurnDriver):
             return  # it goes on with this plan
         self._block.plan_of[number] = now.number
         if called is not None and number not in self._left:
-            named, part = called
-            self._left[number] = RulesLeft(number, named, rules, part)
+            self._left[number] = RulesLeft.from_rule(number, called, rules)
         if number in self._left:
             self._left[number].take(row.terms.rules)
         self._find_phases()
@@ -1021,16 +1049,134 @@ class BatchEngine(TurnDriver):
         while self._left:
             number, left = next(iter(self._left.items()))
             is_cut_short = left.phase == "before" and not self._state.is_going[number]
-            named = None if is_cut_short or number in self._state.leaving else left.pop()
+            named = None if is_cut_short else left.pop()
             if named is None:
                 del self._left[number]
             else:
                 self._find_plan(number).call_left(named, left)
+        for one in [*self.own.values()]:
+            one._play_left()
 
-    @property
-    def asks_all(self) -> bool:
-        """Whether the strategies of all agents are called game by game in some games."""
-        return any(one.plan.asks_all for one in self._in_use)
+    def _move_out(self, row: RowOfGame, called: CalledRule | None) -> None:
+        """Let a game go on in columns of its own, because a function has changed what those of all games do not hold.
+
+        Args:
+            row: the game.
+            called: see `RowDriver`.
+        """
+        number = row.number
+        before = self._find_plan(number)
+        has_other_map = row.has_other_map
+        game, new = row.make_fork()
+        try:
+            own = make_engine(game)
+            own._state.first_game = self._state.first_game + number
+            left = self._left.pop(number, None)
+            if left is None and called is not None:
+                left = RulesLeft.from_rule(number, called, row.terms.rules)
+            if left is not None:
+                now = row.game.internals.parts.rules.now
+                left.take(now)
+                own._left[0] = left.move(0, now, own.maps[0].contexts.get(0).terms.rules)
+            own._join(self, number, before, new, has_other_map=has_other_map)
+        except BaseException:
+            game.ctx.terminate()
+            raise
+        own.phase = self.phase
+        self.own[number] = own
+        self.maps[int(self._map_of[number])].contexts.moved[number] = partial(self.show, number)
+        self._block.plan_of[number] = _OWN
+        self._end_with_others(number)
+        self._find_phases()
+        self.phase.drop_plans()
+
+    def _join(
+        self, others: "BatchEngine", number: int, before: GamesOnOneMap, new: Sequence[str], *, has_other_map: bool
+    ) -> None:
+        """Go on with a game in the middle of its turn among others.
+
+        Args:
+            others: plays the others.
+            number: the number of the game there.
+            before: the games that follow the plan that it has followed there.
+            new: the names of the agents that the function has created.
+            has_other_map: whether it has changed the map, besides the open roads.
+        """
+        left = {**self._left}
+        self._begin_turn(np.ones(1, np.bool_), others._give_to(self, number), 1)
+        self._left = left
+        now = self._now
+        theirs = others._now
+        pairs = self._state.roster.find_pairs(before.state.roster)
+        part = others.part if others._is_moving else None
+        known = [i for i, agent in enumerate(pairs[0].tolist()) if self._state.roster.names[agent] not in new]
+        if part is not None and (self.maps[0].core.part_of[pairs[0]] != before.core.part_of[pairs[1]])[known].any():
+            raise BadValue(
+                'A rule of the phase "deeds" changes ctx.game.order, or the teams of agents, while agents move in this '
+                'order. In a batch, change it in the phase "before" or "after".'
+            )
+        created = [self._state.roster.names.index(name) for name in new]
+        self.maps[0].core.take_moves(before.core, number, pairs, created, part)
+        self.maps[0].contexts.get(0).keep_moves(part)
+        self._is_moving = others._is_moving
+        have_changed = has_other_map or bool((others._number_roads() != theirs.roads)[[number]].any())
+        now.roads = np.full(1, -1) if have_changed else self._number_roads()
+        if not self._is_moving:
+            return
+        self._acts = True
+        self.part = others.part
+        now.first = theirs.first[[number]]
+        now.begun = self._state.turn * self._num_parts
+        now.in_part = np.ones(1, np.bool_)
+        now.lived = np.zeros(self._state.alive.shape, np.bool_)
+        now.lived[0, pairs[0]] = theirs.lived[number, pairs[1]]
+        agents = dict(zip(*pairs[::-1].tolist(), strict=True))
+        turning = [one for one in others._state.turning if one[0] == number and one[1] in agents]
+        self._state.turning += [(0, agents[turned], heading) for _, turned, heading in turning]
+        others._deed_log.move_part(number, self._deed_log, agents)
+        if others._radio is not None and self._radio is not None:
+            others._radio.move_admitted(number, self._radio)
+
+    def _give_to(self, own: "BatchEngine", number: int) -> dict[Hashable, OutsideActions]:
+        """Return the given actions of this turn for a game that another engine plays alone."""
+        found = {}
+        roster = own._state.roster
+        numbers = {name: agent for agent, name in enumerate(roster.names)}
+        teams = roster.list_teams()
+        for team, wanted in self._now.given.items():
+            members = [self._state.roster.names[agent] for agent in wanted.select_agents(self._state.roster, team)]
+            places = [i for i, name in enumerate(members) if name in numbers and teams[numbers[name]] == team]
+            if places:
+                renumbered = np.array([numbers.get(name, -1) for name in self._state.roster.names], np.int64)
+                declared = own.maps[0].plan.settings["deeds"]
+                one = wanted.select_game(number, np.array(places), renumbered, declared)
+                found[team] = one._replace(numbers=np.array([numbers[members[i]] for i in places]), are_legal=False)
+        return found
+
+    def _note_own(self) -> None:
+        """Write the turns, scores and ends of games in columns of their own to those of all games."""
+        state = self._state
+        for number, one in self.own.items():
+            one._note_own()
+            state.turn[number] = one._state.turn[0]
+            state.over[number] = one._state.over[0]
+            state.is_going[number] = one._state.is_going[0]
+            state.scores.put(number, one._state.scores.get_scores(0))
+
+    def _go_back(self) -> None:
+        """Follow the plans of the begin of a turn again, and drop the columns that games have got in it."""
+        for number in [number for number in self.own if self._block.plan_of[number] != _OWN]:
+            self._end_own(number)
+        for one in self.own.values():
+            one._go_back()
+        self._find_phases()
+
+    def _end_own(self, number: int) -> None:
+        """End the columns that a game has of its own."""
+        one = self.own.pop(number)
+        one.close()
+        one.maps[0].game.ctx.terminate()
+        self.maps[int(self._map_of[number])].contexts.moved.pop(number, None)
 
     @property
     def has_first_roads(self) -> bool:
@@ -1057,22 +1203,25 @@ class BatchEngine(TurnDriver):
     def current(self) -> int:
         """The number of the map whose strategies are called now; 0: none are called."""
         called = next((one for one in self._all if one.asking is not None), self.maps[0])
-        return (called.source or called).number
+        moved = next((number for number, own in self.own.items() if own.loaded is not None), None)
+        return (called.source or called).number if moved is None else int(self._map_of[moved])
 
     @property
     def loaded(self) -> int | None:
         """The number of the game whose strategies are called now; None: none are called."""
-        return next((one.asking for one in self._all if one.asking is not None), None)
+        moved = (number for number, own in self.own.items() if own.loaded is not None)
+        return next((one.asking for one in self._all if one.asking is not None), next(moved, None))
 
     @property
     def functions(self) -> list[Callable[..., object]]:
         """The functions that it calls."""
-        return [function for one in self._in_use for function in one.functions]
+        of_own = [function for own in self.own.values() for function in own.functions]
+        return [function for one in self._in_use for function in one.functions] + of_own
 
     @property
     def plays_by_phases(self) -> bool:
         """Whether functions are called, or messages are sent, between phases of a turn."""
-        has_functions = self.calls_each or len(self.functions) > 0
+        has_functions = self.calls_each or len(self.functions) > 0 or len(self.own) > 0
         return self._radio is not None or self._state.flights is not None or has_functions
 
     @property
@@ -1084,6 +1233,8 @@ class BatchEngine(TurnDriver):
         """End the contexts of games in which functions were called."""
         for one in self.maps:
             one.contexts.close()
+        for number in [*self.own]:
+            self._end_own(number)
 
     def start(self, games: IntArray, first: int | IntArray) -> None:
         """Begin games with their next rows; `first`: the number of the map of each one that has the first streets."""
@@ -1094,13 +1245,15 @@ class BatchEngine(TurnDriver):
 
     def _note_begun(self, games: IntArray, maps: IntArray) -> None:
         """Set the values of games that have begun on these maps, besides columns."""
+        ended = [game for game in games.tolist() if game in self.own]
+        for game in ended:
+            self._end_own(game)
         self._map_of[games] = maps
         self._block.plan_of[games] = maps
-        if len(self._all) > 1:
+        if len(self._all) > 1 or ended:
             self._find_games()
-            if self._in_use != [one for one, of_plan in zip(self._all, self._on, strict=True) if len(of_plan)]:
+            if ended or self._in_use != [one for one, its in zip(self._all, self._on, strict=True) if len(its)]:
                 self._find_phases()
-        self._state.is_apart[games] = False
         self.last_turns[games] = NO_STOP if self._last is None else self._last
         self._state.stop_at[games] = NO_STOP
         for number in np.unique(maps).tolist():
@@ -1117,7 +1270,7 @@ class BatchEngine(TurnDriver):
     @property
     def playing(self) -> BoolArray:
         """Whether each game is played here and is not over, (games,)."""
-        found = ~(self.is_over | self._state.is_apart)
+        found = ~self.is_over
         if self.only is not None:
             found[: self.only] = False
             found[self.only + 1 :] = False
@@ -1126,8 +1279,7 @@ class BatchEngine(TurnDriver):
     @contextmanager
     def play_only(self, game: int) -> Iterator[None]:
         """Play only this game within the block, and seed the global generators for it; see `seed_for_run`."""
-        on_map = self.maps[int(self._map_of[game])]
-        ctx = on_map.contexts.get(game).ctx
+        ctx = self.show(game).ctx
         self.only = game
         try:
             with seed_for_run(ctx, int(self._state.turn[game])):
@@ -1135,17 +1287,43 @@ class BatchEngine(TurnDriver):
         finally:
             self.only = None
 
-    def find_last_turn(self, game: int) -> int | None:
-        """Return the turn at which a game stops in any case: that of the settings, or of the last run."""
-        last = min(int(self.last_turns[game]), int(self._state.stop_at[game]))
-        return None if last == NO_STOP else last
+    def show(self, game: int) -> PlayedGame:
+        """Return a game in the context that functions get, which shows it as it is now."""
+        if game in self.own:
+            return self.own[game].show(0)
+        return self.maps[int(self._map_of[game])].contexts.show(game)
+
+    def fork(self, game: int) -> PlayedGame:
+        """Return a game as it is between two turns, in a context of its own."""
+        found = self.own[game].fork(0) if game in self.own else self.maps[int(self._map_of[game])].fork(game)
+        found.internals.left_as = game
+        return found
 
     def stop_after(self, turns: int | None) -> None:
         """Let a run that begins now stop each game after a number of turns; None: it has no limit."""
         self._state.stop_at[:] = NO_STOP if turns is None else self._state.turn + turns
         for one, games in zip(self._all, self._on, strict=True) if self._plans else ():
             last = one.plan.settings["max_turns"]  # a run that begins now ends there; the run before went on
-            self.last_turns[games[~self._state.is_apart[games]]] = NO_STOP if last is None else last
+            self.last_turns[games] = NO_STOP if last is None else last
+        for number, own in self.own.items():
+            last = own._find_limit()
+            self.last_turns[number] = NO_STOP if last is None else last
+            self._end_with_others(number)
+
+    def _end_with_others(self, number: int) -> None:
+        """Let a game in columns of its own end when those of all games say so."""
+        own = self.own[number]
+        own.last_turns[0] = self.last_turns[number]
+        own._state.stop_at[0] = self._state.stop_at[number]
+        if own.own:
+            own._end_with_others(0)
+
+    def _find_limit(self) -> int | None:
+        """Return the turn after which the only game of these ends, by its setting; None: it has no limit."""
+        if self.own:
+            return self.own[0]._find_limit()
+        last: int | None = self._find_plan(0).plan.settings["max_turns"]
+        return last
 
     def count_turns_left(self) -> int:
         """Return the largest number of turns that a game which is not over has left in a run."""
@@ -1227,38 +1405,30 @@ class BatchEngine(TurnDriver):
         """
         return self._plays_turns and all(one.are_moves for one in given.values())
 
-    def step(
-        self,
-        given: Mapping[Hashable, OutsideActions],
-        threads: int = 1,
-        play_others: Callable[[dict[int, LeavingGame]], None] | None = None,
-    ) -> None:
+    def step(self, given: Mapping[Hashable, OutsideActions], threads: int = 1) -> None:
         """Play one turn of all games that are not over.
 
         Args:
             given: team -> the actions of its agents, which replace their decisions.
             threads: the number of threads.
-            play_others: plays the turn of the games in contexts of their own; its argument has the games that have left
-                in this turn.
         """
         is_over = self.is_over
-        playing = self.playing
-        leaving = self._state.leaving
         is_single = len(is_over) - np.count_nonzero(is_over) == 1
-        each = [one for one in self._in_use if one.is_checkpoint_needed(is_given=len(given) > 0, is_single=is_single)]
+        needing = self._list_needing(is_given=len(given) > 0, is_single=is_single)
+        with self._undo_on_error(needing, is_single=is_single):
+            self._begin_turn(self.playing, given, threads)
+            self.play_turn()
+            self._note_own()
+
+    def _list_needing(self, *, is_given: bool, is_single: bool) -> list[GamesOnOneMap]:
+        """Return the games in which functions may raise after something has changed; see `is_checkpoint_needed`."""
+        each = [one for one in self._in_use if one.is_checkpoint_needed(is_given=is_given, is_single=is_single)]
         needing = [*dict.fromkeys(one.source or one for one in each)]
-        try:
-            with self._undo_on_error(needing, is_single=is_single):
-                self._begin_turn(playing, given, threads)
-                self.play_turn()
-                if play_others is not None:
-                    taken = {**leaving}
-                    leaving.clear()
-                    play_others(taken)
-        finally:
-            for one in leaving.values():  # another game has raised an error
-                one.game.ctx.terminate()
-            leaving.clear()
+        if self.own:  # in them, functions have changed more than a turn changes
+            needing = [*dict.fromkeys(one.source or one for one in self._in_use)] or self.maps[:1]
+        for own in self.own.values():
+            needing += own._list_needing(is_given=is_given, is_single=False)
+        return needing
 
     def interrupt(self) -> None:
         """Stop the turns under way, if they take long and can be taken back."""
@@ -1291,6 +1461,7 @@ class BatchEngine(TurnDriver):
             self._take_back(undoing_interrupted)
             raise
         except BaseException:
+            self._note_own()
             is_counted = is_single and (self._state.turn != turns).any()
             self._take_back(() if is_counted else undoing)
             raise
@@ -1303,23 +1474,31 @@ class BatchEngine(TurnDriver):
         """Take back a turn with these functions; games follow the plans of its begin again."""
         for undo in undoing:
             undo()
-        if self._plans:
-            self._find_phases()
+        if undoing:
+            self._go_back()
+        self._note_own()
 
     # -- the phases of a turn -----------------------------------------------------------------------------------
 
     def plan(self) -> TurnPlan:
-        """Return the phases of a turn; always the same."""
+        """Return the phases of a turn."""
+        own = [one.plan() for one in self.own.values()]
         needed = {"decide", "move"}
         if self._acts or self._has_deeds:
             needed.add("act")
         if any(one.plan.has_conflicts for one in self._in_use):
             needed.add("give way")
-        parts = [needed] * self._num_parts
+        needed |= {entry.phase for one in own for entry in one.entries} - {"send"}
+        parts = [needed] * max([self._num_parts, *(one.num_parts for one in self.own.values())])
         if self._plays_parts_at_once:
             parts[:-1] = [set()] * (self._num_parts - 1)
         self.plan_now = self.make_plan(None, parts, self._radio is not None)
         return self.plan_now
+
+    @property
+    def num_parts(self) -> int:
+        """The number of parts of a turn, of the games that have most."""
+        return max([self._num_parts, *(one.num_parts for one in self.own.values())])
 
     def _begin_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         """Note which games play a turn, and which actions come from outside."""
@@ -1329,12 +1508,24 @@ class BatchEngine(TurnDriver):
         self._block.edges.forget()
         for log in self._logs_of_turn:
             log.begin_turn()
+        for number in [number for number, one in self.own.items() if one.own]:
+            self._flatten(number)
         teams = tuple((team, wanted.name) for team, wanted in given.items())
         agents = self._given_agents.get(teams)
         if agents is None:
             agents = self._find_given(given)
             self._given_agents[teams] = agents
         self._now = TurnOfGames(playing, given, agents, threads)
+        for number, one in self.own.items():
+            one._begin_turn(playing[[number]], self._give_to(one, number), 1)
+
+    def _flatten(self, number: int) -> None:
+        """Play a game in the newest of the columns of its own that it has got one after the other."""
+        before = self.own[number]
+        self.own[number] = before.own.pop(0)
+        self.own[number].phase = self.phase
+        before.close()
+        before.maps[0].game.ctx.terminate()
 
     def _find_given(self, given: Mapping[Hashable, OutsideActions]) -> OutsideAgents:
         """Return the agents that actions are for, team by team."""
@@ -1351,18 +1542,43 @@ class BatchEngine(TurnDriver):
 
     def run_before_moves(self) -> bool:
         """Call the rules before the moves, and take the given actions."""
-        now = self._now
-        playing = now.playing
-        if self._has_rules_before:
-            playing = self._call_before(playing, now.given)
-        for one, games in self._select_maps(playing) if self._leaves_out else ():
-            one.refuse_left_out(games)
-        now.playing = playing
-        if now.given and not now.agents.asks_at_arrivals:
-            self._take(playing, now.given)
+        self._check_given()
+        self._call_rules_before()
+        self._play_left()
+        self._take_given()
         return True
 
-    def begin_moves(self, plan: TurnPlan) -> int:  # noqa: ARG002 - as in one game
+    def _check_given(self) -> None:
+        """Refuse actions from outside that are not legal before a rule is called."""
+        now = self._now
+        if self._has_rules_before:
+            self._take_moves(now.playing, now.given, self._at_rest)
+            for one, games in self._select_maps(now.playing):
+                one.check_given(games, now.given)
+        for own in self.own.values():
+            own._check_given()
+
+    def _call_rules_before(self) -> None:
+        """Call the rules of the phase "before"."""
+        others = [*self.own.values()]
+        for one, games in self._select_maps(self._now.playing) if self._has_rules_before else ():
+            one.call_before(games)
+        for own in others:
+            own._call_rules_before()
+
+    def _take_given(self) -> None:
+        """Take the given actions in the games that go on after the rules of the phase "before"."""
+        now = self._now
+        if self._has_rules_before or self._in_turn:
+            now.playing = now.playing & ~self.is_over
+        for one, games in self._select_maps(now.playing) if self._leaves_out else ():
+            one.refuse_left_out(games)
+        if now.given and not now.agents.asks_at_arrivals:
+            self._take(now.playing, now.given)
+        for own in self.own.values():
+            own._take_given()
+
+    def begin_moves(self, plan: TurnPlan) -> int:
         """Forget the choices of the last turn."""
         now = self._now
         if self._state.flights is not None:
@@ -1372,6 +1588,8 @@ class BatchEngine(TurnDriver):
         now.begun = self._state.turn * self._num_parts
         self.part = 0
         self._is_moving = True
+        for one in self.own.values():
+            one.begin_moves(plan)
         return 0
 
     def end_moves(self) -> int:
@@ -1379,39 +1597,63 @@ class BatchEngine(TurnDriver):
         self._is_moving = False
         if self._in_turn:
             self._find_phases()
+        for one in self.own.values():
+            one.end_moves()
         return 0
 
-    def lose_moves(self, error: BaseException) -> None:  # noqa: ARG002 - as in one game
+    def lose_moves(self, error: BaseException) -> None:
         """Take back the parts of the turn that were played; see `_undo_on_error`."""
         self._block.part[:] = self._now.first
         self._block.held[:] = 0
         for one in self._in_use:
             one.contexts.decide_again()
+        for own in self.own.values():
+            own.lose_moves(error)
 
     def run_after_moves(self) -> int:
         """Call rules and collectors in the games that have moved."""
-        playing = self._now.playing
-        before = self._number_roads()
-        for one, games in self._select_maps(playing):
+        self._begin_rules_after()
+        self._play_rules()
+        self._play_left()
+        self._end_rules_after()
+        return 0
+
+    def _begin_rules_after(self) -> None:
+        """Prepare to call the rules of the phase "after"."""
+        others = [*self.own.values()]
+        self._now.roads = self._number_roads()
+        for one, games in self._select_maps(self._now.playing):
             if one.calls is not None:
                 one.calls.drive_on(games)
-        self._play_rules(playing)
-        self._play_left()
-        changed = self._number_roads() != before
-        for one, games in self._select_maps(playing):
+        for own in others:
+            own._begin_rules_after()
+
+    def _end_rules_after(self) -> None:
+        """Let agents leave edges that rules have closed, call the collectors, and end the turn of messages."""
+        others = [*self.own.values()]
+        changed = self._number_roads() != self._now.roads
+        for one, games in self._select_maps(self._now.playing):
             one.leave_closed_edges(games[changed[games]])
             if one.calls is not None:
                 one.calls.collect(self._block.select_followers(one.number, games))
         if self._radio is not None:
             self._radio.end_turns(1)
-        return 0
+        for own in others:
+            own._end_rules_after()
 
-    def _play_rules(self, playing: BoolArray) -> None:
-        """Call the rules of the phase "after" in these games, (games,), rank by rank, whatever plans they follow.
+    def _list_rules_after(self) -> list[tuple[GamesOnOneMap, IntArray, Iterator[NamedRule]]]:
+        """Return the games that have moved, and what yields the functions of each that are rules."""
+        found = [(one, games, one.core.play_rules(games)) for one, games in self._select_maps(self._now.playing)]
+        for own in self.own.values():
+            found += own._list_rules_after()
+        return found
+
+    def _play_rules(self) -> None:
+        """Call the rules of the phase "after" rank by rank, whatever plans games follow.
 
         So functions of users, which may raise, are called in all games before shipped rules of later ranks.
         """
-        each = [(one, games, one.core.play_rules(games)) for one, games in self._select_maps(playing)]
+        each = self._list_rules_after()
         due = [next(rules, None) for _, _, rules in each]
         while any(due):
             rank = min(named.spec.rank for named in due if named is not None)
@@ -1436,6 +1678,10 @@ class BatchEngine(TurnDriver):
 
     def _decide(self, part: int) -> None:
         """Let the agents of a part of the turn observe and decide; if no function acts before the moves, play these."""
+        for own in self.own.values():
+            own._decide(part)
+        if part >= self._num_parts:
+            return
         now = self._now
         self.part = part
         playing: BoolArray = now.playing & (now.first <= part) & self._state.is_going
@@ -1454,35 +1700,64 @@ class BatchEngine(TurnDriver):
 
     def _act(self, part: int) -> None:
         """Call the rules that refuse moves and deeds, log the deeds, and call the rules that execute them."""
-        playing = self._now.in_part
-        for one, games in self._select_maps(playing) if self._acts else ():
+        self._check(part)
+        self._do_deeds(part)
+        self._play_left()
+        self._end_deeds(part)
+
+    def _check(self, part: int) -> None:
+        """Call the rules that refuse moves and deeds, and log the deeds."""
+        for own in self.own.values():
+            own._check(part)
+        if part >= self._num_parts:
+            return
+        for one, games in self._select_maps(self._now.in_part) if self._acts else ():
             one.check(games, part)
         self._deed_log.note(self.maps[0].state.deeds.lasting)
-        if not self._acts:
+
+    def _do_deeds(self, part: int) -> None:
+        """Call the rules of the phase "deeds"."""
+        others = [*self.own.values()]
+        now = self._now
+        if self._acts and part < self._num_parts:
+            self._play_core(now.in_part, part, _SETTLE)
+            now.roads = self._number_roads()
+            now.lived = self._state.alive.copy()
+            for one, games in self._select_maps(now.in_part):
+                for named in one.plan.list_rules("deeds"):
+                    one.call(named, games, part)
+        for own in others:
+            own._do_deeds(part)
+
+    def _end_deeds(self, part: int) -> None:
+        """Let agents stay that rules of the phase "deeds" have placed elsewhere, or whose way they have closed."""
+        for own in self.own.values():
+            own._end_deeds(part)
+        if not self._acts or part >= self._num_parts:
             return
-        self._play_core(playing, part, _SETTLE)
-        before = self._number_roads()
-        lived = self._state.alive.copy()
-        for one, games in self._select_maps(playing):
-            for named in one.plan.list_rules("deeds"):
-                one.call(named, games, part)
-        self._play_left()
-        for one, games in self._select_maps(playing):
-            one.end_deeds(games, part, lived)
-        self._play_core(playing, part, _SETTLE)
-        changed = playing & (self._number_roads() != before)
+        now = self._now
+        for one, games in self._select_maps(now.in_part):
+            one.end_deeds(games, part, now.lived)
+        self._play_core(now.in_part, part, _SETTLE)
+        changed = now.in_part & (self._number_roads() != now.roads)
         for one, games in self._select_maps(changed):
             one.cut_off(games, part)
         if changed.any():
-            self._play_core(playing, part, _SETTLE)
+            self._play_core(now.in_part, part, _SETTLE)
 
     def _give_way(self, part: int) -> None:
         """Call the functions that decide conflicts."""
-        for one, games in self._select_maps(self._now.in_part):
+        for own in self.own.values():
+            own._give_way(part)
+        for one, games in self._select_maps(self._now.in_part) if part < self._num_parts else ():
             one.give_way(games, part)
 
     def _move(self, part: int) -> None:
         """Move the agents, unless the core has moved them after their decisions; then those that fly."""
+        for own in self.own.values():
+            own._move(part)
+        if part >= self._num_parts:
+            return
         playing = self._now.in_part
         if self._acts or self._now.agents.asks_at_arrivals:
             self._play_core(playing, part, _MOVE)
@@ -1490,8 +1765,10 @@ class BatchEngine(TurnDriver):
         for one, games in self._select_maps(playing) if self._state.flights is not None else ():
             one.fly(games, part)
 
-    def _send(self, _: int) -> None:
+    def _send(self, part: int) -> None:
         """Send the messages of the turn."""
+        for own in self.own.values():
+            own._send(part)
         for one, games in self._select_maps(self._now.playing):
             one.send(games)
 
@@ -1677,18 +1954,8 @@ class BatchEngine(TurnDriver):
         state = self._state
         game = failure.game
         error = IllegalAction(f"Agent {state.roster.name(failure.agent)} in turn {state.turn[game]}: {why}")
-        error.add_note(f"In game {game} of a batch, with the seed {state.seeds[game]}.")
+        error.add_note(f"In game {state.first_game + game} of a batch, with the seed {state.seeds[game]}.")
         return error
-
-    def _call_before(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions]) -> BoolArray:
-        """Call the rules before the turn; return a mask of the games that go on."""
-        self._take_moves(playing, given, self._at_rest)
-        for one, games in self._select_maps(playing):
-            one.check_given(games, given)
-        for one, games in self._select_maps(playing):
-            one.call_before(games)
-        self._play_left()
-        return playing & ~self.is_over
 
     def _play(
         self,
@@ -1745,10 +2012,6 @@ class BatchEngine(TurnDriver):
 
     # -- seeing -------------------------------------------------------------------------------------------------
 
-    def get_game_state(self, game: int) -> GameArrays:
-        """Return the state of the games on the map of a game."""
-        return self.maps[int(self._map_of[game])].state
-
     def group_by_map(self, games: IntArray) -> Iterator[tuple[GameArrays, IntArray]]:
         """Yield the state of each map, with the given games that are on it."""
         for number, one in enumerate(self.maps):
@@ -1758,7 +2021,7 @@ class BatchEngine(TurnDriver):
 
     def make_view(self, agents: IntArray, number: int) -> ArrayView:
         """Return the observations of agents in the games on the map with this number."""
-        games = np.flatnonzero(self._map_of == number) if self._plans else self._on[number]
+        games = self._on[number] if len(self._all) == 1 and not self.own else np.flatnonzero(self._map_of == number)
         return ArrayView(self.maps[number].state, games, agents)
 
     def describe_end(self, game: int) -> dict[str, Any] | None:
@@ -1775,16 +2038,16 @@ class BatchEngine(TurnDriver):
         over = self._state.over
         return ended, [over[game] for game in ended.tolist()]
 
-    def collect_scores(self) -> dict[Any, Any]:
-        """Return the scores of all games: key -> (games,)."""
-        return {key: numbers.copy() for key, numbers in self._state.scores.items()}
-
     def count_turns(self) -> IntArray:
         """Return the number of turns played, (games,)."""
         return self._state.turn.copy()
 
     def get_result(self, game: int) -> Result:
         """Return the result of a game so far."""
+        if game in self.own:
+            found = self.own[game].get_result(0)
+            over = self.describe_end(game)
+            return replace(found, **over) if over is not None and found.reason == "unfinished" else found
         on_map = self.maps[int(self._map_of[game])]
         state = on_map.state
         template = on_map.game.result()
@@ -1904,3 +2167,13 @@ def _find_heights(game: PlayedGame, nodes: IntArray) -> FloatArray:
     """Return the heights of nodes, metres."""
     ground = game.ctx.graph.graph.ground(nodes)
     return np.zeros(len(nodes)) if ground is None else np.asarray(ground.z)
+
+
+def make_engine(game: PlayedGame) -> BatchEngine:
+    """Return what plays one game, which goes on from its present state."""
+    roster = make_roster(game)
+    seed = game.ctx.seed
+    own = GamesBySeed(game, None, seed, {}, differs=False, goes_on=True)
+    start = np.array([roster.list_start_nodes(game)])
+    movement = make_core_movement(game, roster, {})
+    return BatchEngine([game], [movement], [seed], np.zeros(1, np.int64), start, [roster], [own], 1)

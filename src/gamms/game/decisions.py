@@ -20,7 +20,7 @@ from gamms.game.hints import explain_strategy_error
 from gamms.game.movement.legality import IllegalAction, Legality
 from gamms.game.movement.streets import LegalNodes, as_table
 from gamms.game.movement.travel import GamePaths
-from gamms.game.order import PlannedAgents
+from gamms.game.order import DECIDED_OUTSIDE, PlannedAgents
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -300,6 +300,8 @@ class Decisions(Answers):
         slots = [self.slots[i] for i in commanded.indices]
         for slot, state in zip(slots, states, strict=True):
             slot.last[0] = state
+        if commanded.plan is DECIDED_OUTSIDE:
+            return
         self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
 
     def ask_arrays(self, commanded: PlannedAgents, seed: int) -> None:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from copy import copy
 from functools import cache, partial
 from operator import itemgetter
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, explain_call_errors
 from gamms.compat import Surface
-from gamms.core.copies import copy_deep
 from gamms.deciding import ContextPart, get_phase, leave_last_turn, refuse_to_judges, refuse_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
@@ -281,37 +280,21 @@ class Game(Surface, RuleVerbs):
         phase = self._phase
         # NOTE: once for each epoch, because each look at parts of the context costs (benchmarks: turns)
         is_ready = self._ready_at == phase.epoch and state.has_begun and state.over is None
-        goes_on = not is_ready and self._turns.begun is not None
-        if not (is_ready or goes_on or self._begin_turn()):
+        if not (is_ready or self._begin_turn()):
             return False
-        take_back = None
-        takes_all_back = self._internals.takes_all_back
-        if not goes_on and (takes_all_back or self._turns.needs_checkpoint):
-            take_back = self._snapshots.checkpoint()
-        of_rules = self._copy_data_of_rules() if takes_all_back else {}
+        take_back = self._snapshots.checkpoint() if self._turns.needs_checkpoint else None
         turn = state.turn
         try:
             phase.player = get_ident()
-            if goes_on:
-                self._turns.finish_turn()
-            else:
-                self._turns.play_turn()
+            self._turns.play_turn()
         except BaseException:
             phase.player = None
-            if take_back is not None and (takes_all_back or state.turn == turn):
+            if take_back is not None and state.turn == turn:
                 take_back()
-                state.data.update(of_rules)
             raise
         finally:
             phase.player = None
         return state.over is None
-
-    def _copy_data_of_rules(self) -> dict[Any, Any]:
-        """Return copies of the data of shipped rules, which go back with a turn, other than those of functions."""
-        data = self._state.data
-        keys = [one.spec.key for one in self._ruleset.rules if one.spec.core_form is not None]
-        found: dict[Any, Any] = copy_deep({key: data[key] for key in keys if key is not None and key in data})
-        return found
 
     def _warn_of_unknown_teams(self) -> None:
         """Log a warning for each new plan whose team has no agents."""
@@ -398,7 +381,7 @@ class Game(Surface, RuleVerbs):
                     self._in_core.make_last_turn()
                 self.ctx.record.start(record, sensed=sensed, overwrite=True)
                 stack.callback(self.ctx.record.stop)
-            seeding = seed_for_run(self.ctx, self._state.turn) if self._internals.seeds_runs else nullcontext()
+            seeding = seed_for_run(self.ctx, self._state.turn)
             with ExitStack() as seeded, progress_line() as show:
                 self._play_until(last, show if progress else None, cache(partial(seeded.enter_context, seeding)))
             if len(self.errors) > known:

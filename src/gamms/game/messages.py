@@ -620,12 +620,12 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         self._checked = {}
         self._admissions += 1
 
-    def copy_admitted(self, game: int, target: "MessageTraffic") -> None:
+    def move_admitted(self, game: int, target: "MessageTraffic") -> None:
         """Copy the messages that a game has admitted in this turn to the storage of a single game, which sends them."""
-        target.names = self.names
         target._admissions = self._admissions
         of_game = [select_rows(box, box.at == game) for box in self._admitted]
-        target._admitted = [box._replace(at=np.zeros_like(box.at)) for box in of_game if len(box.at)]
+        moved = [box._replace(at=np.zeros_like(box.at)) for box in of_game if len(box.at)]
+        target._admitted = [box.renumber(target.names) for box in moved]
 
     def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
         """Drop the messages of the last admission by agents whose action failed, given as (game, agent) pairs."""

@@ -22,6 +22,8 @@ from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 
+DECIDED_OUTSIDE = Plan(lambda _: None)  # it is not called: agents only get their states
+
 
 class PlannedAgents:
     """The agents of a team that a plan decides for.
@@ -99,6 +101,7 @@ class TurnPart:
         self.members: Sequence[int] = range(len(slots)) if members is None else members
         self.in_core: PartInCore | None = None
         self._commanded: tuple[bytes, list[PlannedAgents]] | None = None
+        self._given: list[PlannedAgents] = []
         self._take_ground()
         self.decides_at_arrivals = settings.decide == "arrival" and slots.travel and bool(self.paced)
 
@@ -173,7 +176,7 @@ class TurnPart:
         """The agents with a plan that take part, by team. No slots are made for agents with a plan of arrays."""
         lives = self._moving.lives
         if self._commanded is None or self._commanded[0] != lives:
-            self._commanded = lives, self._list_commanded()
+            self._commanded = lives, self._list_commanded() + self._given
         return self._commanded[1]
 
     def _list_commanded(self) -> list[PlannedAgents]:
@@ -196,12 +199,20 @@ class TurnPart:
         found: Sequence[int] = self._moving.select_present(indices)
         return found
 
-    def let_observe(self, others: Iterable[int]) -> None:
-        """Call the sensors of the agents of some slots, too, who do not decide; all observe before any decides."""
+    def let_observe(self, others: Iterable[int], given: Sequence[int] = ()) -> None:
+        """Call the sensors of the agents of some slots, too, who do not decide; all observe before any decides.
+
+        Args:
+            others: the slots.
+            given: the slots of agents that get their states, too, since their actions come from outside.
+        """
         asked = self.asked
-        self.observing = sorted({*others, *self.observing})
+        self.observing = sorted({*others, *given, *self.observing})
         self.asked = asked
         self.see_world_only = False
+        slots = self._slots
+        each = ((slots.teams[i], [i], [slots.names[i]], partial(slots.list_keys, [i])) for i in given)
+        self._given = [PlannedAgents(one[0], DECIDED_OUTSIDE, *one[1:], are_plain=False) for one in each]
 
     def prepare(self, order: "TurnOrder", version: int) -> PartInCore:
         """Return the part in the form of the core.

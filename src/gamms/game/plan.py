@@ -172,8 +172,10 @@ def are_all_asked(game: PlayedGame, roster: AgentTable, own: GamesBySeed) -> boo
     """Return whether the strategies of all agents are called game by game, shipped ones included.
 
     They are if the code of a plain function, or of one that it calls, names what agents have sensed in earlier turns,
-    `agent.state` or `sensor.data`, which each game must then keep.
+    `agent.state` or `sensor.data`, which each game must then keep; or if a function has drawn or looked for them.
     """
+    if game.internals.asks_all:
+        return True
     plans = game.settings()["plans"]
     deciders = [find_decider(agent, plans) for agent in roster.agents]
     sensors = [sensor for agent in roster.agents for sensor in get_sensors(agent).values()]

@@ -612,38 +612,6 @@ def _sort_rules(rules: Sequence[NamedRule]) -> tuple[NamedRule, ...]:
     return tuple(one for _, one in sorted(enumerate(rules), key=place_of))
 
 
-class BegunPhase(NamedTuple):
-    """A phase of the turn that was begun in a batch; the game goes on in it in a context of its own.
-
-    Attributes:
-        phase: the name of the phase: "before", "deeds" or "after".
-        rules: the rules of the game when the phase began.
-        called: how many of the rules that the phase calls were called.
-        order: the order of play in this turn; None: all agents move at once.
-        part: the part of the turn, for phases of one.
-        raised: what the function has raised that was called last; None: nothing.
-        collects: whether the collectors of the turn are still to be called.
-        sensed: (agent, sensor), or (agent, "") for its state, of which functions have replaced the last data in it.
-    """
-
-    phase: str
-    rules: Sequence[NamedRule]
-    called: int
-    order: Sequence[Sequence[Any]] | None = None
-    part: int = 0
-    raised: BaseException | None = None
-    collects: bool = True
-    sensed: frozenset[tuple[str, str]] = frozenset()
-
-    @classmethod
-    def from_rule(
-        cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None, part: int
-    ) -> "BegunPhase":
-        """Return the phase of a rule of a table, after this rule was called, with the order of play in the turn."""
-        names = [joined.name for _, joined in table.of_phase[rule.phase]]
-        return cls(rule.phase, table.rules, names.index(rule.name) + 1, order, part)
-
-
 class RuleSet:
     """The rules of one game, and changes to them.
 
@@ -745,7 +713,7 @@ class RuleSet:
             if known.get(artist) != drawing and not (artists is None and isinstance(drawing[0], str)):
                 propose(artist, {"drawer": drawing[0], "layer": drawing[1]})
 
-    def apply(self, phase: str, state: GameState, begun: BegunPhase | None = None) -> bool:
+    def apply(self, phase: str, state: GameState) -> bool:
         """Call the rules of a phase, including rules that are added meanwhile, without rules that are removed.
 
         If a rule of the phase "before" ends the game, the rest is skipped. Return whether a rule was called.
@@ -753,15 +721,10 @@ class RuleSet:
         Args:
             phase: the phase.
             state: the state of the game.
-            begun: the rules that were called already; None: none were.
         """
-        known: RuleTable | None = self.now
-        seen = self.now.rules
+        known = self.now
+        seen = known.rules
         called = self._list_players(phase)
-        if begun is not None:
-            known = None  # rules may have been removed since
-            seen = tuple(begun.rules)
-            called = self._list_left(begun, state)
         was_called = False
         while True:
             for player in called:
@@ -792,17 +755,6 @@ class RuleSet:
             called = [self._make_player(*one) for one in self.now.of_phase[phase]]
             self._players[phase] = called
         return called
-
-    def _list_left(self, begun: BegunPhase, state: GameState) -> "list[_RulePlayer]":
-        """Return what plays the rest of a phase; raise what the last rule has raised that was called, if anything."""
-        groups = group_rules([one for one in begun.rules if one.phase == begun.phase])
-        if begun.raised is not None:
-            if isinstance(begun.raised, Exception):
-                _add_place(begun.raised, groups[begun.called - 1][1], begun.phase, state, self._ctx)
-            raise begun.raised
-        if begun.phase == "before" and state.over is not None:
-            return []
-        return [self._make_player(*one) for one in groups[begun.called :]]
 
     def _make_player(self, group: Sequence[NamedRule], named: NamedRule) -> "_RulePlayer":
         """Return what plays rules that are called as one."""

@@ -389,7 +389,7 @@ class ForkSource:
         self._renew_states(target)
         moves: TurnMoves | None = self.snapshot.get("moves")
         if moves is not None:
-            state.moves = copy_moves(moves, target, memo)
+            state.moves = moves.copy_for_agents(target.ctx.agent, partial(_find_twin, memo))
         state.began = self.starts
 
     def copy_means(self, target: SnapshotTaker, memo: Memo, **others: object) -> None:
@@ -484,11 +484,6 @@ def _is_replaced(value: object) -> bool:
 def _find_twin(memo: Memo, agent: Any) -> Any:
     """Return the copy of an agent; a deleted agent is copied now."""
     return memo.get(id(agent)) or copy_part(agent, memo)
-
-
-def copy_moves(moves: TurnMoves, target: SnapshotTaker, memo: Memo) -> TurnMoves:
-    """Return moves of a turn for the agents of a fork."""
-    return moves.copy_for_agents(target.ctx.agent, partial(_find_twin, memo))
 
 
 def copy_rules(rules: Iterable[NamedRule], memo: Memo) -> list[NamedRule]:
@@ -721,10 +716,9 @@ class GameInternals(ContextPart):
         named_idle: the teams, agents and modes that warnings have named.
         left_as: the number of the game in the batch from which it was made under way; None: it knows its start.
         shown_as: the number of the game in the batch that plays it, and shows it here; None: it is played here.
+        asks_all: whether all agents are asked in a batch, because a function has drawn or looked for them.
         calls_rules: whether all rules are called as functions in a batch, because a function has changed what the core
             had of them.
-        takes_all_back: whether an error takes a turn back also after all have moved, as in a batch of games.
-        seeds_runs: whether `run` seeds the global generators; not if the run of a batch does.
         unchecked_arrays: keys of the arrays of array functions that came from a recording; see `GameArrays.unchecked`.
     """
 
@@ -746,11 +740,15 @@ class GameInternals(ContextPart):
         self.kept: dict[str, Any] = {}
         self.named_idle = set[Hashable]()
         self.calls_rules = False
+        self.asks_all = False
         self.left_as: int | None = None
         self.shown_as: int | None = None
-        self.takes_all_back = False
-        self.seeds_runs = True
         self.unchecked_arrays = set[Hashable]()
+
+    def take_calls(self, other: "GameInternals | None") -> None:
+        """Let a batch call the functions that it calls in another game; None: those of a game at its start."""
+        self.calls_rules = other is not None and other.calls_rules
+        self.asks_all = other is not None and other.asks_all
 
     def refuse_misfits(self) -> None:
         """Check the starts of agents and the arrays of array functions, which came from a recording.

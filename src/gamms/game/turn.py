@@ -10,7 +10,7 @@ from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from gamms.core.turn import PHASES_OF_PART, GameTurn, ShippedDecisions, TurnPlan
+from gamms.core.turn import GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts, make_ranking
 from gamms.game.decisions import Decisions
@@ -24,7 +24,7 @@ from gamms.game.movement.moves import Refusals, TurnMoves
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, make_left_out_error, note_lost
 from gamms.game.result import Collectors
-from gamms.game.settings import BegunPhase, RuleSet, Settings, refuse_unused
+from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, copy_data
 from gamms.ir.agents import AgentBlock, show_numbers
 from gamms.ir.deeds import PlainDeeds
@@ -44,7 +44,6 @@ _FEWEST_DECIDED = 2  # agents for which to let the core decide takes no longer t
 _FEWEST_BESIDE = 4  # and if others are asked
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
-_UNTIL_DEEDS = PHASES_OF_PART[: PHASES_OF_PART.index("act") + 1]
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]
 """Called with the agents and their states. Agents are not asked for states if it has a method `observe_agents` that is
 called with the agents alone and returns True; with False, the observer is called, too."""
@@ -95,7 +94,6 @@ class TurnEngine(GameTurn):
         self._settings = settings
         self.rules = rules
         self.collectors = collectors
-        self.begun: BegunPhase | None = None
         self.observers = list[Observer]()
         self.phases = {
             "decide": ("decide", self.play_decisions),
@@ -481,76 +479,11 @@ class TurnEngine(GameTurn):
         if self.messages.is_sending:
             self.messages.send_all(self.list_living())
 
-    def finish_turn(self) -> None:
-        """Play the rest of the turn that was begun in a batch; see `begun`."""
-        begun = self.begun
-        if begun is None:
-            return
-        try:
-            if begun.phase == "before":
-                if "before" not in self.rules.now.phases:
-                    self._apply_rules("before")
-                if self.state.over is None:
-                    self.play_turn()
-            elif begun.phase == "after":
-                self._finish_with(partial(self._finish_after, begun))
-            else:
-                self.begun = None
-                self._finish_moves(begun)
-                self._finish_with(self.run_after_moves)
-        finally:
-            self.begun = None
-
-    def _finish_with(self, after: Callable[[], object]) -> None:
-        """Call what comes after the moves, and show the end of the turn, also after an error."""
-        try:
-            after()
-        finally:
-            self.end()
-
-    def _finish_after(self, begun: BegunPhase) -> None:
-        """Play the rest of the rules after the moves, and collect the values of the turn."""
-        self._apply_rules("after")
-        if begun.collects and self.collectors.by_name:
-            self._collect()
-
-    def _finish_moves(self, begun: BegunPhase) -> None:
-        """Play the rest of the phase "deeds" of a part of the turn, and the later phases until all have moved."""
-        self.groups = begun.order
-        self.is_moving = True  # another order of play is for the next turn
-        if self._settings.order != begun.order:  # an order that was read before has the parts of the next turn
-            self._forget_order()
-        plan = self.plan()
-        placed = {*self._ctx.agent.block.placed}
-        self.begin_moves(plan)
-        self.part = begun.part
-        self._ctx.agent.block.placed.update(placed)
-        try:
-            turn: TurnMoves = self.state.moves
-            self.rules.apply("deeds", self.state, begun)
-            self._follow_deeds(turn, may_be_closed=True)
-            plan = self.plan()
-            played = [
-                one
-                for one in plan.list_entries_from(begun.part)
-                if one.part == begun.part and one.phase in _UNTIL_DEEDS
-            ]
-            self.play_on(plan, plan.list_entries_after(played[-1]))
-        except BaseException as error:
-            self.lose_moves(error)
-            raise
-        finally:
-            self.end_moves()
-            self._follow_order()
-
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
-        begun = self.begun
-        self.begun = None
         may_close = phase == "after" and self._settings.speed_unit != "edges"
-        has_left = begun is not None and begun.collects  # the batch, after rules that may have closed edges
-        revision = -1 if has_left or not may_close else self._get_revision()
-        self.rules.apply(phase, self.state, begun)
+        revision = self._get_revision() if may_close else -1
+        self.rules.apply(phase, self.state)
         if may_close and self._get_revision() not in (None, revision):
             self._leave_closed_edges(self.get_order(), range(len(self.get_order().slots)))
         self.state.timings["rules"] += perf_counter() - began

@@ -297,12 +297,25 @@ class DeedLog(GameLog[list[DoneDeeds]]):
             return self.last
         return [PlainDeeds(0, _list_rows_alone(game, self.last))]
 
-    def copy_part(self, game: int, target: DeedLog) -> None:
-        """Let the log of a single game go on in the part of the turn that a game is in, after `do`."""
-        now = {id(one): PlainDeeds(0, _list_rows_alone(game, [one.remove_refused(self._refused)])) for one in self._now}
+    def move_part(self, game: int, target: DeedLog, agents: Mapping[int, int]) -> None:
+        """Let the log of a single game go on in the part of the turn that a game is in, after `do`.
+
+        Args:
+            game: the number of the game here.
+            target: the other log.
+            agents: the numbers of agents here -> there.
+        """
+
+        def renumber(rows: list[DeedRow]) -> list[DeedRow]:
+            return [(row[0], agents[row[1]], *row[2:]) for row in rows if row[1] in agents]
+
+        now = {
+            id(one): PlainDeeds(0, renumber(_list_rows_alone(game, [one.remove_refused(self._refused)])))
+            for one in self._now
+        }
         target._now = [*now.values()]
-        target.last = [now.get(id(one)) or PlainDeeds(0, _list_rows_alone(game, [one])) for one in self.last]
-        target._begun = {0: _renumber_game(0, self._begun.get(game, []))}
+        target.last = [now.get(id(one)) or PlainDeeds(0, renumber(_list_rows_alone(game, [one]))) for one in self.last]
+        target._begun = {0: renumber(_renumber_game(0, self._begun.get(game, [])))}
 
     def go_to(self, last: list[DoneDeeds]) -> None:
         """Restore the deeds of the last turn, which were `last` at that moment, and drop those of the present turn."""

@@ -1,7 +1,7 @@
 """Actions from outside, which replace the decisions of a team's strategies in all games."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class OutsideActions(NamedTuple):
         name: the only agent of the team that the actions are for; None: they are for all.
         edges: ids of edges that agents take instead of their moves, (games, agents), -1 for none; None: none does.
         leads: whether the moves lead to the ends of these edges, in games along one edge a turn.
+        numbers: the numbers of the agents that the actions are for, if they are not all of the team; None: see `name`.
     """
 
     moves: IntArray
@@ -45,6 +46,7 @@ class OutsideActions(NamedTuple):
     name: str | None = None
     edges: IntArray | None = None
     leads: bool = False
+    numbers: IntArray | None = None
 
     @property
     def are_moves(self) -> bool:
@@ -54,6 +56,8 @@ class OutsideActions(NamedTuple):
 
     def select_agents(self, roster: AgentTable, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team that the actions are for."""
+        if self.numbers is not None:
+            return self.numbers
         return roster.members(team) if self.name is None else np.array([roster.names.index(self.name)])
 
     def get_moves(self, view: ArrayView, moves: IntArray) -> IntArray:
@@ -91,6 +95,45 @@ class OutsideActions(NamedTuple):
                 f"{by}: agent {shown(view['name'][agent])} in game {view.games[game]}, turn {view.turn[game]}, may not "
                 f"take edge {edges[game, agent]}; view['legal_edges'] are {legal[legal >= 0].tolist()}."
             )
+
+    def select_game(
+        self, game: int, places: IntArray, numbers: IntArray, declared: Mapping[str, Mapping[str, Any]]
+    ) -> Self:
+        """Return the actions of agents of one game, as those of a batch of this game alone.
+
+        Args:
+            game: the number of the game.
+            places: (agents,) the column of each agent in these actions; -1: it has no actions.
+            numbers: the numbers that agents have there, which fields of deeds refer to; -1: they are not there.
+            declared: deed -> its fields.
+        """
+
+        def select(value: Any) -> Any:
+            if not isinstance(value, np.ndarray) or not value.ndim:
+                return value.item() if isinstance(value, np.ndarray | np.generic) else value
+            return value[[game]][:, places] if value.ndim > 1 else value[places]
+
+        def renumber(value: Any) -> Any:
+            return value if value is None or (np.ndim(value) == 0 and value < 0) else numbers[value]
+
+        has_actions = places >= 0
+        deeds = {}
+        for deed, (where, fields) in self.deeds.items():
+            kinds = {key: parse_field(kind).kind for key, kind in declared.get(deed, {}).items()}
+            own = {key: select(value) for key, value in fields.items()}
+            own |= {key: renumber(value) for key, value in own.items() if kinds.get(key) == "agent"}
+            deeds[deed] = select(where) & has_actions, own
+        messages = {}
+        for channel, (where, body, to) in self.messages.items():
+            receivers = numbers[select(to)] if isinstance(to, np.ndarray) else to
+            messages[channel] = select(where) & has_actions, select(body), receivers
+        return self._replace(
+            moves=np.where(has_actions, select(self.moves), 0),
+            deeds=deeds,
+            messages=messages,
+            flights=None if self.flights is None else np.where(has_actions[:, None], select(self.flights), 0.0),
+            edges=None if self.edges is None else select(self.edges),
+        )
 
     def act(self, view: ArrayView) -> None:
         """Carry out the given deeds and messages of the agents in the mask of a view."""
@@ -297,34 +340,6 @@ class OutsideActor:
             places: (agents,) the column of each agent in these actions; -1: it has no actions.
             names: the agents of the game, whose numbers the fields of deeds have then.
         """
-
-        def select(value: Any) -> Any:
-            if not isinstance(value, np.ndarray) or not value.ndim:
-                return value.item() if isinstance(value, np.ndarray | np.generic) else value
-            return value[[self._number]][:, places] if value.ndim > 1 else value[places]
-
         number_of = {name: number for number, name in enumerate(names)}
         numbers = np.array([number_of.get(name, -1) for name in self._roster.names], np.int64)
-
-        def renumber(value: Any) -> Any:
-            return value if value is None or (np.ndim(value) == 0 and value < 0) else numbers[value]
-
-        has_actions = places >= 0
-        declared = self._game.settings()["deeds"]
-        deeds = {}
-        for deed, (where, fields) in given.deeds.items():
-            kinds = {key: parse_field(kind).kind for key, kind in declared.get(deed, {}).items()}
-            own = {key: select(value) for key, value in fields.items()}
-            own |= {key: renumber(value) for key, value in own.items() if kinds.get(key) == "agent"}
-            deeds[deed] = select(where) & has_actions, own
-        messages = {}
-        for channel, (where, body, to) in given.messages.items():
-            receivers = numbers[select(to)] if isinstance(to, np.ndarray) else to
-            messages[channel] = select(where) & has_actions, select(body), receivers
-        return given._replace(
-            moves=np.where(has_actions, select(given.moves), 0),
-            deeds=deeds,
-            messages=messages,
-            flights=None if given.flights is None else np.where(has_actions[:, None], select(given.flights), 0.0),
-            edges=None if given.edges is None else select(given.edges),
-        )
+        return given.select_game(self._number, places, numbers, self._game.settings()["deeds"])

@@ -195,6 +195,12 @@ class AgentTable(NamedTuple):
         """Return the same roster with other agents of the same names and teams, by their numbers."""
         return self._replace(agents=[agents.get(number, agent) for number, agent in enumerate(self.agents)])
 
+    def find_pairs(self, other: "AgentTable") -> IntArray:
+        """Return the numbers of the agents that are in both rosters: here, and in the other, (2, agents)."""
+        numbers = {name: number for number, name in enumerate(other.names)}
+        pairs = [(number, numbers[name]) for number, name in enumerate(self.names) if name in numbers]
+        return np.array(pairs, np.int64).reshape(-1, 2).T
+
     def _find_obeying(self) -> BoolArray:
         """Return a mask of the agents that obey turn restrictions, (agents,)."""
         modes = [get_mode(agent) for agent in self.agents]
@@ -227,17 +233,16 @@ class AgentTable(NamedTuple):
     def list_start_nodes(self, game: PlayedGame) -> list[int]:
         """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts.
 
-        The nodes of agents that may come are arbitrary.
+        The nodes of agents that may come are arbitrary, and those in place of removed nodes; see `InitialState`.
         """
-        nearest = game.ctx.graph.graph.nearest_node
+        graph = game.ctx.graph.graph
         starts = find_starts(game)
         found = list[int]()
         for agent in self.agents:
-            if isinstance(agent, ComingAgent):
-                found.append(next(iter(game.ctx.graph.graph.get_nodes())))
-                continue
-            place = starts[agent.name]
-            found.append(place if isinstance(place, int) else nearest(*place[:2]))
+            place = None if isinstance(agent, ComingAgent) else starts[agent.name]
+            if isinstance(place, tuple):
+                place = graph.nearest_node(*place[:2])
+            found.append(next(iter(graph.get_nodes())) if place is None or not graph.has_node(place) else place)
         return found
 
     def members(self, team: Hashable) -> IntArray:
@@ -410,11 +415,14 @@ def play_in_threads(play: Callable[[int, int, int], object], games: int, threads
         raise errors[min(errors)]
 
 
-def describe_turns(turns: IntArray, games: IntArray) -> str:
-    """Return a phrase with the turns of games, (games,), for notes on errors; it names a single game."""
+def describe_turns(turns: IntArray, games: IntArray, first_game: int) -> str:
+    """Return a phrase with the turns of games, (games,), for notes on errors; it names a single game.
+
+    `first_game`: the number of game 0 in the batch, see `GameArrays`.
+    """
     known = np.unique(turns).tolist() or [0]
     those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
-    return f"{those} of game {games[0]}" if len(games) == 1 else those
+    return f"{those} of game {first_game + games[0]}" if len(games) == 1 else those
 
 
 def make_roster(game: PlayedGame, most_agents: object = None) -> AgentTable:

@@ -57,6 +57,10 @@ _FIRST_ROOM = 1024  # events
 _SINGLE_STEPS = {(CoreStep("stay"),): moves.STAY, (CoreStep("walk"),): moves.RANDOM_WALK}
 
 
+HELD = 1
+REPLACED = 2
+
+
 class CompiledRule(NamedTuple):
     """The data of a rule of the core that its events refer to.
 
@@ -494,7 +498,8 @@ class CoreColumns:
         here: (games, agents) the nodes of agents that are about to move.
         ends: (games, agents) the end nodes of the moves in the current part of a turn.
         wanted: (games, agents) the places that agents stopped by conflicts wanted to reach, as numbered in conflicts.
-        held: (games, agents) whether the agent's decision is cancelled.
+        held: (games, agents) whether the agent's decision is cancelled: `HELD`, or `REPLACED` for an agent that was
+            created under the name of another, whose move is shown until the agents move.
         until: (games,) the number of parts of turns after which each game stops; 0: it is not played.
         part: (games,) the number of parts played in the current turn.
         over: (games,) whether each game has ended.
@@ -538,6 +543,27 @@ class CoreColumns:
     def select_followers(self, plan: int, games: IntArray) -> IntArray:
         """Return those of some games that follow the plan with a number."""
         found: IntArray = games[self.plan_of[games] == plan]
+        return found
+
+    def take_moves(self, other: "CoreColumns", game: int, pairs: IntArray) -> None:
+        """Take the moves of the present or last turn of a game; see `CoreGames.take_moves`."""
+        mine, theirs = pairs
+        place = find_places_on_map(self._state, other.state_of(game))
+        self.here = self._state.node.copy()
+        for name in ("start", "went", "ends", "here"):
+            column = getattr(self, name)
+            column[0, mine] = place.find_nodes(getattr(other, name)[game, theirs], column[0, mine])
+        for name in ("takes_part", "held"):
+            getattr(self, name)[0, mine] = getattr(other, name)[game, theirs]
+        self.wanted[0, mine] = place.find_places(other.wanted[game, theirs])
+        self.part[0] = other.part[game]
+        self.edges.rows[0, mine] = place.find_edges(other.edges.rows[game, theirs])
+        self.edges.are_any[0] = other.edges.are_any[0]
+        self._state.take_moves(other.state_of(game), game, pairs)
+
+    def state_of(self, game: int) -> GameArrays:
+        """Return the state of the games on the map of a game."""
+        found: GameArrays = self._states[self.map_of[game]]
         return found
 
     def begin(self) -> None:
@@ -677,6 +703,40 @@ class CoreColumns:
         may_turn = by.by_metres and by.find_reverse_edges(noted.others[[row]], noted.games[[row]], modes)[0] >= 0
         error = make_no_path_error(node, end, target, is_paced=True, may_turn=bool(may_turn))
         return Failure.make_illegal(game, agent, f"BadValue: {error}")
+
+
+class PlacesOnMap(NamedTuple):
+    """The numbers of nodes and edges of one map on another.
+
+    Attributes:
+        nodes, edges: for each row there, the row here; -1: it is not here.
+    """
+
+    nodes: IntArray
+    edges: IntArray
+
+    def find_nodes(self, rows: IntArray, others: IntArray) -> IntArray:
+        """Return the rows of nodes here; `others`: those in place of nodes that are not here."""
+        found = self.nodes[rows]
+        return np.where(found >= 0, found, others)
+
+    def find_edges(self, rows: IntArray) -> IntArray:
+        """Return the rows of edges here; numbers below 0 stay."""
+        return np.where(rows >= 0, self.edges[np.maximum(rows, 0)], rows) if len(self.edges) else rows
+
+    def find_places(self, places: IntArray) -> IntArray:
+        """Return the numbers of nodes and edges, as conflicts count them; see `CoreGames.get_wanted_place`."""
+        count = len(self.nodes)
+        nodes = self.nodes[np.minimum(places, count - 1)]
+        edges = self.find_edges(np.maximum(places - count, -1))
+        return np.where(places < count, np.maximum(nodes, 0), len(self.nodes) + np.maximum(edges, 0))
+
+
+def find_places_on_map(state: GameArrays, other: GameArrays) -> PlacesOnMap:
+    """Return where the nodes and edges of the map of other games are on the map of these."""
+    mine, theirs = state.movement.columns, other.movement.columns
+    nodes = kernels.find_rows(mine.node_ids, theirs.node_ids, mine.node_order)
+    return PlacesOnMap(nodes, kernels.find_rows(mine.edge_ids, theirs.edge_ids, mine.edge_order))
 
 
 def _make_sort_key(pair: tuple[Failure, int]) -> tuple[int, int]:
@@ -930,7 +990,7 @@ class CoreGames:
         self._mode_first = np.zeros(len(state.roster.names) if have_modes else 0, np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads, or with modes
         self._number = number
-        self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `get_last_moves`, while agents arrive
+        self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `get_moves`, while agents arrive
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.find_parts(settings["order"])
         self.num_parts = len(settings["order"] or [()])
@@ -956,43 +1016,62 @@ class CoreGames:
         self._made.append(self._make_player())
         return self
 
-    def get_last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
-        """Return the nodes before and after the last moves in some games, and a mask of the agents that took part."""
-        block = self._block
-        start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
-        return start[games], went[games], takes_part[games] > 0
+    def get_moves(self, games: IntArray, part: int | None) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return the nodes before and after moves in some games, and a mask of the agents that took part.
 
-    def get_next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
-        """Return the same as `get_last_moves` for agents that are about to move in a part of the turn."""
+        They are those of agents that are about to move in a part of the turn; None: the last moves.
+        """
         block = self._block
+        if part is None:
+            start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
+            return start[games], went[games], takes_part[games] > 0
         here = block.here[games]
-        goes = (self.part_of == part) & (block.held[games] == 0)
+        goes = (self.part_of == part) & (block.held[games] != HELD)
         return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
 
-    def enter(self, game: int, agent: int, start: int | Position, node: int, *, after_moves: bool) -> None:
-        """Add an agent to a game, before or after the moves of the turn.
+    def enter(self, game: int, agent: int, start: int | Position, node: int, part: int | None) -> None:
+        """Add an agent to a game; the move of a deleted agent of its name stays.
 
         Args:
             game: the game.
             agent: the agent.
             start: where it was created: a node, or (x, y, z).
             node: where it is now.
-            after_moves: whether the agents have moved.
+            part: the part of the turn in which agents are about to move; None: they are not.
         """
         state = self._state
-        block = self._block
         row = int(state.streets.rows(node))
         state.is_there[game, agent] = True
         state.plays[game, state.roster.team_of[agent]] = True
-        self._has_come[game, agent] = True
         state.start[game, agent] = row if isinstance(start, tuple) else state.streets.rows(start)
-        if not (after_moves and block.takes_part[game, agent]):  # else the move of a deleted agent of its name stays
-            for column in (block.start, block.went, block.ends, block.here):
-                column[game, agent] = row
-        if self.courses is not None and not after_moves:
-            self.courses.stand(game, agent, row)
+        self._put_new(game, agent, row, part)
         if state.flights is not None:
             state.flights.enter(agent, game, start if isinstance(start, tuple) else None)
+
+    def _put_new(self, game: int, agent: int, node: int, part: int | None) -> None:
+        """Let an agent stay at the row of the node where it was created; see `enter`."""
+        is_replacing = self._block.takes_part[game, agent] > 0
+        self._has_come[game, agent] = True
+        if not is_replacing:
+            self._stand(game, agent, node, is_moving=part is not None)
+        if part is not None:
+            self._block.held[game, agent] = REPLACED if is_replacing else HELD
+
+    def put_replacing(self, games: IntArray) -> None:
+        """Let agents stay that were created under the names of others, in some games."""
+        at, agents = np.nonzero(self._block.held[games] == REPLACED)
+        for game, agent in zip(games[at].tolist(), agents.tolist(), strict=True):
+            self._block.held[game, agent] = HELD
+            self._stand(game, agent, int(self._state.node[game, agent]), is_moving=True)
+
+    def _stand(self, game: int, agent: int, node: int, *, is_moving: bool) -> None:
+        """Let an agent stay at a node for the whole turn; `is_moving`: agents are about to move."""
+        block = self._block
+        places = () if self._columns is None or self._columns.ends is None else self._columns.ends
+        for column in (block.start, block.went, block.ends, block.here, *places):
+            column[game, agent] = node
+        if self.courses is not None and is_moving:
+            self.courses.stand(game, agent, node)
 
     def leave(self, game: int, agent: int, node: int) -> None:
         """Remove a deleted agent from a game, and store its last node."""
@@ -1005,7 +1084,7 @@ class CoreGames:
 
     def hold(self, game: int, agent: int) -> None:
         """Cancel the decision of an agent."""
-        self._block.held[game, agent] = 1
+        self._block.held[game, agent] = HELD
 
     def note_conflict(self, game: int, agent: int, place: int | EdgePlace) -> None:
         """Note that a conflict has stopped an agent on the way to a node or an edge."""
@@ -1082,9 +1161,45 @@ class CoreGames:
         self.arrival = None
         self._state.now.clear()
 
-    def count_played_parts(self, game: int) -> int:
-        """Return the number of parts of the current turn that were played in a game."""
-        return int(self._block.part[game])
+    @property
+    def parts_played(self) -> IntArray:
+        """The number of parts of the current turn that were played in each game, (games,)."""
+        return self._block.part
+
+    def take_moves(self, other: "CoreGames", game: int, pairs: IntArray, new: Sequence[int], part: int | None) -> None:
+        """Take the moves of the present or last turn of a game from other columns to those of this only game.
+
+        Args:
+            other: plays it in the other columns.
+            game: its number there.
+            pairs: (2, agents) the numbers of its agents here, and there.
+            new: the numbers of agents that the function has created which is called.
+            part: the part of the turn in which agents are about to move; None: they are not.
+        """
+        self._block.take_moves(other._block, game, pairs)
+        self._has_come[0, pairs[0]] = other._has_come[game, pairs[1]]
+        self._take_courses(other, game, pairs, is_moving=part is not None)
+        for agent in new:
+            self._put_new(0, agent, int(self._state.node[0, agent]), part)
+        if new and part is None and self._block.takes_part.any():
+            self.place_newcomers(np.zeros(1, np.int64))
+
+    def _take_courses(self, other: "CoreGames", game: int, pairs: IntArray, *, is_moving: bool) -> None:
+        """Take the paths of a game; see `take_moves`."""
+        if self.courses is None:
+            return
+        if other.courses is None:
+            block = self._block
+            starts, ends = (block.here, block.ends) if is_moving else (block.start, block.went)
+            self.courses.take_steps(starts, ends, block.takes_part)
+            return
+        place = find_places_on_map(self._state, other._state)
+        columns, others = self._columns, other._columns
+        if columns is not None and others is not None and columns.ends is not None and others.ends is not None:
+            for mine, theirs in zip(columns.ends, others.ends, strict=True):
+                mine[0, pairs[0]] = place.find_places(theirs[game, pairs[1]])
+            columns.drawn[0, pairs[0]] = others.drawn[game, pairs[1]]
+        self.courses.take(other.courses, game, pairs, place.find_nodes, place.find_edges)
 
     @property
     def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
@@ -1106,7 +1221,7 @@ class CoreGames:
 
     def get_paths(self, games: IntArray) -> Paths | None:
         """Return the paths of the last turns of some games; None: all agents moved along at most one edge, at once."""
-        starts, ends, took_part = self.get_last_moves(games)
+        starts, ends, took_part = self.get_moves(games, None)
         if self.courses is not None:
             return self.courses.get_paths(games, starts, took_part)
         return None if self.num_parts == 1 else make_paths_in_parts(starts, ends, self.part_of, self.num_parts)

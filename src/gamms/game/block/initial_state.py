@@ -263,8 +263,9 @@ class InitialState:
             self.last_turn = LastTurn.from_moves(moves, state.roster, state.movement, node[None])
         places = [block.get_progress(row) for row in own]
         is_on_edge = np.array([place is not None for place in places], np.bool_)
-        has_node = is_on_edge | (self.turn > 0)  # at the start, other agents are where their games begin
-        has_left = (node != previous) | (self.turn > 0)
+        goes_on = self.turn > 0 or game.internals.state.has_begun
+        has_node = is_on_edge | goes_on  # at the start, other agents are where their games begin
+        has_left = (node != previous) | goes_on
         state.alive[0, agents] = np.asarray(block.alive)[own]
         state.node[0, agents[has_node]] = node[has_node]
         state.previous[0, agents[has_left]] = previous[has_left]

@@ -14,7 +14,7 @@ import numpy as np
 from gamms import kernels
 from gamms.core import rules, sight
 from gamms.core.flight import TurnFlights
-from gamms.errors import BadType, BadValue, GammsError
+from gamms.errors import BadType, BadValue
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.decisions import COUNT_OF
 from gamms.game.deeds import DeclaredDeeds
@@ -173,22 +173,6 @@ class Scores(dict[Hashable, FloatArray]):
     def _get_score(self, key: Hashable, game: int) -> Any:
         points = self[key].item(game)
         return points if self.are_floats[key].item(game) else int(points)
-
-
-class LeavingGame(NamedTuple):
-    """A game that leaves its batch.
-
-    Attributes:
-        why: the reason.
-        game: the game in a context of its own, in which it goes on.
-    """
-
-    why: str
-    game: PlayedGame
-
-
-class NeedsSeparateContext(GammsError):
-    """A function does what columns cannot hold: its game leaves the batch, and continues in another context."""
 
 
 class EmittedEvents(NamedTuple):
@@ -459,10 +443,9 @@ class BatchColumns:
             together with its own.
         deed_log: the deeds of all games.
         radio: the channels and their messages; None: the games have no channels.
-        is_apart: (games,) whether each game is played in a context of its own.
         stop_at: (games,) the turn at which the last run stopped each game; `NO_STOP`: it had no limit.
         stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
-        leaving: the games that are going to be played in contexts of their own after the current turn of the others.
+        first_game: the number in the batch of game 0; not 0 for a game that has columns of its own.
         flyers: (flying agents,) their numbers in the roster, ascending.
         flights: the positions and flights of the flying agents; None: no agent flies.
         position, previous_position: (games, flying agents, 3) map units: where each is, and was before its last flight.
@@ -544,10 +527,9 @@ class BatchColumns:
         self.turning: list[tuple[int, int, Heading]] = []
         self.events = EventLog(games, roster.names)
         self.failures: list[tuple[Failure, int]] = []
-        self.is_apart = np.zeros(games, np.bool_)
+        self.first_game = 0
         self.stop_at = np.full(games, NO_STOP)
         self.stop = np.zeros(1, np.int64)
-        self.leaving: dict[int, LeavingGame] = {}
         self.radio: MessageTraffic | None = None
         self.deed_log = DeedLog(games)
         self.drawn: dict[Drawn, np.ndarray[Any, Any]] = {}
@@ -560,6 +542,20 @@ class BatchColumns:
             one.view(np.uint8 if one.dtype == np.bool_ else one.dtype).reshape(-1).data for one in columns
         ]
         return TurnFlights(self.flyers.astype(np.int64).data, *memory)
+
+    def take_moves(self, other: "GameArrays", game: int, pairs: IntArray) -> None:
+        """Take what agents have done in the present or last turn of a game; see `CoreGames.take_moves`."""
+        mine, theirs = pairs
+        for name in ("fell", "stops"):
+            getattr(self, name)[0, mine] = getattr(other, name)[game, theirs]
+        if self.motion.size and other.motion.size:
+            stays = (self.edge[0, mine] < 0) == (other.edge[game, theirs] < 0)  # where it was before the function
+            self.motion[0, mine[stays]] = other.motion[game, theirs[stays]]
+        flying = [pair for pair in pairs.T.tolist() if pair[0] in self.flyers and pair[1] in other.flyers]
+        for mine, theirs in flying:
+            here, there = np.searchsorted(self.flyers, mine), np.searchsorted(other.flyers, theirs)
+            for name in ("wanted_position", "wanted_quat", "has_flown"):
+                getattr(self, name)[0, here] = getattr(other, name)[game, there]
 
     def run_until(self, game: int) -> int | None:
         """Return the turn at which the last run stops a game; None: it had no limit."""
@@ -1053,11 +1049,6 @@ class GameArrays(BatchColumns):
         """Raise TurnInterrupted if the turn is to be taken back."""
         if self.stop[0]:
             raise TurnInterrupted
-
-    def leave(self, number: int, why: str, game: PlayedGame) -> None:
-        """Stop playing a game in the current turn, because of what a function does in it; see `LeavingGame`."""
-        self.leaving[number] = LeavingGame(why, game)
-        self.is_going[number] = False
 
     def apply_headings(self) -> None:
         """Set the headings that living agents have chosen in the current part of the turn, after its moves."""

@@ -1,6 +1,6 @@
 """Paths of agents that do not move along one edge per turn, for functions that are called between phases."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import nan
 from typing import Any, NamedTuple
@@ -190,6 +190,49 @@ class Courses:
         ]
         each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
+
+    def take(
+        self,
+        other: "Courses",
+        game: int,
+        pairs: IntArray,
+        find_nodes: Callable[[IntArray, IntArray], IntArray],
+        find_edges: Callable[[IntArray], IntArray],
+    ) -> None:
+        """Take the paths of a game in other courses to those of this only game.
+
+        Args:
+            other: the other courses.
+            game: the number of the game there.
+            pairs: (2, agents) the numbers of its agents here, and there.
+            find_nodes: returns the rows of nodes here, given those there, and others for nodes that are not here.
+            find_edges: returns the rows of edges here.
+        """
+        for standing in range(1 + bool(self._standing and other._standing)):
+            mine = pairs[0] + standing * self._standing
+            theirs = pairs[1] + game * other._shape[1] + standing * other._standing
+            here, there = self.trips, other.trips
+            for name in ("share", "motion", "legs", "passed"):
+                getattr(here, name)[mine] = getattr(there, name)[theirs]
+            here.node[mine] = find_nodes(there.node[theirs], here.node[mine])
+            here.edge[mine] = find_edges(there.edge[theirs])
+            most = min(here.edges.shape[1], there.edges.shape[1])
+            for name in ("edges", "backs"):
+                getattr(here, name)[mine, :most] = find_edges(getattr(there, name)[theirs, :most])
+            for name in ("begins", "ends", "since", "until"):
+                getattr(here, name)[mine, :most] = getattr(there, name)[theirs, :most]
+            here.nodes[mine, : most + 1] = find_nodes(there.nodes[theirs, : most + 1], here.nodes[mine, : most + 1])
+            here.times[mine, : most + 1] = there.times[theirs, : most + 1]
+
+    def take_steps(self, starts: IntArray, ends: IntArray, took_part: IntArray) -> None:
+        """Take paths along one edge each, (1, agents), between the rows of nodes."""
+        trips = self.trips
+        goes = (took_part[0] > 0) & (starts[0] != ends[0])
+        trips.node[: len(goes)] = ends[0]
+        trips.passed[: len(goes)] = 1 + goes
+        trips.nodes[: len(goes), 0] = starts[0]
+        trips.nodes[: len(goes), 1] = ends[0]
+        trips.times[: len(goes), :2] = (0.0, 1.0)
 
     def find_step(self, game: int, agent: int) -> tuple[tuple[int, ...], int | None]:
         """Return the ids of the nodes and of the edge of the move of an agent that obeys turns; None: it stays."""

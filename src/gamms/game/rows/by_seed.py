@@ -41,14 +41,23 @@ class GamesBySeed:
         seed: the seed of the first game of the batch.
         more_edges: see the attribute.
         differs: whether rules, facts, data or attributes of agents differ with the seed, too.
+        goes_on: whether the only game goes on from its present state, instead of the start by its seed.
 
     Attributes:
         begun: the games that have begun and have no row yet, by number, each in a context of its own.
         more_edges: edges that are not on the map of the first seed, but may be on those of other seeds.
+        goes_on: see above.
     """
 
     def __init__(
-        self, game: PlayedGame, make: MakeFunctions | None, seed: int, more_edges: ClosedEdges, *, differs: bool
+        self,
+        game: PlayedGame,
+        make: MakeFunctions | None,
+        seed: int,
+        more_edges: ClosedEdges,
+        *,
+        differs: bool,
+        goes_on: bool = False,
     ) -> None:
         self._game = game
         self._make = make
@@ -63,7 +72,8 @@ class GamesBySeed:
         agents = game.ctx.agent.agents.values()
         deciders: dict[Owner, Any] = {("agent", agent.name): agent.strategy for agent in agents}
         deciders |= {("team", team): plan.function for team, plan in game.plans.items()}
-        self._preparing = {who: one for who, one in deciders.items() if _is_preparing(one)}
+        self.goes_on = goes_on
+        self._preparing = {} if goes_on else {who: one for who, one in deciders.items() if _is_preparing(one)}
         self._differs = differs or len(self._preparing) > 0
         self._shared = {who: one for who, one in deciders.items() if one is not None}
         self._first_rules = game.rules

@@ -12,7 +12,7 @@ from gamms.game.block.in_core import CoreGames, get_memory
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.plan import RowPlan
 from gamms.game.rows.by_seed import GamesBySeed, list_shared
-from gamms.game.rows.row import PhaseCall, RowMeans, RowOfGame
+from gamms.game.rows.row import PhaseCall, RowMeans, RowOfGame, continue_streams
 from gamms.game.rows.state import get_data
 from gamms.game.snapshots import ForkSource
 from gamms.ir.graph import IntArray
@@ -32,6 +32,7 @@ class RowContexts:
         game, plan: see the arguments.
         call: what is the same in all games in which a function is called.
         rows: the games, by number.
+        moved: number of a game that has columns of its own -> a function that shows it in its context.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class RowContexts:
         self.game = game
         self.call = PhaseCall()
         self.rows: dict[int, RowOfGame] = {}
+        self.moved: dict[int, Callable[[], PlayedGame]] = {}
         self._kept: dict[int, tuple[Any, ...]] = {}  # values of games at the last checkpoint
         self._state = state
         self._core = core
@@ -116,7 +118,11 @@ class RowContexts:
         return row
 
     def _begin(self, number: int, game: PlayedGame) -> None:
-        """Let `ctx.rng` of a game at its start draw what it draws after a reset."""
+        """Let `ctx.rng` of a game draw what it draws after a reset, or next in the game that it goes on from."""
+        if self._own.goes_on:
+            continue_streams(game.ctx, self.game.ctx)
+            game.internals.take_calls(self.game.internals)
+            return
         start = self.game.internals.state.start
         rng = None if start is None else start.get_rng_state(self._state.seeds[number])
         if rng is not None:
@@ -168,8 +174,8 @@ class RowContexts:
 
     def show(self, number: int) -> PlayedGame:
         """Return a game in a context that shows it as it is now."""
-        if self._state.is_apart[number]:
-            return self._state.apart[number]()
+        if number in self.moved:
+            return self.moved[number]()
         row = self.get(number)
         row.show()
         return row.game

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from gamms.game.messages import MessageTraffic, read_outboxes
 from gamms.game.movement.courses import Routes
 from gamms.game.rows.contexts import RowContexts
 from gamms.game.rows.row import AskedPart, RowMeans, RowOfGame
-from gamms.game.settings import BegunPhase, NamedRule, Plan, RuleTable
+from gamms.game.settings import NamedRule, Plan
 from gamms.game.turn import CLOSED, describe_closed_edge
 from gamms.ir.columns import Failure
 from gamms.ir.deeds import PlainDeeds
@@ -23,8 +23,20 @@ from gamms.ir.game_state import describe_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 
-_Order = Sequence[Sequence[Any]] | None
-ChangePlan = Callable[[RowOfGame, tuple[NamedRule, int | None] | None], object]
+CalledRule = tuple[NamedRule, int | None]
+"""The rule that is called, and the part of the turn in which agents are about to move; None: they are not."""
+
+
+class RowDriver(Protocol):
+    """Plays the games of a batch, and lets those go on whose functions change what they share."""
+
+    def go_on(self, row: RowOfGame, called: CalledRule | None) -> None:
+        """Let a game go on by another plan, or in columns of its own if `row.why` says so.
+
+        Args:
+            row: the game.
+            called: the rule that has changed it; None: a collector has.
+        """
 
 
 class RowFunctions:
@@ -33,8 +45,7 @@ class RowFunctions:
     Args:
         contexts: the games.
         means: what those share that follow a plan.
-        change_plan: called with a game whose functions have changed what belongs to its plan, and with the rule that
-            has and the part of the turn; None: no rule has.
+        driver: plays all games.
 
     Attributes:
         wanted: (games * agents,) the ids of nodes to which asked agents move; None: they go along routes.
@@ -48,21 +59,20 @@ class RowFunctions:
     asks_anew: bool
     takes_all: bool
 
-    def __init__(self, contexts: RowContexts, means: RowMeans, change_plan: ChangePlan) -> None:
+    def __init__(self, contexts: RowContexts, means: RowMeans, driver: RowDriver) -> None:
         self._contexts = contexts
         self._state = means.state
         means.state.tell = self.note_undone
         self._core = means.core
         self._plan = means.plan
-        self._change_plan = change_plan
-        self._called: tuple[NamedRule, int | None] | None = None  # the rule that is called, and the part of the turn
+        self._driver = driver
+        self._called: CalledRule | None = None
         self._first_turn = contexts.game.turn
         self._call = contexts.call
         self._deeds = PlainDeeds(0, [])  # that agents want to do now
         self._find_asked: Callable[[RowOfGame], AskedPart]
         self.blocked = set[int]()
         self.asking: RowOfGame | None = None
-        self._order = contexts.game.internals.parts.settings.order
 
     @property
     def functions(self) -> Sequence[Callable[..., object]]:
@@ -72,39 +82,38 @@ class RowFunctions:
     # -- the games ----------------------------------------------------------------------------------------------
 
     def _play(self, games: IntArray, play: Callable[[RowOfGame, int], int]) -> None:
-        """Call functions in those of some games that have not left.
+        """Call functions in some games.
 
         Args:
             games: the numbers of the games.
-            play: calls functions in a game, given its index; returns whether the game leaves (0: it does not).
+            play: calls functions in a game, given its index; returns whether it needs columns of its own (0: no).
         """
         state = self._state
         known = [(name, facts_of(state, games)) for name, facts_of in self._plan.facts_in_core]
-        leaving = state.leaving
         for place, number in enumerate(games.tolist()):
-            if number in leaving:
-                continue
             row = self._contexts.get(number)
             row.show_facts(known, place)
             try:
                 if play(row, place):
-                    self._let_leave(row)
+                    self._move_out(row)
                 row.raise_refusal()  # which the function may have caught
             except Exception as error:
                 row.refusal = None
-                error.add_note(f"In game {number} of a batch, with the seed {state.seeds[number]}.")
+                error.add_note(f"In game {state.first_game + number} of a batch, with the seed {state.seeds[number]}.")
                 raise
             finally:
                 if row.has_other_plan:
-                    self._change_plan(row, self._called)
+                    self._driver.go_on(row, self._called)
 
-    def _let_leave(self, row: RowOfGame) -> None:
-        """Stop playing a game here."""
-        assert self._call.begun is not None  # noqa: S101 - functions are called in a phase
+    def _move_out(self, row: RowOfGame) -> None:
+        """Let a game go on in columns of its own; raise what the function has raised after which it does."""
+        raised = row.raised
         try:
-            self._state.leave(row.number, row.why, row.take_along(self._call.begun))
+            self._driver.go_on(row, self._called)
         finally:
             row.put_back()
+        if raised is not None:
+            raise raised
 
     def fork(self, number: int) -> PlayedGame:
         """Return a game, which is between two turns, as it is now in a context of its own."""
@@ -112,10 +121,9 @@ class RowFunctions:
         row.raised = None
         row.show()
         try:
-            game: PlayedGame = row.take_along(_end_turn)
+            game, _ = row.make_fork()
         finally:
             row.put_back()
-        game.internals.parts.turns.finish_turn()
         game.internals.left_as = number
         return game
 
@@ -189,7 +197,6 @@ class RowFunctions:
         named: NamedRule,
         games: IntArray,
         part: int | None = None,
-        begin_rest: Callable[[_Order], BegunPhase] | None = None,
     ) -> None:
         """Call a rule in each of these games.
 
@@ -197,22 +204,15 @@ class RowFunctions:
             named: the rule.
             games: the games.
             part: the part of the turn in which agents are about to move; None: they are not.
-            begin_rest: returns the phase in which a game goes on that leaves, given the order of play; None: it has
-                called the rules before this one.
         """
         name = named.name
-
-        def begin(table: RuleTable) -> BegunPhase:
-            if begin_rest is not None:
-                return begin_rest(self._order)
-            return BegunPhase.from_rule(named, table, self._order, part or 0)
 
         def play(row: RowOfGame, _: int) -> bool:
             return row.call(row.terms.functions.get(name, named.rule), (row.ctx,))
 
         self._called = named, part
         try:
-            self._play_phase(play, games, f"the rule {name!r} (phase {named.phase!r})", part, begin)
+            self._play_phase(play, games, f"the rule {name!r} (phase {named.phase!r})", part, may_change=True)
         finally:
             self._called = None
 
@@ -223,7 +223,7 @@ class RowFunctions:
         for every in self._plan.periods:
             is_due |= turns % every == 0
         if is_due.any():
-            self._play_phase(_calling(_collect), games[is_due], "a collector", begun=_end_turn)
+            self._play_phase(_calling(_collect), games[is_due], "a collector", may_change=True)
 
     def get_collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
         """Return the collected values of a game, by the names of collectors."""
@@ -237,8 +237,8 @@ class RowFunctions:
         games: IntArray,
         what: str,
         part: int | None = None,
-        begun: Callable[[RuleTable], BegunPhase] | None = None,
         *,
+        may_change: bool = False,
         have_joined: bool = False,
     ) -> None:
         """Call functions in each of these games.
@@ -248,11 +248,11 @@ class RowFunctions:
             games: the numbers of the games.
             what: the functions in words, for errors; "": their errors name them themselves.
             part: the part of the turn in which agents are about to move; None: they are not.
-            begun: returns the phase of the turn, if a game can leave in it and go on from there.
+            may_change: whether the functions may change what belongs to the plan.
             have_joined: whether agents that were created in this part of the turn have joined it.
         """
         is_moving = part is not None or self._core.arrival is not None
-        self._call.begin(begun, part, is_moving=is_moving, have_joined=have_joined)
+        self._call.begin(part, is_moving=is_moving, may_change=may_change, have_joined=have_joined)
         try:
             self._play(games, play)
         except Exception as error:
@@ -264,12 +264,15 @@ class RowFunctions:
             self._call.end()
         self._state.now.clear()
 
-    def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None, part: int) -> IntArray:
+    def decide(
+        self, view: ArrayView, observing: IntArray, given: IntArray, here: BoolArray | None, part: int
+    ) -> IntArray:
         """Return the actions of agents that are asked game by game.
 
         Args:
             view: the agents.
             observing: the numbers of other agents, whose sensors are called.
+            given: the numbers of agents with actions from outside that get their states, too.
             here: (all games, all agents) a mask of the agents that arrive now; None: all agents decide.
             part: the part of the turn.
         """
@@ -280,10 +283,10 @@ class RowFunctions:
         wanted = np.array(state.streets.get_ids(view.node), np.int64)
         self.wanted = None if self._core.courses is not None else wanted.reshape(-1).data
         if here is None:
-            asked = agents.tobytes(), observing.tobytes()
+            asked = agents.tobytes(), observing.tobytes(), given.tobytes()
             self._find_asked = lambda row: row.find_asked(*asked)
         else:
-            self._find_asked = partial(self._find_arriving, here, agents, observing)
+            self._find_asked = partial(self._find_arriving, here, agents, observing, given)
         self._deeds = PlainDeeds(part, [])
         if self._core.courses is not None:
             self._core.courses.routes.forget()
@@ -291,7 +294,7 @@ class RowFunctions:
         self.takes_all = self._plan.asks_all or self._chooses_more_than_nodes
         self._call.part = part
         width = len(agents)
-        self._call.begin(None, None, is_moving=True)
+        self._call.begin(None, is_moving=True)
         try:
             self._play(games, lambda row, place: row.ask(self, place * width))
         finally:
@@ -330,7 +333,7 @@ class RowFunctions:
         asked = view.agents.tobytes()
 
         def go(row: RowOfGame, place: int) -> None:
-            part = row.find_asked(asked, b"")
+            part = row.find_asked(asked, b"", b"")
             targets = dict(zip(view.agents.tolist(), legal[place].tolist(), strict=True))
             row.turns.travel.prepare(len(part.order.block))
             decisions: Decisions = row.turns.answers
@@ -339,7 +342,7 @@ class RowFunctions:
                 decisions.take(i, {"action": targets[row.number_of[name]]})
             self.take_decisions(row, decisions, part)
 
-        self._call.begin(None, None, is_moving=True)
+        self._call.begin(None, is_moving=True)
         try:
             self._play(view.games, lambda row, place: row.call(go, (row, place)))
         finally:
@@ -353,10 +356,11 @@ class RowFunctions:
         asked = self._find_asked(row)
         return asked if asked.part.observing or asked.part.commanded else None
 
-    def _find_arriving(self, here: BoolArray, agents: IntArray, observing: IntArray, row: RowOfGame) -> AskedPart:
+    def _find_arriving(
+        self, here: BoolArray, agents: IntArray, observing: IntArray, given: IntArray, row: RowOfGame
+    ) -> AskedPart:
         """Return the agents that arrive now, by a mask (games, agents), of those of these numbers."""
-        arriving, looking = [one[here[row.number, one]].tobytes() for one in (agents, observing)]
-        return row.find_asked(arriving, looking)
+        return row.find_asked(*(one[here[row.number, one]].tobytes() for one in (agents, observing, given)))
 
     def note_given(self, view: ArrayView) -> None:
         """Record that agents got actions from outside."""
@@ -487,12 +491,13 @@ class RowFunctions:
         numbers = row.number_of
         number = row.number
         undone = row.undone
-        for i, name in asked.members:
+        for i, name in (*asked.members, *asked.given):
             why = [undone[name]] if name in undone else []
             if self._core.arrival is not None:
                 pass  # `note_losers` has noted conflicts
             elif state.blocked[number, numbers[name]] and state.turn[number] > self._first_turn:
-                why.append(describe_conflict(self._core.get_wanted_place(number, numbers[name])))
+                conflict = describe_conflict(self._core.get_wanted_place(number, numbers[name]))
+                why += [] if conflict in "; ".join(why) else [conflict]
             if why:
                 slots[i].template["blocked"] = "; ".join(why)
                 told.append(slots[i])
@@ -530,11 +535,6 @@ class RowFunctions:
             undo_rows()
 
         return take_back
-
-
-def _end_turn(table: RuleTable) -> BegunPhase:
-    """Return the end of a turn, after all its rules."""
-    return BegunPhase("after", table.rules, len(table.of_phase["after"]), collects=False)
 
 
 def _calling(function: Callable[[RowOfGame], object]) -> Callable[[RowOfGame, int], int]:

@@ -14,7 +14,7 @@ from gamms.deciding import UNKNOWN_LOOK, UnknownLook, get_phase
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import STOPPED, Arrays, GameArrays, GameRow, Heading, NeedsSeparateContext, is_exact_float
+from gamms.game.block.state import STOPPED, Arrays, GameArrays, GameRow, Heading, is_exact_float
 from gamms.game.block.strategy_steps import begin_steps, can_read
 from gamms.game.lasting import copy_doing, put_doing
 from gamms.game.messages import MessageTraffic
@@ -25,9 +25,9 @@ from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.plan import RowPlan
 from gamms.game.rows.state import RowStart, RowState, get_data, get_driven, get_memories, get_moves
-from gamms.game.settings import BegunPhase, RuleSpec, RuleTable
+from gamms.game.settings import RuleSpec, RuleTable
 from gamms.game.slots import COUNTED
-from gamms.game.snapshots import ForkSource, GameStart, Snapshot, copy_moves, copy_rules
+from gamms.game.snapshots import ForkSource, GameStart, Snapshot, copy_rules
 from gamms.game.strategy_specs import Same, get_strategy_spec, make_form_key
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import AgentBlock, as_ids, get_speed, show_column, show_flights, show_lives, show_progress
@@ -65,12 +65,14 @@ class AskedPart(NamedTuple):
         part: the living ones, as a part of a turn.
         places: the slot of each agent; -1: it is dead.
         members: the slots and names of the living ones.
+        given: the same of agents that get their states, too, but have actions from outside.
     """
 
     order: TurnOrder
     part: TurnPart
     places: list[int]
     members: list[tuple[int, str]]
+    given: list[tuple[int, str]]
 
 
 class PhaseCall(Call):
@@ -79,32 +81,32 @@ class PhaseCall(Call):
     Attributes:
         moving_part: the part of the turn in which agents are about to move; None: they are not.
         have_joined: whether agents created in this part of the turn take part in it.
-        begun: returns the phase from the rules of a game, if it can leave in it and go on from there; else None.
+        may_change: whether functions may change what belongs to the plan.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.moving_part: int | None = None
         self.have_joined = False
-        self.begun: Callable[[RuleTable], BegunPhase] | None = None
+        self.may_change = False
 
     def begin(
         self,
-        begun: Callable[[RuleTable], BegunPhase] | None,
         part: int | None,
         *,
         is_moving: bool,
+        may_change: bool = False,
         have_joined: bool = False,
     ) -> None:
         """Begin to call functions."""
-        self.begun = begun
+        self.may_change = may_change
         self.moving_part = part
         self.is_moving = is_moving
         self.have_joined = have_joined
 
     def end(self) -> None:
         """End to call functions."""
-        self.begin(None, None, is_moving=False)
+        self.begin(None, is_moving=False)
 
 
 class RowMeans(NamedTuple):
@@ -260,8 +262,9 @@ class RowOfGame(Row):
     """A game of a batch in a context of its own, and what functions change in it.
 
     If a rule or a collector changes the plan of its game, such as rules or strategies, the game follows another plan
-    from there on, see `follow`. If it changes what columns cannot hold, its game leaves: it goes on from there in
-    another context, see `take_along`. If a function reads what a batch does not keep, it is refused.
+    from there on, see `follow`. If it changes what the columns of all games cannot hold, its game goes on from there in
+    columns of its own, with a fork of the context, see `why` and `make_fork`. If a function reads what a batch does not
+    keep, it is refused.
 
     Args:
         game: the game at its start, in the context.
@@ -273,10 +276,9 @@ class RowOfGame(Row):
         number_of: name -> the number of the agent in the roster.
         terms: how the game follows its plan.
         has_other_plan: whether a function has changed what belongs to the plan, see `follow`.
-        asks_all: whether all agents are asked from now on, because a function has drawn or looked for them.
         members: the agents of the game.
         has_first_functions: whether all its functions are those of the start: no copies, which may have changed.
-        refusal: why the game can neither go on here nor leave; None: it can.
+        refusal: why the game cannot go on; None: it can.
     """
 
     journal: Journal
@@ -310,7 +312,6 @@ class RowOfGame(Row):
         self.undone = {}
         self._is_data_held = False  # whether functions keep the dict, which then has the data of rules in each call
         self.has_other_plan = False
-        self.asks_all = False
         self._first_fields = values.start, values.deed_log
         self._drivers = [(agent, state.roster.names[agent]) for agent in np.flatnonzero(means.plan.drives).tolist()]
         self._parts_noted = 0  # of turns; see `drive_on`
@@ -319,7 +320,7 @@ class RowOfGame(Row):
         self._own_arrays: dict[Hashable, Arrays] = {}  # that only functions called in this game keep
         self._core_memories: dict[str, dict[Any, Any]] = {}  # what the core remembers for agents, as above
         self._at_start = parts.take()
-        self._moved: tuple[tuple[int, int | None, bool], Members] | None = None
+        self._moved: tuple[tuple[int, int | None, bool], Members | None] | None = None
         self._asked: tuple[Any, AskedPart] | None = None
         self._order: tuple[TurnOrder, bytes] | None = None
         self._headings: Mapping[int, Heading] = {}
@@ -357,8 +358,7 @@ class RowOfGame(Row):
         values.start, values.deed_log = self._first_fields
         values.data = {}
         self.seed = seed
-        self.asks_all = False
-        self.game.internals.calls_rules = False
+        self.game.internals.take_calls(None)
         self.ctx.reseed(seed)
         self._parts.restore(self._at_start, forget=True)
         begin(self.game)
@@ -445,17 +445,15 @@ class RowOfGame(Row):
         """Refuse a verb that no function may call in a turn; the argument says which, in words."""
         self._raise(f"A plain function {what}: play and reset a game between two turns, not in a function of a turn.")
 
-    def _go_alone(self, what: str) -> NoReturn:
-        """Let the game go on in another context; the argument says why, in words.
-
-        Raises:
-            NeedsSeparateContext: a rule or a collector is called.
-            BadValue: another function is called, after which no game can leave.
-        """
-        if self._phase_call.begun is None:
+    def _need_rule(self, what: str) -> None:
+        """Refuse what only rules and collectors may do, said in words, if another function is called."""
+        if not self._phase_call.may_change:
             self._raise(f"A plain function that is no rule {what}. In a batch, only rules may do so.")
+
+    def _need_columns(self, what: str) -> None:
+        """Let the game go on in columns of its own after the function; the argument says why, in words."""
+        self._need_rule(what)
         self.why = self.why or f"a plain function {what}"
-        raise NeedsSeparateContext(self.why)
 
     def refuse_route(self, name: str, what: str) -> NoReturn:
         """Refuse a route for which the columns have no room; `what` it does, in words.
@@ -468,47 +466,36 @@ class RowOfGame(Row):
             "the game alone, for example by scenario.play."
         )
 
-    def take_along(self, begin: Callable[[RuleTable], BegunPhase]) -> Any:
-        """Return the game, which leaves, in another context; Any: it is a `Game`.
+    def make_fork(self) -> tuple[PlayedGame, list[str]]:
+        """Return the game as it is now in another context, and the names of agents that the last function has created.
 
-        The context has what functions have changed. The game is in the middle of a turn: its next `step` plays the
-        rest of it.
-
-        Args:
-            begin: returns the phase that is played, from the rules of the game.
+        The context has what functions have changed, also in the middle of a turn.
         """
-        begun = begin(self.terms.rules)
         self._refuse_kept_rows()
-        is_within = begun.phase == "deeds"
+        new = [agent.name for agent in self._list_new_agents()]
         drawn = self._find_drawn()
-        earlier = self._show_decisions(begun) if is_within else None
         sensed = frozenset(key for key, last in list_last_states(self.ctx).items() if last[0] is not self.look)
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
         ctx, memo = self._make_fork(source)
         parts = ctx.game.internals.parts
         state = parts.state
+        ctx.game.internals.take_calls(self.game.internals)
         self._begin_alone(state, ctx.seed)
         parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
-        raised = None if isinstance(self.raised, NeedsSeparateContext) else self.raised
-        parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=raised, sensed=sensed)
         parts.turns.note_departed()  # from here on
         parts.turns.restore(drawn | source.snapshot.part("turns"))
         parts.turns.phase.read_last_turn()  # before other agents decide
         if self._phase.strategy_changes == self._changes[0]:
             parts.turns.prepared = parts.turns.phase.strategy_changes
-        self._copy_named_edges(state, earlier if is_within else self.read_field("moves"), is_within=is_within)
-        if earlier is not None:
-            parts.turns.whole = copy_moves(earlier, parts, memo)
-        if is_within:
-            self._copy_logs(state, parts.turns.messages)
+        self._copy_named_edges(state, self.read_field("moves"), is_within=self.part is not None)
         for key, last in list_last_states(ctx).items():
             if key not in sensed:
                 last[0] = UNKNOWN_LOOK
-        return ctx.game
+        return ctx.game, new
 
     def _begin_alone(self, state: GameState, seed: int) -> None:
-        """Set the fields of the state of the game that leaves which it does not take from this one."""
+        """Set the fields of the state of a fork that it does not take from this game."""
         state.start = GameStart(self._means.at_rest, None, (seed, None))  # what planners know of other agents
         state.has_begun = True
         state.under_way = None
@@ -517,14 +504,13 @@ class RowOfGame(Row):
             state.get_memory(name)
 
     def put_back(self) -> None:
-        """Put the context back as it was before the game has left, but for what functions have written."""
+        """Put the context back, of which a fork was made, as before the call, but for what functions have written."""
         self.why = ""
         self.raised = None
         self.values.blocked = BlockedAgents()
         self._has_core_data = False
         self._drop_changes()
         self._take_terms_back(self.terms)
-        self.turns.begun = None
         self.forget_looks()
         self._note_epoch()
 
@@ -590,9 +576,9 @@ class RowOfGame(Row):
         are_exact = all(map(is_exact_float, self.read_field("scores").values()))
         key = self._make_terms(self._means).make_key(first)
         calls_rules = self.game.internals.calls_rules or not are_exact
-        if key == first.make_key(first) and not (calls_rules or self.asks_all or unreadable or facts):
+        if key == first.make_key(first) and not (calls_rules or self.game.internals.asks_all or unreadable or facts):
             return None
-        return key, calls_rules, self.asks_all, tuple(sorted(unreadable)), tuple(facts)
+        return key, calls_rules, self.game.internals.asks_all, tuple(sorted(unreadable)), tuple(facts)
 
     def list_own_facts(self) -> dict[str, Any]:
         """Return the facts that functions have published since the game began, and that the plan depends on."""
@@ -652,7 +638,7 @@ class RowOfGame(Row):
             self._show_roads(self._roads, is_forced=True)
 
     def _refuse_kept_rows(self) -> None:
-        """Refuse to let a game leave if array functions keep values by agent, and it has other agents than the batch.
+        """Refuse to fork a game if array functions keep values by agent, and it has other agents than the batch.
 
         Raises:
             BadValue: see `refuse`.
@@ -663,8 +649,8 @@ class RowOfGame(Row):
         if row.keeps_for_agents and not known >= {*roster.names}:
             name = next(name for name in roster.names if name not in known)
             self._raise(
-                f"A plain function lets its game leave the batch ({self.why}), where keep(key, make) has a place for "
-                f"agent {name!r}, which has not come: keep arrays of the shape (games,), or reserve no agents."
+                f"The game needs columns of its own ({self.why}), but keep(key, make) has a place for agent {name!r}, "
+                "which has not come: keep arrays of the shape (games,), or reserve no agents."
             )
 
     def _find_drawn(self) -> dict[str, tuple[Any, Any]]:
@@ -680,18 +666,8 @@ class RowOfGame(Row):
         ctx, memo = source.make_fork(self.ctx.seed)
         made = ctx.game.internals.parts
         made.state.collected = made.collectors.list_last_numbers(made.state.turn)
-        ctx.reseed(self.ctx.seed, self.ctx.rng_state())
-        if self.ctx.graph.storage.has_placed:
-            streams = [one.graph.storage.get_place_stream() for one in (ctx, self.ctx)]
-            streams[0].bit_generator.state = streams[1].bit_generator.state
+        continue_streams(ctx, self.ctx)
         return ctx, memo
-
-    def _copy_logs(self, state: GameState, messages: MessageTraffic) -> None:
-        """Let a fork go on with the deeds of this part of the turn, and with the messages that are sent after it."""
-        number = self.number
-        self._state.deed_log.copy_part(number, state.deed_log)
-        if self._state.radio is not None:
-            self._state.radio.copy_admitted(number, messages)
 
     def _copy_named_edges(self, state: GameState, moves: TurnMoves | None, *, is_within: bool) -> None:
         """Let a fork know the edges that agents have named in its last moves.
@@ -705,31 +681,8 @@ class RowOfGame(Row):
         if named:
             state.named_edges = {name: (state.turn + is_within, edge) for name, edge in named.items()}
 
-    def _show_decisions(self, begun: BegunPhase) -> TurnMoves | None:
-        """Show what agents have decided in this turn besides their moves.
-
-        Returns:
-            The moves of the earlier parts of the turn; None: it is the first.
-        """
-        number = self.number
-        part = begun.part
-        games = np.array([number])
-        here, _, took_part = (column[0] for column in self._core.get_next_moves(games, part))
-        has_moved = self._core.part_of < part
-        moves: TurnMoves | None = self.read_field("moves")
-        for game, agent, heading in self._state.turning:
-            if game == number:
-                assert moves is not None  # noqa: S101 - it has those of this turn
-                moves.set_heading(moves.order.index_of[self._state.roster.names[agent]], heading)
-        if part == 0 or begun.order is None:
-            return None
-        starts, ends, _ = (column[0] for column in self._core.get_last_moves(games))
-        starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
-        moves = self._make_moves_between(starts, ends, took_part, has_moved)
-        return moves if self._core.courses is not None else moves.fit_to_parts(begun.order)
-
     def _fill_fields(self) -> None:
-        """Put what only the core has into the fields of the game that leaves."""
+        """Put what only the core has into the fields of the game, which is going to be forked."""
         self.turns.restart_counts()
         for name in ("counts", "errors"):
             self.read.pop(name, None)  # refusals are noted after functions have read them
@@ -865,7 +818,7 @@ class RowOfGame(Row):
         part = self.part
         if part is None or not self.members.counting or self._plan.asks_all:  # where all are asked, sensors count
             return
-        _, _, took_part = self._core.get_next_moves(np.array([self.number]), part)
+        _, _, took_part = self._core.get_moves(np.array([self.number]), part)
         have_looked = took_part[0] & (self._core.part_of <= part)
         for sensor, owners in self.members.counting:
             sensor.notice.go_to({name: (self.values.turn, 1) for name in owners if have_looked[self.number_of[name]]})
@@ -917,26 +870,27 @@ class RowOfGame(Row):
                 storage.show(one)
             show_lives(present[0].block, lives)
 
-    def find_asked(self, asked: bytes, observing: bytes) -> AskedPart:
+    def find_asked(self, asked: bytes, observing: bytes, given: bytes) -> AskedPart:
         """Return the living agents that are asked, and those that only observe, given their numbers as bytes."""
-        key = asked, observing, self._phase.epoch
+        key = asked, observing, given, self._phase.epoch
         if self._asked is None or self._asked[0] != key:
-            self._asked = key, self._make_asked(self.order, asked, observing)
+            self._asked = key, self._make_asked(self.order, asked, observing, given)
         return self._asked[1]
 
-    def _make_asked(self, order: TurnOrder, asked: bytes, observing: bytes) -> AskedPart:
+    def _make_asked(self, order: TurnOrder, *which: bytes) -> AskedPart:
         names = self._state.roster.names
-        named = [names[number] for number in np.frombuffer(asked, np.int64).tolist()]
+        named, looking, told = ([names[number] for number in np.frombuffer(one, np.int64).tolist()] for one in which)
         living = {order.names[i]: i for i in order.list_present()}
         places = [living.get(name, -1) for name in named]
         members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
+        given = [(living[name], name) for name in told if name in living]
         part = order.whole
         if len(members) < len(order.slots):
             part = order.make_part([i for i, _ in members])
-        others = {living.get(names[number], -1) for number in np.frombuffer(observing, np.int64).tolist()} - {-1}
-        if others:
-            part.let_observe(others)
-        return AskedPart(order, part, places, members)
+        others = [living[name] for name in looking if name in living]
+        if others or given:
+            part.let_observe(others, [i for i, _ in given])
+        return AskedPart(order, part, places, members, given)
 
     def _show_roads(self, roads: RoadMap | None, *, is_forced: bool = False) -> None:
         """Open and close roads as in the columns of all games; None: as at the start."""
@@ -966,8 +920,9 @@ class RowOfGame(Row):
         self._note_map(roads)
         return True
 
-    def find_last_turn(self) -> int | None:
-        """Return the turn at which the last run stops the game; None: it had no limit."""
+    @property
+    def last_turn(self) -> int | None:
+        """The turn at which the last run stops the game; None: it had no limit."""
         turn: int | None = self._state.run_until(self.number)
         return turn
 
@@ -1043,7 +998,7 @@ class RowOfGame(Row):
         self.shows_more = self.shows_more or self._is_data_held
         now = self._get_core_data()
         if not now.keys() >= self._core_data.keys() or self._has_lost_arrays(now):
-            if self._phase_call.begun is None:  # it is refused, and the data stay
+            if not self._phase_call.may_change:  # it is refused, and the data stay
                 get_data(self.values).update(self._core_data)
                 self._has_core_data = False
             self._need_own_rules("drops ctx.game.data of rules or functions in the core")
@@ -1106,10 +1061,10 @@ class RowOfGame(Row):
         self._parts_noted = self._count_parts()
         if before == self._parts_noted or core.courses is None:
             return
-        _, _, took_part = core.get_last_moves(np.array([number]))
+        _, _, took_part = core.get_moves(np.array([number]), None)
         order = self.order
         for agent, name in self._drivers:
-            turn = self._state.turn[number] - (core.part_of[agent] >= core.count_played_parts(number))
+            turn = self._state.turn[number] - (core.part_of[agent] >= core.parts_played[number])
             is_new = turn * core.num_parts + core.part_of[agent] >= before
             if is_new and took_part[0, agent] and name in order.index_of:
                 edges = core.courses.list_driven(number, agent)
@@ -1117,7 +1072,7 @@ class RowOfGame(Row):
 
     def _count_parts(self) -> int:
         """Return the number of parts of turns that were played."""
-        return int(self._state.turn[self.number]) * self._core.num_parts + self._core.count_played_parts(self.number)
+        return int(self._state.turn[self.number]) * self._core.num_parts + int(self._core.parts_played[self.number])
 
     def _make_scores(self) -> Scores:
         self._scores_before = self._state.scores.get_scores(self.number)
@@ -1177,14 +1132,17 @@ class RowOfGame(Row):
         part = self.part
         number = self.number
         games = np.array([number])
+        if self._moved == (self._moment, None):
+            kept: TurnMoves | None = get_moves(self.values)
+            return kept
         if part is not None:
             acts = self._core.part_of == part
-            starts, ends, took_part = (column[0] for column in self._core.get_next_moves(games, part))
+            starts, ends, took_part = (column[0] for column in self._core.get_moves(games, part))
             return self._make_moves_between(starts, ends, took_part, acts)
         if not self._has_moved:
             before: TurnMoves | None = get_moves(self.values)
             return before
-        starts, ends, took_part = (column[0] for column in self._core.get_last_moves(games))
+        starts, ends, took_part = (column[0] for column in self._core.get_moves(games, None))
         if not (took_part.any() and self._core.knows_paths):
             return None
         moves = self._make_moves_between(starts, ends, took_part, None)
@@ -1195,7 +1153,7 @@ class RowOfGame(Row):
     def _has_moved(self) -> bool:
         """Whether agents have moved in the batch; else the last moves are those of the turn before."""
         number = self.number
-        return self._state.turn[number] > self._means.start.turn or self._core.count_played_parts(number) > 0
+        return self._state.turn[number] > self._means.start.turn or bool(self._core.parts_played[number])
 
     @property
     def _has_decided(self) -> bool:
@@ -1212,7 +1170,7 @@ class RowOfGame(Row):
     ) -> TurnMoves:
         """Return the moves of the agents that took part; those that do not act stay, None: all act."""
         members = self.members
-        if self._moved is not None and self._moved[0] == self._moment:
+        if self._moved is not None and self._moved[0] == self._moment and self._moved[1] is not None:
             members = self._moved[1]
         order = self._make_order_of(members)
         ids = self._state.streets.ids
@@ -1279,7 +1237,7 @@ class RowOfGame(Row):
     # -- what functions change -----------------------------------------------------------------------------------------
 
     def take(self) -> None:
-        """Write the changes into the columns; the game leaves if they are of values that columns do not hold.
+        """Write the changes into the columns, up to the first one that columns do not hold: see `why`.
 
         See `has_changed`; if the plan has changed, see `follow`.
         """
@@ -1295,6 +1253,8 @@ class RowOfGame(Row):
             self._take_roads()  # before the agents, which may be on new nodes
         if is_other and self._list_fixed_values() != self._fixed:
             self._note_terms()
+        if self.why:
+            return
         if self._own["_seed"] != self.seed:
             self.seed = self.ctx.seed
             self._state.seeds[self.number] = self.seed
@@ -1302,13 +1262,18 @@ class RowOfGame(Row):
                 self._state.drawn[key][self.number] = rows[0]
         are_changed = are_changed or not kinds.isdisjoint(_EQUIPPING)
         block = self._take_agents(journal, kinds, are_changed=are_changed) if have_changed else self.block
+        self._take_values(block, [name for name, code in _NUMBERS.items() if are_others or code in kinds])
+
+    def _take_values(self, block: AgentBlock, numbers: Sequence[str]) -> None:
+        """Write what functions have changed besides agents, and numbers of the agents of a block, into the columns."""
+        if self.why:
+            return
         if self.read:
             self._take_logs(self.read)
         self._take_core_data()
         self._take_core_memories()
-        for name, code in _NUMBERS.items():
-            if are_others or code in kinds:
-                self._state.numbers[name][self.number, self.members.numbers] = getattr(block, name)
+        for name in numbers:
+            self._state.numbers[name][self.number, self.members.numbers] = getattr(block, name)
         if self._facts != self.facts_shown:
             self._take_facts()
 
@@ -1322,14 +1287,22 @@ class RowOfGame(Row):
         now = self._parts.settings.settings_now()
         known = self.terms.settings
         if any(now[name] != known[name] for name in now.keys() - _OF_PLANS):
-            self._go_alone("changes settings")
+            self._need_columns("changes settings")
         self._need_plan("changes settings, rules or collectors")
 
     def _need_plan(self, what: str) -> None:
         """Let the game follow another plan after the function that is called; the argument says why, in words."""
-        if self._phase_call.begun is None:
-            self._go_alone(what)
+        self._need_rule(what)
         self.has_other_plan = True
+
+    def keep_moves(self, part: int | None) -> None:
+        """Show the moves that the context has while agents are about to move in a part; None: while they are not."""
+        self._moved = (int(self._state.turn[self.number]), part, False), None
+
+    def _list_new_agents(self) -> list[Any]:
+        """Return the agents that functions have created since their block was made."""
+        known = {agent.name: agent for agent in self.members.agents.members}
+        return [agent for name, agent in self.ctx.agent.agents.items() if known.get(name) is not agent]
 
     def _take_members(self) -> AgentBlock:
         """Store the agents that a function has created or deleted; return their new block."""
@@ -1338,20 +1311,21 @@ class RowOfGame(Row):
         agents = self.ctx.agent.agents
         roster = self._state.roster
         known = {agent.name: agent for agent in before.agents.members}
-        new = [agent for name, agent in agents.items() if known.get(name) is not agent]
+        new = self._list_new_agents()
         self.turns.note_departed()
         if self._moved is None or self._moved[0] != self._moment:
-            self._moved = self._moment, before  # also for a game that leaves
+            self._moved = self._moment, before  # also for a fork
         if not all(map(roster.can_hold, new)):
-            self._go_alone("creates agents for which most_agents= has reserved no rows")
+            self._need_columns("creates agents for which most_agents= has reserved no rows")
+            return self.members.block
         for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
             self._core.leave(number, self.number_of[name], self.values.departed[name][1])
         for agent in new:
             place = self.number_of[agent.name]
             start = self.values.began[agent.name]
-            self._core.enter(number, place, start, agent.current_node_id, after_moves=self.part is None)
             if self.part is not None:  # it does not make the move of a deleted agent of its name
                 self.cancel(place)
+            self._core.enter(number, place, start, agent.current_node_id, self.part)
         self.members = Members(self.game, self._means, before)
         self._first_members = None  # it would keep all agents that are deleted from now on
         before.renew_journal()
@@ -1392,7 +1366,7 @@ class RowOfGame(Row):
     def _take_roads(self) -> None:
         """Store the open roads of the game after a function call."""
         if not self.take_roads():
-            self._go_alone("changes more of the map than which roads are open")
+            self._need_columns("changes more of the map than which roads are open")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Count the stops of agents by events that a function has added to the log of a game."""
@@ -1424,9 +1398,11 @@ class RowOfGame(Row):
             self.ctx.agent.storage.detach_agents()
         are_others = self.ctx.agent.block is not self.block
         if not kinds <= _CHANGING | (_EQUIPPING if are_others else set()):
-            self._go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
+            self._need_columns("changes agents otherwise than by putting them elsewhere or out of the game")
+            return self.block
         changed = self._take_members() if are_others else None
-        self._take_changes(journal, kinds, changed)
+        if not self.why:
+            self._take_changes(journal, kinds, changed)
         return changed or self.block
 
     @property
@@ -1495,7 +1471,7 @@ class RowOfGame(Row):
                     f"A plain function {what} while agents move, and the games of a batch have not kept how far they "
                     "are: draw from ctx.rng, or let a rule do it before or after the moves."
                 )
-            self.asks_all = True
+            self.game.internals.asks_all = True
             self.look = None  # so that its last looks stay
             self._need_plan(what)
 
@@ -1540,6 +1516,7 @@ class RowOfGame(Row):
         if self._drivers:
             refill(get_driven(values), driven[0])
             self._parts_noted = driven[1]
+        self.why = ""
         values.delayed_looks = looks
         values.departed = departed
         values.team_memories = shared
@@ -1590,6 +1567,14 @@ def _are_equal(one: object, other: object) -> bool:
 def _get_terms(block: AgentBlock, row: int) -> dict[str, Any]:
     """Return the team and the speed of an agent, for `AgentBlock.write`."""
     return {"teams": block.teams[row], "speed": get_speed(block, row)}
+
+
+def continue_streams(ctx: HostContext, other: HostContext) -> None:
+    """Let the random streams of a context, a fork of another one, go on where those of the other are."""
+    ctx.reseed(other.seed, other.rng_state())
+    if other.graph.storage.has_placed:
+        streams = [one.graph.storage.get_place_stream() for one in (ctx, other)]
+        streams[0].bit_generator.state = streams[1].bit_generator.state
 
 
 def list_last_states(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:

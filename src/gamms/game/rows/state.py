@@ -77,7 +77,7 @@ class RowState(GameState):
     @property
     def last_turn(self) -> int | None:  # type: ignore[override] # it is not set here
         """The turn after which the present `run` stops; None: no limit."""
-        turn: int | None = self.start.row.find_last_turn()
+        turn: int | None = self.start.row.last_turn
         return turn
 
 
