@@ -1,5 +1,6 @@
 """Games of a batch in which plain functions do what games that share a context cannot: they equal the games alone."""
 
+import gc
 import logging
 from contextlib import suppress
 
@@ -1076,3 +1077,25 @@ def test_a_node_where_an_agent_was_cannot_be_removed():
                 games.run()
             assert any("In game 1" in note for note in caught.value.__notes__)
             assert games.turn.tolist() == [3, 3]
+
+
+def test_columns_of_a_game_that_changes_in_each_turn_do_not_add_up():
+    def recruit(ctx):
+        turn = ctx.game.turn
+        ctx.agent.create_agent(f"new_{turn}", start_node_id=3, team="red", strategy=gamms.strategies.random_walk)
+        if turn > 2:
+            ctx.agent.delete_agent(f"new_{turn - 2}")
+        assert len(ctx.game.moves) > 0
+
+    def count_contexts():
+        gc.collect()
+        return sum(type(one) is gamms.context.Context for one in gc.get_objects())
+
+    with scene(max_turns=20).build(seed=1) as ctx:
+        ctx.game.add(recruit)
+        with ctx.game.batch(1) as games:
+            counts = []
+            while not games.is_over.all():
+                games.step()
+                counts.append(count_contexts())
+            assert len({*counts[4:]}) == 1

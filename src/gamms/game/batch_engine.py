@@ -58,7 +58,7 @@ from gamms.game.result import Result, list_opponents
 from gamms.game.rows.by_seed import GamesBySeed
 from gamms.game.rows.contexts import RowContexts
 from gamms.game.rows.functions import CalledRule, RowDriver, RowFunctions
-from gamms.game.rows.row import RowMeans, RowOfGame
+from gamms.game.rows.row import RowMeans, RowOfGame, release
 from gamms.game.settings import NamedRule, RuleTable, group_rules, join_rules
 from gamms.game.strategy_specs import call_each, get_strategy_spec, is_deciding_in_arrays
 from gamms.ir.columns import Failure, select_rows
@@ -1171,11 +1171,18 @@ class BatchEngine(TurnDriver):
             one._go_back()
         self._find_phases()
 
+    def _end(self) -> None:
+        """End the contexts of a game in columns of its own, and drop its last moves, which know the columns before."""
+        on_map = self.maps[0]
+        self.close()
+        on_map.game.ctx.terminate()
+        on_map.game.internals.state.moves = None
+        for row in on_map.contexts.rows.values():
+            release(row)
+
     def _end_own(self, number: int) -> None:
         """End the columns that a game has of its own."""
-        one = self.own.pop(number)
-        one.close()
-        one.maps[0].game.ctx.terminate()
+        self.own.pop(number)._end()
         self.maps[int(self._map_of[number])].contexts.moved.pop(number, None)
 
     @property
@@ -1524,8 +1531,7 @@ class BatchEngine(TurnDriver):
         before = self.own[number]
         self.own[number] = before.own.pop(0)
         self.own[number].phase = self.phase
-        before.close()
-        before.maps[0].game.ctx.terminate()
+        before._end()
 
     def _find_given(self, given: Mapping[Hashable, OutsideActions]) -> OutsideAgents:
         """Return the agents that actions are for, team by team."""

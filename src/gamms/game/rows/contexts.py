@@ -67,6 +67,8 @@ class RowContexts:
     def means(self) -> RowMeans:
         """What all these games share that follow the plan of the start."""
         number_of = {name: number for number, name in enumerate(self._state.roster.names)}
+        start = self.game.internals.state.start
+        is_known = self._own.goes_on and start is not None
         return RowMeans(
             state=self._state,
             core=self._core,
@@ -75,7 +77,7 @@ class RowContexts:
             call=self.call,
             columns=self._make_columns(),
             number_of=number_of,
-            at_rest=self.game.snapshot(),
+            at_rest=start.snapshot if is_known else self.game.snapshot(),  # of the first game, not of each fork
             turns=self.game.internals.parts.turns,
         )
 

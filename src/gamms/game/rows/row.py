@@ -1569,6 +1569,18 @@ def _get_terms(block: AgentBlock, row: int) -> dict[str, Any]:
     return {"teams": block.teams[row], "speed": get_speed(block, row)}
 
 
+def release(row: RowOfGame) -> None:
+    """Let the context of a game that has got other columns keep nothing of the columns that it had."""
+    values = row.values
+    values.__class__ = GameState
+    values.start, values.deed_log = row._first_fields
+    values.moves = None
+    row.turns.read_inbox = row.turns.messages.get_received
+    for last in list_last_states(row.ctx).values():
+        if type(last[0]) is UnknownLook:
+            last[0] = UNKNOWN_LOOK
+
+
 def continue_streams(ctx: HostContext, other: HostContext) -> None:
     """Let the random streams of a context, a fork of another one, go on where those of the other are."""
     ctx.reseed(other.seed, other.rng_state())
