@@ -76,9 +76,8 @@ def refuse_unknown_look(look: object, of: str) -> None:
     if type(look) is UnknownLook:
         error = BadValue(
             f"The batch of this game has not kept what {of} has sensed before this turn. It keeps it if the code of a "
-            "plain function reads agent.state, or sensor.data of agent.sensors, by these names, unless the agent has "
-            "actions from outside: read ctx.game.observation(agent). In games.context(i), it is known after the next "
-            "turn. games.record(…) writes a recording that has it for all turns."
+            "plain function reads agent.state, or sensor.data of agent.sensors, by these names; in games.context(i), "
+            "it is known after the next turn. games.record(…) writes a recording that has it for all turns."
         )
         if look.note is not None:
             look.note(error)

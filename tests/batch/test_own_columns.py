@@ -1099,3 +1099,16 @@ def test_columns_of_a_game_that_changes_in_each_turn_do_not_add_up():
                 games.step()
                 counts.append(count_contexts())
             assert len({*counts[4:]}) == 1
+
+
+def test_a_game_that_begins_again_is_observed_as_at_the_start():
+    with open_with("speed") as ctx, ctx.game.batch(seeds=range(4)) as games:
+        start = games.observe("red")
+        legal, counts = start["legal"].copy(), start.counts.copy()
+        for _ in range(5):
+            games.step()
+            games.observe("red")
+        games.reset()
+        again = games.observe("red")
+        assert again["legal"].tolist() == legal.tolist()
+        assert again.counts.tolist() == counts.tolist()

@@ -120,9 +120,8 @@ cdef class TurnDriver:
     cpdef bint is_cut_short(self) except -1
     @cython.locals(plan=TurnPlan)
     cpdef int play_turn(self) except -1
-    @cython.locals(entries=list)
+    @cython.locals(entries=list, played=Py_ssize_t, last=Entry)
     cpdef int play_moves(self, TurnPlan plan) except -1
-    @cython.locals(played=Py_ssize_t)
     @cython.locals(phase=object, entry=Entry, number=Py_ssize_t)
     cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
 

@@ -946,7 +946,7 @@ class BatchEngine(TurnDriver):
         self._has_rules_before = any(one.plan.list_rules("before") for one in self._in_use)
         # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
         acts = self._acts or self._has_deeds
-        self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres or self.own)
+        self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
         self._plays_turns = self._plays_parts_at_once and not (self._has_rules_before or self._leaves_out)
         self._given_agents.clear()
         self.plan_now = None
@@ -1496,7 +1496,7 @@ class BatchEngine(TurnDriver):
         if any(one.plan.has_conflicts for one in self._in_use):
             needed.add("give way")
         needed |= {entry.phase for one in own for entry in one.entries} - {"send"}
-        parts = [needed] * max([self._num_parts, *(one.num_parts for one in self.own.values())])
+        parts = [needed] * self.num_parts
         if self._plays_parts_at_once:
             parts[:-1] = [set()] * (self._num_parts - 1)
         self.plan_now = self.make_plan(None, parts, self._radio is not None)

@@ -211,8 +211,11 @@ class TurnPart:
         self.asked = asked
         self.see_world_only = False
         slots = self._slots
-        each = ((slots.teams[i], [i], [slots.names[i]], partial(slots.list_keys, [i])) for i in given)
-        self._given = [PlannedAgents(one[0], DECIDED_OUTSIDE, *one[1:], are_plain=False) for one in each]
+        self._given = []
+        for i in given:
+            keys = partial(slots.list_keys, [i])
+            one = PlannedAgents(slots.teams[i], DECIDED_OUTSIDE, [i], [slots.names[i]], keys, are_plain=False)
+            self._given.append(one)
 
     def prepare(self, order: "TurnOrder", version: int) -> PartInCore:
         """Return the part in the form of the core.

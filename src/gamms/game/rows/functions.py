@@ -124,7 +124,6 @@ class RowFunctions:
             game, _ = row.make_fork()
         finally:
             row.put_back()
-        game.internals.left_as = number
         return game
 
     def check(self, games: IntArray, part: int) -> None:

@@ -28,13 +28,16 @@ class ShownGames:
 
     def __init__(self, engine: BatchEngine) -> None:
         self._engine = engine
-        self._turns: dict[int, int] = {}  # in which each was shown last
+        self._shown: dict[
+            int, tuple[int, GameArrays]
+        ] = {}  # the turn in which each was shown last, and its map's state
         self._observed = WeakSet[GameArrays]()  # the states of maps whose views call sensors in contexts
 
     def forget(self, numbers: Iterable[int]) -> None:
         """Forget games that begin again."""
         for number in numbers:
-            self._turns.pop(number, None)
+            if number in self._shown:
+                self._shown.pop(number)[1].apart.pop(number, None)
 
     def observe(self, numbers: Iterable[int]) -> None:
         """Write the observations of agents of some games into the columns.
@@ -44,13 +47,14 @@ class ShownGames:
         """
         for number in numbers:
             ((state, _),) = self._engine.group_by_map(np.array([number]))
-            if self._turns.get(number) == state.turn[number]:
+            if number in self._shown and self._shown[number][0] == state.turn[number]:
                 continue
             if state not in self._observed:
                 self._observed.add(state)
                 note_sensors(state, with_nodes=True)
                 state.shared.clear()
             state.apart[number] = partial(self._engine.show, number)
+            self._shown[number] = -1, state  # until it is
             try:
                 note_game(state, self._engine.show(number), number)
             except UnknownName as error:
@@ -58,7 +62,7 @@ class ShownGames:
                     f"Game {number} cannot be observed, nor be given actions: {error} A rule has added it to the map "
                     "of this game, and arrays have the nodes that are there at the start. Have it there."
                 ) from None
-            self._turns[number] = int(state.turn[number])
+            self._shown[number] = int(state.turn[number]), state
 
 
 def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
